@@ -46,6 +46,7 @@ FOLDERS = {
         "rough_world",
         "hostile_flights",
         "hostile_plugins",
+        "foreign_laws",
         "tracking_faults",
         "tracking_systems",
         "starved",
@@ -71,6 +72,7 @@ OWN_OPTIONS = {
     "seed": ("fuzz_logs", "hostile_flights", "hostile_plugins"),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
+    "only": ("hostile_plugins",),
     "flights": ("hostile_flights", "hostile_plugins", "tracking_faults"),
 }
 """Options that only some benchmarks have, with the names of these."""
@@ -85,6 +87,7 @@ def main() -> int:
     parser.add_argument(
         "--flights", type=int, help="of hostile_flights, or a kind of hostile_plugins"
     )
+    parser.add_argument("--only", help="of hostile_plugins: law, estimator, behavior or sensor")
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
     parser.add_argument(
         "--against", help="of up_cost, late_ticks: another checkout, measured in turns"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -29,6 +28,7 @@ from console.commands.stick_control import StickHandler
 from console.comparison.feed import ComparisonFeed
 from console.context import StationContext
 from console.experiment_running.runner import ExperimentRunner
+from console.heartbeat import Heartbeat
 from console.link.forwarding import forward_service
 from console.link.identification import VehicleIdentification
 from console.link.monitor import LinkMonitor
@@ -43,7 +43,7 @@ from console.parameters.history import ParameterHistory
 from console.parameters.history_writer import ParameterHistoryWriter
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
-from console.runs.housekeeping import PERIOD, Housekeeping
+from console.runs.housekeeping import Housekeeping
 from console.runs.marks import MarkService
 from console.runs.pictures import PictureRecording
 from console.runs.runs import RunManager
@@ -60,7 +60,6 @@ from vehicle_link.transport.node import Node
 
 log = logging.getLogger(__name__)
 
-STATUS_EVERY = 4  # beats
 CLOSE_PATIENCE = 3.0
 LOG_TIMEOUT = 1.0
 """Seconds to wait for a part of the vehicle's log."""
@@ -100,7 +99,7 @@ class BaseStation:
         follows_process: bool = False,
     ) -> None:
         self._vehicle = vehicle
-        self._rates, is_alone = wakeup_rates(vehicles), vehicles == 1
+        rates, is_alone = wakeup_rates(vehicles), vehicles == 1
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
         self._progress = ProcessProgress(vehicle)
@@ -122,7 +121,7 @@ class BaseStation:
             vehicle,
             operator,
             self._calibrations.attachment,
-            self._rates.write_period,
+            rates.write_period,
         )
         self._recorder = self.runs.recorder
         self._outbox = Outbox(
@@ -133,7 +132,7 @@ class BaseStation:
             self.link.permission,
             speaker="station" if is_alone else f"station {vehicle}",
             # In lockstep many more heartbeats go over the lane, and the link needs none of them.
-            zenoh_heartbeat_every=self._rates.zenoh_heartbeat_every
+            zenoh_heartbeat_every=rates.zenoh_heartbeat_every
             * (5 if self._progress.in_lockstep else 1),
         )
         self._store.subscribe(self._outbox.parameter_changed)
@@ -187,7 +186,7 @@ class BaseStation:
             self.experiments.commanded,
         )
         MarkService(context, catalogue)
-        self._house = Housekeeping(
+        house = Housekeeping(
             catalogue,
             parameters.recorder,
             self._recorder.status,
@@ -214,7 +213,7 @@ class BaseStation:
         )
         self._preflight = Preflight(context, gatherer.facts, self._vehicle_parameters.refresh)
         self._startup_checks = StartupChecks(context, folder.parent, gatherer, endpoints)
-        self._status = StatusSender(context, self._tracker, gatherer.note_link_status)
+        status = StatusSender(context, self._tracker, gatherer.note_link_status)
         polling = VehiclePolling(
             context, self._vehicle_parameters, self._layout, self._calibrations
         )
@@ -242,15 +241,29 @@ class BaseStation:
             context, host, observed, message_handlers.handlers, self._closing
         )
         self._pictures = PictureRecording(context)
+        heartbeat = Heartbeat(
+            context,
+            rates.heartbeat_period,
+            self._sticks,
+            self._tracker,
+            status,
+            (
+                lambda _: self.runs.tick(),
+                lambda _: self._pictures.tick(),
+                self.control.tick,
+                self.experiments.tick,
+                self._transfers.tick,
+            ),
+        )
         self._preflight.start()
         self._startup_checks.start()
         self._threads = [
-            threading.Thread(target=target, name=name, daemon=True)
-            for name, target in (
-                ("beat", self._beat),
-                ("identification", partial(identification.run, self._closing, self._guard)),
-                ("polling", partial(polling.run, self._closing, self._guard)),
-                ("housekeeping", partial(self._tidy, housekeeping)),
+            threading.Thread(target=run, args=(self._closing, self._guard), name=name, daemon=True)
+            for name, run in (
+                ("beat", heartbeat.run),
+                ("identification", identification.run),
+                ("polling", polling.run),
+                ("housekeeping", house.run),
             )
         ]
         for thread in self._threads:
@@ -313,51 +326,12 @@ class BaseStation:
             self._comparison.pose(pose)
             self.experiments.readings.pose(pose)
 
-    # ------------------------------------------------------------------ threads
-    def _beat(self) -> None:
-        """Send the heartbeat and end runs, at 20 Hz or, with many vehicles, 10 Hz; send the status
-        topics every fourth time, and at once when the link's state changes.
-        """
-        due, count = time.monotonic(), 0
-        while not self._closing.is_set():
-            count += 1
-            self._guard(self._beat_once, count)
-            due = max(
-                due + self._rates.heartbeat_period, time.monotonic()
-            )  # never catch up in a burst
-            self._closing.wait(due - time.monotonic())
-
-    def _beat_once(self, count: int) -> None:
-        if self.link.permission.sends_heartbeats:
-            self._outbox.heartbeat(count)
-        self._alarms.set("permission", self.link.problem() or None)
-        self._alarms.set("radio", self.link.permission.unreachable_reason or None)
-        self._alarms.set("sticks", self._sticks.alarm)
-        camera_alarms = ("tracker", self._tracker.alarm), ("camera", self._tracker.camera_alarm)
-        for key, line in camera_alarms:
-            if line != self._alarms.keyed().get(key):
-                self._alarms.set(key, None)  # so that a different problem is reported as well
-            self._alarms.set(key, line)
-        self.runs.tick()
-        self._pictures.tick()
-        self.control.tick(count)
-        self.experiments.tick(count)
-        self._transfers.tick(count)
-        if count % STATUS_EVERY == 0 or self._status.link_changed:
-            self._status.send()
-
-    def _tidy(self, housekeeping: bool) -> None:
-        if housekeeping:
-            self._guard(self._house.tidy)
-        while not self._closing.wait(PERIOD):
-            self._guard(self._house.check)
-
-    def _guard(self, act: Callable[..., None], *arguments: Any) -> None:
+    def _guard(self, act: Callable[[], None]) -> None:
         """Call `act` and turn a defect in it into an alarm: it must not stop the heartbeat of a
         flight.
         """
         try:
-            act(*arguments)
+            act()
         except Exception as error:
             if self._closing.is_set() and isinstance(error, LinkError):
                 return  # the session was closed first

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import threading
 import time
-import uuid
 from collections.abc import Callable, Mapping
 
-from quadrotor.errors import LinkError, ParameterError
+from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.messages import new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
@@ -49,15 +47,11 @@ def layout_setter(node: Node) -> SetLayout:
     client = node.client(SERVICE, SERVICES[SERVICE])
 
     def set_layout(text: str, requester: str) -> None:
-        request = new(
-            f"{SERVICES[SERVICE]}_Request",
-            request_id=uuid.uuid4().hex,
-            requester=requester,
-            parameters=to_parameters({VEHICLE_LAYOUT: text}),
-        )
-        response = client.call(request, timeout=TIMEOUT)
-        if not response.accepted:
-            raise ParameterError(str(response.reason))
+        parameters = to_parameters({VEHICLE_LAYOUT: text})
+        try:
+            client.ask(requester, timeout=TIMEOUT, parameters=parameters)
+        except RefusedError as error:
+            raise ParameterError(str(error)) from None
 
     return set_layout
 

@@ -131,12 +131,11 @@ class Calibrations:
 
     # ------------------------------------------------------------------ inside
     def _asked(self, action: str) -> tuple[CalibrationRecord, ...]:
-        request = new(f"{SERVICE}_Request", requester="station", action=action)
-        response = self._client.call(request, timeout=TIMEOUT)
-        if not response.accepted:
-            raise LinkError(f"no calibrations received from the vehicle: {response.reason}")
         try:
+            response = self._client.ask("station", timeout=TIMEOUT, action=action)
             return tuple(parse_record(str(text)) for text in response.records)
+        except RefusedError as error:
+            raise LinkError(f"no calibrations received from the vehicle: {error}") from error
         except MeasurementError as error:
             raise LinkError(f"the vehicle's calibrations cannot be read: {error}") from error
 

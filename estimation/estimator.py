@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from estimation.convergence import Convergence, Deviations
+from estimation.outcome import Outcome
 from estimation.parameters import EstimationParameters
 from quadrotor.records import Record
 
@@ -92,6 +93,15 @@ class TakesHeading(Protocol):
         """Set the heading to that of the parameters, when it runs on such positions: the vehicle is
         armed.
         """
+        ...
+
+
+@runtime_checkable
+class TakesReadings(Protocol):
+    """An estimator that single numbers of further sensors can correct."""
+
+    def correct_reading(self, reading: Record) -> Outcome:
+        """Apply a READING_SAMPLE, delayed or not. Raises MeasurementError."""
         ...
 
 

@@ -1,12 +1,11 @@
-"""Three forms of the gains of eqs. 11 and 12, and the conversions between them.
+"""The forms of the gains of eqs. 11 and 12, and the conversions between them.
 
 - continuous, as printed: K_p (1/s), K_v (1/s^2), K_q (1/s) on the innovation;
 - poles (rad/s), as in EstimationParameters: K_p = 2 omega, K_v = omega^2, K_q = omega_q;
-- per measurement, at a rate of 1/T: L_p = 1 - p^2, L_v = (1 - p)^2 / T with p = exp(-omega T), and
-  L_q = 1 - exp(-omega_q T). This is what the filter applies at each arrival, exactly.
 
-Bias poles are given as poles in all three, because the paper has none; here they are zero by
-default.
+Bias poles are given as poles in both, because the paper has none; here they are zero by default.
+What the filter applies at each arrival follows from the poles (translation_observer,
+attitude_filter).
 """
 
 from __future__ import annotations
@@ -14,9 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from estimation.attitude_filter import attitude_gains
 from estimation.parameters import EstimationParameters
-from estimation.translation_observer import translation_gains
 from quadrotor.errors import OutOfBoundsError
 
 DAMPING_TOLERANCE = 0.01
@@ -32,15 +29,6 @@ class ContinuousGains:
     K_q: float  # 1/s
 
 
-@dataclass(frozen=True, slots=True)
-class MeasurementGains:
-    """Shares of one innovation that are applied at its arrival."""
-
-    L_p: float
-    L_v: float  # 1/s
-    L_q: float
-
-
 PRINTED = ContinuousGains(K_p=126.3, K_v=3987.3, K_q=62.8)
 """The gains of Sec. 6.1."""
 
@@ -49,16 +37,6 @@ def continuous_gains(parameters: EstimationParameters) -> ContinuousGains:
     """Return the continuous gains of these poles, without the biases."""
     omega = parameters.position_bandwidth
     return ContinuousGains(2.0 * omega, omega * omega, parameters.attitude_bandwidth)
-
-
-def measurement_gains(parameters: EstimationParameters, rate: float) -> MeasurementGains:
-    """Return the gains applied to each of `rate` (Hz) measurements, bias poles included."""
-    p, interval = parameters, 1.0 / rate
-    position, velocity, _ = translation_gains(
-        p.position_bandwidth, p.accelerometer_bias_bandwidth, interval
-    )
-    attitude, _ = attitude_gains(p.attitude_bandwidth, p.gyroscope_bias_bandwidth, interval)
-    return MeasurementGains(position, velocity, attitude)
 
 
 def from_continuous(gains: ContinuousGains, **others: float) -> EstimationParameters:
@@ -77,25 +55,6 @@ def from_continuous(gains: ContinuousGains, **others: float) -> EstimationParame
             f"with this K_p the filter has K_v = {omega * omega:g} 1/s²"
         )
     return _parameters(math.sqrt(gains.K_v), gains.K_q, others)
-
-
-def from_measurement(gains: MeasurementGains, rate: float, **others: float) -> EstimationParameters:
-    """Return the parameters for gains per measurement at `rate` (Hz).
-
-    Raises OutOfBoundsError when a share is not between 0 and 1, L_v does not belong to L_p, or a
-    pole is out of its bounds.
-    """
-    for name, share in (("L_p", gains.L_p), ("L_q", gains.L_q)):
-        if not 0.0 < share < 1.0:
-            raise OutOfBoundsError(f"{name} = {share:g} is not a share between 0 and 1")
-    p = math.sqrt(1.0 - gains.L_p)
-    velocity = (1.0 - p) ** 2 * rate
-    if not abs(gains.L_v - velocity) <= DAMPING_TOLERANCE * velocity:
-        raise OutOfBoundsError(
-            f"L_p = {gains.L_p:g} and L_v = {gains.L_v:g} 1/s are no double pole at {rate:g} Hz; "
-            f"with this L_p the filter has L_v = {velocity:g} 1/s"
-        )
-    return _parameters(-math.log(p) * rate, -math.log1p(-gains.L_q) * rate, others)
 
 
 def _parameters(omega: float, omega_q: float, others: dict[str, float]) -> EstimationParameters:

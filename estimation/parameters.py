@@ -67,6 +67,9 @@ class PluginParameters(Parameters):
     """largest angle between its attitude and the built-in estimator's"""
 
 
+NO_SENSORS = "none"
+
+
 class EstimationParameters(Parameters):
     """The choice of estimator and source; gains of eqs. 11 and 12 as poles, for a 100
     Hz tracker.
@@ -84,6 +87,9 @@ class EstimationParameters(Parameters):
     and hands back; on poses the complementary one runs next to it for that"""
     source: str = parameter("poses", choices=("poses", "bearings", "both"))
     """measurements used: the tracker's poses, bearings to beacons, or both"""
+    sensors: str = parameter(NO_SENSORS)
+    """sensors of your own that correct error_state as well (docs/extending/plugins.md): files of
+    plugins or of packages, separated by spaces; one is added on the ground only"""
 
     position_bandwidth: float = parameter(8.0, unit="rad/s", ge=0.5, le=200.0, step=0.1)
     """double pole of position and velocity, eq. 11 (the paper's gains: 63.15)"""

@@ -25,6 +25,16 @@ def refuse_bearings(bearings: Record) -> MeasurementError:
     )
 
 
+def refuse_reading(reading: Record) -> MeasurementError:
+    """Return the error that refuses a READING_SAMPLE (1,)."""
+    one = reading[0]
+    return MeasurementError(
+        f"reading {float(one['rest'])} from what is expected, with gradient {one['row'].tolist()} "
+        f"and deviation {float(one['sigma'])}, cannot be used: allowed are finite numbers and a "
+        "deviation above 0"
+    )
+
+
 def refuse_sweeps(sweeps: Record) -> MeasurementError:
     """Return the error that refuses a SWEEPS_SAMPLE (1,)."""
     frame = sweeps[0]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from estimation.estimator import Estimator
+from estimation.estimator import Estimator, TakesReadings
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UnknownParameterError
 from quadrotor.records import (
@@ -24,6 +24,7 @@ from quadrotor.records import (
     IMU_SAMPLE,
     NO_ATTITUDE,
     POSE_SAMPLE,
+    READING_SAMPLE,
     new_state,
 )
 
@@ -118,6 +119,10 @@ def rehearse(estimator: Estimator, bearings: bool) -> None:
                 estimator.correct_bearings(frame, estimate)
             estimator.correct(pose, estimate)
         estimator.report(estimate)
+    if isinstance(estimator, TakesReadings):
+        reading = np.zeros(1, READING_SAMPLE)
+        reading["stamp_ns"], reading["quaternion_wb"], reading["sigma"] = 1, (1, 0, 0, 0), 1.0
+        estimator.correct_reading(reading)
     estimator.reset()
     pose["quaternion_wb"] = NO_ATTITUDE
     with suppress(MeasurementError):  # some estimators need attitudes

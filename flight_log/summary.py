@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -117,19 +117,36 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
                     metadata[record.name] = dict(record.metadata)
     if statistics is None:
         return None
+    described = {one.id: (one.topic, schemas[one.schema_id]) for one in channels.values()}
+    span = statistics.message_start_time, statistics.message_end_time
+    counts = statistics.channel_message_counts
+    return _summary(path, size, "", span, described, counts, attachments, metadata)
+
+
+def _summary(
+    path: Path,
+    size: int,
+    tear: str,
+    span: tuple[int, int],
+    described: Mapping[int, tuple[str, str]],
+    counts: Mapping[int, int],
+    attachments: dict[str, int],
+    metadata: Mapping[str, dict[str, str]],
+) -> LogSummary:
+    """Return the summary of what was found; `described` has topic and type of each channel."""
     topics: dict[str, TopicSummary] = {}
-    for channel in channels.values():
-        count = statistics.channel_message_counts.get(channel.id, 0)
-        before = topics[channel.topic].count if channel.topic in topics else 0
-        topics[channel.topic] = TopicSummary(schemas[channel.schema_id], before + count)
+    for channel_id, (topic, type_name) in described.items():
+        before = topics[topic].count if topic in topics else 0
+        topics[topic] = TopicSummary(type_name, before + counts.get(channel_id, 0))
+    first, last = span
     return LogSummary(
         path=path,
         bytes=size,
-        closed=True,
+        closed=not tear,
         recovered=RECOVERED_METADATA in metadata,
-        tear="",
-        start_ns=statistics.message_start_time,
-        duration=(statistics.message_end_time - statistics.message_start_time) * 1e-9,
+        tear=tear,
+        start_ns=first,
+        duration=(last - first) * 1e-9,
         topics=topics,
         attachments=attachments,
         run=metadata.get(RUN_METADATA, {}),
@@ -158,25 +175,11 @@ def _by_reading(path: Path, problem: str, progress: Callable[[float], None]) -> 
             last = max(last, int(received.max(initial=last)))
             counts[channel_id] += len(places)
         progress(block.share)
-    tear = reader.tear or problem
-    topics: dict[str, TopicSummary] = {}
-    for channel_id, count in counts.items():
-        channel = reader.channels.get(channel_id)
-        if channel is not None:
+    described: dict[int, tuple[str, str]] = {}
+    for channel_id in counts:
+        if (channel := reader.channels.get(channel_id)) is not None:
             schema = reader.schemas.get(channel.schema_id)
-            before = topics[channel.topic].count if channel.topic in topics else 0
-            topics[channel.topic] = TopicSummary(schema.name if schema else "", before + count)
-    first = min(first, last)
-    return LogSummary(
-        path=path,
-        bytes=log_of(path).stat().st_size,
-        closed=not tear,
-        recovered=RECOVERED_METADATA in reader.metadata,
-        tear=tear,
-        start_ns=first,
-        duration=(last - first) * 1e-9,
-        topics=topics,
-        attachments=reader.attachment_bytes,
-        run=reader.metadata.get(RUN_METADATA, {}),
-        filled=reader.metadata.get(FILLED_METADATA, {}),
-    )
+            described[channel_id] = (channel.topic, schema.name if schema else "")
+    size, span = log_of(path).stat().st_size, (min(first, last), last)
+    kept = reader.attachment_bytes, reader.metadata
+    return _summary(path, size, reader.tear or problem, span, described, counts, *kept)

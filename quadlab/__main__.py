@@ -17,6 +17,7 @@ from importlib.metadata import version
 from typing import NoReturn
 
 from quadlab.commands.examples import examples_of
+from quadlab.commands.option_types import wrapped_help
 from quadlab.commands.table import COMMANDS, Command, overview
 from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
@@ -28,6 +29,16 @@ COMPLETION = (
     "quadlab completion SHELL prints the completion for bash, zsh or tcsh: put "
     '`eval "$(quadlab completion bash)"` into ~/.bashrc'
 )
+
+WORDS = (
+    (r"Expected 1 values", "Expected one value"),
+    (r"argument 'action\.", "argument '"),
+    (r"Error parsing (\S+): ", r"\1: "),
+    (r"invalid literal for int\(\) with base 10: ('.*')", r"\1 is not a whole number"),
+    (r"no type matching \S+ could be instantiated from \['(.*?)'\].*", r"'\1' is not a number"),
+    (r"could not convert string to float: ('.*')", r"\1 is not a number"),
+)
+"""What tyro and Python say, as patterns, and our words for it."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -84,22 +95,34 @@ def program() -> NoReturn:
 
 def parse(words: Sequence[str]) -> Command:
     """Return the command with its options. Raises UsageError, or SystemExit(0) after --help."""
+    given = _one_setting_each(words)
+    command = _parsed(given)
+    if isinstance(command, str) and command.startswith("Missing value for argument '"):
+        # tyro counts the arguments before it looks at the options
+        first = next((k for k, word in enumerate(given) if word.startswith("-")), len(given))
+        filled = _parsed([*given[:first], "x", *given[first:]])
+        if isinstance(filled, str) and filled.startswith("Unrecognized"):
+            command = filled
+    if isinstance(command, str):
+        raise UsageError(command)
+    return command
+
+
+def _parsed(words: list[str]) -> Command | str:
+    """Return the command, or what is wrong with the words. Raises SystemExit(0) after --help."""
     import tyro
 
     complaint = io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint):
+        with contextlib.redirect_stderr(complaint), wrapped_help():
             command: Command = tyro.extras.subcommand_cli_from_dict(
-                dict(COMMANDS),
-                prog="quadlab",
-                config=(tyro.conf.FlagCreatePairsOff,),
-                args=_one_setting_each(words),
+                dict(COMMANDS), prog="quadlab", config=(tyro.conf.FlagCreatePairsOff,), args=words
             )
     except SystemExit as stop:
         if stop.code in (0, None):
             print(examples_of(words[0]), end="")
             raise
-        raise UsageError(_one_line(complaint.getvalue())) from None
+        return _one_line(complaint.getvalue())
     return command
 
 
@@ -126,7 +149,9 @@ def _one_line(boxed: str) -> str:
         elif line:
             sections[-1].append(line)
     first, *others = [section for section in sections if section]
-    said = " ".join(first).replace("Expected 1 values", "Expected one value")
+    said = " ".join(first)
+    for pattern, words in WORDS:
+        said = re.sub(pattern, words, said)
     for section in others:
         if section[0].startswith(("Perhaps you meant", "Available subcommands")):
             said += "; " + " ".join(section[:2])

@@ -70,7 +70,7 @@ class Laboratory:
     def __init__(self, url: str, name: str, password: str, authority: Path | None) -> None:
         parts = urlsplit(url)
         if parts.scheme not in ("http", "https") or not parts.netloc:
-            raise UsageError(f"{url!r} is no address; give http://HOST:PORT, or a sign-in link")
+            raise UsageError(f"{url!r} is not an address; give http://HOST:PORT, or a sign-in link")
         self._base = f"{parts.scheme}://{parts.netloc}"
         is_tls = parts.scheme == "https"
         try:

@@ -60,8 +60,8 @@ def offer_plugins(data: Path) -> None:
 
 
 def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
-    """Check the control laws, and the behavior of one's own, named in these parameters against
-    those of the data folder.
+    """Check the control laws, the behavior and the sensors of one's own, named in these parameters
+    against those of the data folder.
 
     Raises RefusedError when one is not available.
     """
@@ -71,6 +71,12 @@ def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
         from vehicle.processes.parent import PLUGINS
 
         OwnBehaviors(data / PLUGINS, False, ExternalReference(), str(values[PARAMETER]))
+    if "estimation.sensors" in values:
+        from vehicle.processes.parent import PLUGINS
+        from vehicle.sensors.sensors import PARAMETER as SENSORS
+        from vehicle.sensors.sensors import OwnSensors
+
+        OwnSensors(data / PLUGINS, False, str(values[SENSORS]))
     if not values.keys() & {"control.law", "control.shadow_law"}:
         return
     from control.parameters import GEOMETRIC, NONE

@@ -54,16 +54,9 @@ class StationClient:
         """Return the station's answer if it accepted. Raises RefusedError with its reason, or
         LinkError.
         """
-        kind = SERVICES[service]
         if service not in self._clients:
-            self._clients[service] = self._node.client(f"station/{service}", kind)
-        request = new(
-            f"{kind}_Request", request_id=uuid.uuid4().hex, requester=self.requester, **fields
-        )
-        response = self._clients[service].call(request, timeout=ANSWER)
-        if not response.accepted:
-            raise RefusedError(str(response.reason))
-        return response
+            self._clients[service] = self._node.client(f"station/{service}", SERVICES[service])
+        return self._clients[service].ask(self.requester, timeout=ANSWER, **fields)
 
     def listen(self, topic: str) -> queue.SimpleQueue[Any]:
         """Return a queue that receives the messages of a topic."""

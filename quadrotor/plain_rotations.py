@@ -90,6 +90,29 @@ def rotation_vectors_between(
     return found
 
 
+def make_continuous(quaternion: npt.NDArray[np.floating[Any]]) -> None:
+    """Give neighbouring quaternions (N, 4) the same sign, in place, so that they can be
+    interpolated.
+    """
+    flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
+    if flips.any():
+        quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0
+
+
+def product_of(one: Array, other: Array) -> Array:
+    """Return the products of quaternions, (N, 4); either may have one row."""
+    w, v = one[:, :1], one[:, 1:]
+    u, q = other[:, :1], other[:, 1:]
+    scalar = w * u - np.sum(v * q, axis=1, keepdims=True)
+    return np.concatenate([scalar, w * q + u * v + np.cross(v, q)], axis=1)
+
+
+def conjugate(quaternions: Array) -> Array:
+    """Return the inverse rotations, (N, 4)."""
+    found: Array = quaternions * np.array([1.0, -1.0, -1.0, -1.0])
+    return found
+
+
 def matrix_of(q: Array) -> Array:
     """Return R_wb of a unit quaternion, shape (3, 3)."""
     return np.array(rows_of(q.tolist()))

@@ -110,6 +110,19 @@ SWEEPS_SAMPLE = np.dtype(
     align=True,
 )
 
+READING_SAMPLE = np.dtype(
+    [
+        ("stamp_ns", "i8"),  # when it was measured
+        ("position_w", "f8", 3),  # m, of the vehicle, where the reading is linearised
+        ("quaternion_wb", "f8", 4),  # the same
+        ("rest", "f8"),  # measured less what is expected there
+        ("row", "f8", 6),  # what is expected, by position (1/m) and attitude (1/rad), world axes
+        ("sigma", "f8"),  # standard deviation
+    ],
+    align=True,
+)
+"""One number that a sensor of the user's own measured, in the sensor's unit."""
+
 ACTUATORS = np.dtype(
     [
         ("wrench", "f8", 4),  # thrust (N), torque about body x, y, z (N m)

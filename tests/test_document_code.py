@@ -4,6 +4,7 @@ runs."""
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
 import re
 import shlex
@@ -11,8 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from documentation.reference import PAGES
 from quadlab.__main__ import main, parse
 from quadrotor.checkout import ROOT
+from web.signals.expression import parse as parse_signal
 
 DOCUMENTS = sorted(
     [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "examples/README.md"]
@@ -24,10 +27,14 @@ QUICK = ("gains", "new law mine --out plugins")
 SHOWN = {
     "docs/extending/notebooks.md",
     "docs/how_to/without_a_page.md",
+    "docs/page/compare.md",
     "docs/reports.md",
     "docs/trajectories.md",
 }
 """Documents whose Python needs a flight or a laboratory, or takes long; it is compiled alone."""
+
+CHECKED = {"glossary.md", "how_to/troubleshooting.md", "page/charts.md", "parameters.md"}
+"""Documents that are made of the code, or whose entries a test looks up in it."""
 
 
 def commands(document: Path) -> list[str]:
@@ -97,3 +104,55 @@ def test_every_message_of_the_troubleshooting_page_is_one_of_ours() -> None:
     ]
     missing = [one for one in fragments if not any(one in source for source in sources)]
     assert missing == []
+
+
+def navigation(*parts: str) -> list[str]:
+    """Return the documents of these parts of the site."""
+    part, found = "", []
+    for line in (ROOT / "mkdocs.yml").read_text().partition("\nnav:\n")[2].splitlines():
+        if heading := re.fullmatch(r"  - ([\w-]+):", line):
+            part = heading[1]
+        elif part in parts and (document := re.search(r": ([\w/]+\.md)$", line)):
+            found.append(document[1])
+    return found
+
+
+def test_every_page_that_one_follows_or_looks_up_has_a_part_that_tests_run_or_make() -> None:
+    pages = navigation("Tutorials", "How-to", "Reference")
+    assert len(pages) > 40
+    made = {f"reference/{name}.md" for name in PAGES} | CHECKED
+    without = [
+        page
+        for page in pages
+        if page not in made and not commands(ROOT / "docs" / page) + python(ROOT / "docs" / page)
+    ]
+    assert without == []
+
+
+def test_everything_that_the_glossary_places_is_there() -> None:
+    text = (ROOT / "docs/glossary.md").read_text()
+    places = re.findall(r"`([\w./]+)`[^|]*\|$", text, re.MULTILINE)
+    assert len(places) > 50
+    missing = [place for place in places if not is_there(place)]
+    assert missing == []
+
+
+def is_there(place: str) -> bool:
+    """Return whether this folder, module or name in a module exists."""
+    if "/" in place:
+        return (ROOT / place).is_dir()
+    for end in range(place.count(".") + 1):
+        module, *names = place.rsplit(".", end)
+        with contextlib.suppress(ModuleNotFoundError):
+            found: object = importlib.import_module(module)
+            for one in names:
+                found = getattr(found, one, None)
+            return found is not None
+    return False
+
+
+def test_the_derived_signals_of_the_documents_are_understood() -> None:
+    text = (ROOT / "docs/page/charts.md").read_text()
+    [line] = re.findall(r"^ {4}(.+ = .+)$", text, re.MULTILINE)
+    units = dict.fromkeys(re.findall(r"state\.velocity\.\w", line), "m/s")
+    assert parse_signal(line, units).unit == "km/h"

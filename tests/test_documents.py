@@ -7,7 +7,7 @@ import importlib
 import re
 from pathlib import Path
 
-from benchmarks.house import FRAGMENT
+from benchmarks.house import FRAGMENT, code_lines
 
 ROOT = Path(__file__).resolve().parent.parent
 ROW = re.compile(r"^\|[^|]+\|[^|]*\| `([\w.]+)` \| `(tests/[\w/]+\.py)` \|$", re.MULTILINE)
@@ -65,6 +65,21 @@ def test_every_document_the_code_refers_to_is_there() -> None:
     for file in files:
         for document in re.findall(r"docs/[\w/-]+\.md", file.read_text()):
             assert (ROOT / document).exists(), f"{file.relative_to(ROOT)} refers to {document}"
+
+
+def test_readme_changelog_and_examples_stay_short() -> None:
+    assert len((ROOT / "README.md").read_text().split()) <= 500
+    assert len((ROOT / "CHANGELOG.md").read_text().splitlines()) <= 60
+    lines = {
+        file.relative_to(ROOT).as_posix(): code_lines(file.read_text())
+        for file in (ROOT / "examples").rglob("*.py")
+    }
+    # A whole filter on poses, markers and bearings; the tutorial has a short one.
+    assert lines.pop("examples/estimators/error_state_ekf.py") <= 90
+    assert max(lines.values()) <= 60, lines
+    listed = (ROOT / "examples/README.md").read_text()
+    missing = [file for file in lines if f"({file.removeprefix('examples/')})" not in listed]
+    assert missing == []
 
 
 PRODUCT = [

@@ -9,7 +9,7 @@ from typing import Any, cast
 import pytest
 from mkdocs.exceptions import PluginError
 
-from documentation import hooks, reference
+from documentation import diagrams, hooks, reference
 from quadlab.commands.table import COMMANDS
 from quadrotor.checkout import ROOT
 from vehicle_link.topics.table import TOPICS
@@ -79,3 +79,24 @@ def test_every_document_is_in_the_navigation() -> None:
     for document in (ROOT / "docs").rglob("*.md"):
         name = document.relative_to(ROOT / "docs").as_posix()
         assert f": {name}" in navigation or name.startswith("decisions/0"), name
+
+
+def test_every_flow_chart_is_drawn_with_its_boxes_and_arrows() -> None:
+    charts = [
+        text
+        for document in (ROOT / "docs").rglob("*.md")
+        for text in re.findall(r"^```mermaid\n(.*?)^```", document.read_text(), re.M | re.S)
+    ]
+    assert len(charts) >= 4
+    for text in charts:
+        drawn = diagrams.svg(text)
+        assert drawn.count('class="arrow"') == text.count("-->")
+        boxes = re.findall(r'\["?([^"\]]+)"?\]', text)
+        assert drawn.count('class="box"') >= len(boxes)
+        for lane in re.findall(r"subgraph (\w+)", text):
+            assert f">{lane}</text>" in drawn
+
+
+def test_a_flow_chart_that_is_not_understood_is_refused() -> None:
+    with pytest.raises(ValueError, match="no arrow at"):
+        diagrams.svg("flowchart LR\n  a ==> b")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from vehicle_link.messages import new
@@ -32,18 +32,8 @@ class Check:
 
 def to_messages(checks: Iterable[Check]) -> list[Any]:
     """Encode each check as a quadlab_msgs/Check."""
-    return [
-        new(
-            "quadlab_msgs/Check",
-            name=one.name,
-            place=one.place,
-            state=one.state,
-            found=one.found,
-            wanted=one.wanted,
-            advice="" if one.state == "ok" else one.advice,
-        )
-        for one in checks
-    ]
+    shown = (replace(one, advice="") if one.state == "ok" else one for one in checks)
+    return [new("quadlab_msgs/Check", **asdict(one)) for one in shown]
 
 
 def from_messages(messages: Iterable[Any]) -> list[Check]:

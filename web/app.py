@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
+from dataclasses import asdict, replace
 from importlib.metadata import PackageNotFoundError, distribution
 from typing import Annotated, Any
 
@@ -30,8 +31,9 @@ from web.beacons.routes import add_beacons
 from web.beacons.survey import add_survey
 from web.commands import sticks
 from web.commands.behaviors import described as described_behaviors
-from web.commands.bodies import FollowBody, InvitationBody
+from web.commands.bodies import CameraBody, InvitationBody, ViewBody
 from web.commands.control import add_control
+from web.commands.drafts import add_drafts
 from web.commands.plain_emergency import add_plain_emergency
 from web.commands.routes import add_commands
 from web.commands.trajectories import add_trajectories
@@ -91,6 +93,7 @@ def create_app(
     _add_reading(app, context, fleet)
     add_commands(app, context)
     add_trajectories(app, context.trajectories)
+    add_drafts(app, context.drafts)
     _add_invitations(app, context)
     add_plain_emergency(app, context, fleet)
     _add_view(app, context)
@@ -196,11 +199,24 @@ def _add_view(app: FastAPI, context: VehicleContext) -> None:
             pump.client_html(), headers={"content-security-policy": pump.CLIENT_POLICY}
         )
 
-    @app.post("/api/view/follow")
-    async def follow(body: FollowBody) -> dict[str, bool]:
-        """Let one page's camera follow the vehicle, or stop following it."""
-        context.scene.follow(body.view, body.follow)
-        return {"follow": body.follow}
+    @app.post("/api/view/camera")
+    async def camera(body: CameraBody) -> dict[str, Any]:
+        """Choose how one page's camera moves with the vehicle (a free one does not), and whether
+        its view has shadows.
+        """
+        if body.camera is not None:
+            context.scene.cameras.choose(body.view, body.camera)
+        if body.shadows is not None:
+            context.scene.cameras.shade(body.view, body.shadows)
+        return {"camera": body.camera, "shadows": body.shadows}
+
+    @app.put("/api/view")
+    async def show(body: ViewBody, _: Operator) -> dict[str, Any]:
+        """Change what the 3D view shows. It is shared by all pages, which are notified."""
+        scene = context.scene
+        scene.show(replace(scene.options, **body.model_dump(exclude_none=True)))
+        context.hub.publish({"type": "view", "view": asdict(scene.options)})
+        return asdict(scene.options)
 
 
 def _add_sockets(app: FastAPI, context: VehicleContext) -> None:
@@ -223,6 +239,8 @@ def _add_sockets(app: FastAPI, context: VehicleContext) -> None:
                 "events": context.hub.lines,
                 "revision": context.replica.revision,
                 "emergency": context.emergency.state,
+                "draft": context.drafts.summary(),
+                "view": asdict(context.scene.options),
             }
 
         await events.serve(socket, context.hub, socket.scope["session"], hello, summary)

@@ -145,7 +145,7 @@ def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> 
             heard = now
         if now - printed >= WAITING_PERIOD:
             printed = now
-            what = "looking at clocks and rates" if heard else "waiting for the vehicle"
+            what = "running the start-up checks" if heard else "waiting for the vehicle"
             print(f"quadlab: {what}, {now - began:.0f} s", flush=True)
         time.sleep(0.1)
     print(flush=True)

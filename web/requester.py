@@ -33,7 +33,7 @@ Operator = Annotated[Session, Depends(operator_of)]
 def admin_of(session: Asker) -> Session:
     """Return the session, or answer 403 to anyone but an admin."""
     if not session.role.may(Role.ADMIN):
-        raise HTTPException(403, f"{session.label} is no admin; users are managed by admins")
+        raise HTTPException(403, f"{session.label} is not an admin; only admins manage users")
     return session
 
 

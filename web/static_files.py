@@ -2,13 +2,15 @@
 
 Starlette passes each file to other threads, four times; while telemetry keeps the interpreter busy
 each hop waits for its turn, and a page has about a hundred files. A document therefore names one
-script and one stylesheet, joined from them (`web.joined_files`), by the version of their folder:
-what a browser has fetched under a version stays in its cache and is not requested again.
+script and one stylesheet, joined from them (`web.joined_files`) and compressed, by the version of
+their folder: what a browser has fetched under a version stays in its cache and is not requested
+again.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gzip
 import hashlib
 import os
 import re
@@ -48,6 +50,7 @@ class CachedFiles(StaticFiles):
         self._kept: dict[str, tuple[int, int, bytes]] = {}
         self._version = ""
         self._joined: dict[str, tuple[str, bytes]] = {}  # by name: version and content
+        self._packed: dict[str, tuple[str, bytes]] = {}  # the same, compressed
 
     def document(self, name: str) -> HTMLResponse:
         """Return a page of the folder, which names the other files by their present version.
@@ -135,10 +138,18 @@ class CachedFiles(StaticFiles):
             raise HTTPException(405)
         if (found := _JOINED.fullmatch(path)) is None:
             raise HTTPException(404)
+        version = self._versioned()
+        headers = {"vary": "accept-encoding"}
         try:
-            return Response(self._join(path, self._versioned()), media_type=_TYPES[found[1]])
+            content = self._join(path, version)
         except FileNotFoundError:
             raise HTTPException(404) from None
+        if "gzip" in Headers(scope=scope).get("accept-encoding", ""):
+            headers["content-encoding"] = "gzip"
+            if self._packed.get(path, ("", b""))[0] != version:
+                self._packed[path] = version, gzip.compress(content, 6, mtime=0)
+            content = self._packed[path][1]
+        return Response(content, media_type=_TYPES[found[1]], headers=headers)
 
     def _content(self, path: str, about: os.stat_result) -> bytes:
         modified_ns, size, content = self._kept.get(path, (0, -1, b""))

@@ -19,6 +19,7 @@ from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.beacons.survey import BeaconSurvey, SurveyRun
 from web.commands.control import Control
+from web.commands.drafts import Drafts
 from web.commands.emergency import EmergencyCommands
 from web.commands.sticks import StickOutput
 from web.commands.trajectories import TrajectoryMonitor
@@ -27,12 +28,13 @@ from web.live.forwarding import Forwarding
 from web.live.latest import Live
 from web.live.station import Station
 from web.live.telemetry import TelemetryFeed
-from web.parameters.follower import ParameterFollower
+from web.parameters.follower import ParameterFollower, flight_volume
 from web.parameters.replica import PageParameters
 from web.parameters.writer import ParameterWriter
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
+from web.view.draft import DraftView
 from web.view.scene import Scene
 from web.view.server import ViewServer
 
@@ -107,12 +109,19 @@ class VehicleContext:
             chosen=lambda: self.replica.value("safety.emergency_land"),
         )
         self.trajectories = TrajectoryMonitor(live, self.replica, self.scene)
+        self.drafts = Drafts(
+            DraftView(view_server),
+            self.trajectories,
+            hub.publish,
+            lambda: flight_volume(self.replica.value),
+        )
         self.loops: Iterable[Runs] = (
             self.scene,
             self.feed,
             self._follower,
             self.control,
             self.forwarding,
+            self.drafts,
         )
 
     @property
@@ -126,6 +135,7 @@ class VehicleContext:
 
     def stop(self) -> None:
         self.survey.stop()
+        self.trajectories.stop()
         self.station.stop()
         self.view_server.stop()
 

@@ -1,11 +1,14 @@
-"""Control laws and estimators that do harm in flight: does the vehicle fly on, and how soon does
-the built-in one take over?
+"""Plugins that do harm in flight: does the vehicle fly on, and how soon is the plugin out?
 
     python -m benchmarks hostile_plugins --flights 20
+    python -m benchmarks hostile_plugins --flights 4 --only sensor
 
 Each plugin is the example that `quadlab new` writes, which from a moment on raises, answers
-nonsense, falls silent, dies or drifts. The vehicle hovers or flies the figure 8. It fell when it
-sank below half of its height, tilted by more than 60 degrees, or stopped its motors within 3 s.
+nonsense, falls silent, dies or drifts. The vehicle hovers or flies the figure 8, with a behavior
+the path of the plugin. It fell when it sank below half of its height, or with a behavior to 5 cm,
+tilted by more than 60 degrees, or stopped its motors within 3 s. Answers that are late by a number
+of ticks are those of a vehicle in real time, which waits for nothing; elsewhere simulated time
+waits up to 1 s.
 """
 
 from __future__ import annotations
@@ -27,13 +30,21 @@ FLIGHTS = 20
 """Flights of each kind."""
 WATCHED = 3.0
 """s from the beginning of the harm."""
-HEIGHT, LOWEST, TILT = 1.0, 0.5, math.radians(60.0)
+HEIGHT, TILT = 1.0, math.radians(60.0)
+LOWEST = {"law": 0.5, "estimator": 0.5, "behavior": 0.05, "sensor": 0.5}
+"""Height, m, below which it fell; a behavior may lead it down to the floor of the flight volume."""
 EXAMPLES = {
     "law": ("geometric_pid.py", "GeometricPid", "control.law", 7.0),
     "estimator": ("error_state_ekf.py", "ErrorStateEkf", "estimation.estimator", 11.0),
+    "behavior": ("sway.py", "Sway", "behavior.plugin", 1.0),
+    "sensor": ("barometer.py", "Barometer", "estimation.sensors", 11.0),
 }
 """File, class, parameter, and the earliest time (s, the plugin's) at which harm begins: it hovers
-by then."""
+by then. The time of a behavior passes only while it flies."""
+LATE = {"answers after 1 ms": 0, "answers after 5 ms": 2, "answers after 100 ms": 50}
+"""Ticks by which every answer comes too late in real time."""
+HARMLESS = ("answers after 1 ms", "answers a little off")
+"""Kinds that must not be disengaged."""
 ANY = {
     "raises": "1 / 0",
     "stalls": "import time; time.sleep(10.0)",
@@ -42,6 +53,7 @@ ANY = {
     "takes all memory": "self.hoard = bytearray(3 << 29)",
     "ends": "raise SystemExit",
     "wrong shape": "answer = (answer[0], np.zeros(7), *answer[2:])",
+    **dict.fromkeys(LATE, "pass"),
 }
 HARM = {
     "law": {
@@ -61,8 +73,34 @@ HARM = {
         "drifts": "answer = (answer[0] + [0.2 * since, 0.0, 0.0], *answer[1:])",
         "freezes": "self.kept = getattr(self, 'kept', answer); answer = self.kept",
     },
+    "behavior": {
+        **ANY,
+        "NaN": "answer = (answer[0] * np.nan, *answer[1:])",
+        "infinite": "answer = (answer[0], answer[1] + [np.inf, 0.0, 0.0], *answer[2:])",
+        "jumps": "answer = (answer[0] + [0.5, 0.0, 0.0], *answer[1:])",
+        "runs away": "answer = (answer[0] + [4.0 * since, 0.0, 0.0], *answer[1:])",
+        "sinks": "answer = (answer[0] - [0.0, 0.0, 4.0 * since], *answer[1:])",
+    },
+    "sensor": {
+        **ANY,
+        "wrong shape": "answer = [Reading(np.zeros(7), height, 0.1)]",
+        "NaN": "answer = Reading(np.nan, height, 0.1)",
+        "infinite": "answer = Reading(np.inf, height, 0.1)",
+        "jumps": "answer = Reading(x.position_w[2] + 1.0, height, 0.01)",
+        "drifts": "answer = Reading(1.0 + 0.2 * since, height, 0.001)",
+        "creeps": "answer = Reading(x.position_w[2] + 0.02, height, 0.001)",
+        "from the future": "answer = Reading(1.0, height, 0.1, x.time + 1.0)",
+        "answers a little off": "answer = Reading(x.position_w[2] + 0.01, height, 0.1)",
+    },
 }
 SOURCE = """
+import numpy as np
+
+
+def height(position_w, quaternion_wb):
+    return position_w[2]
+
+
 class Hostile({name}):
     def step(self, x):
         answer, since = super().step(x), x.time - {begin}
@@ -91,6 +129,29 @@ class Outcome:
     why: str
 
 
+class Late:
+    """A link whose answers come later by a number of ticks; nothing waits for them."""
+
+    def __init__(self, external: External, ticks: int) -> None:
+        self._link, self._ticks = external._link, ticks
+        # The answer to the last input, which was sent over the link itself, is on its way.
+        self._answers: list[bytes | None] = [*[None] * ticks, self._link.receive()]
+        external._waits = False
+
+    def ready(self) -> bool:
+        return self._link.ready()
+
+    def send(self, data: bytes) -> None:
+        self._link.send(data)
+        self._answers.append(self._link.receive())
+
+    def receive(self) -> bytes | None:
+        return self._answers.pop(0) if len(self._answers) > self._ticks else None
+
+    def close(self) -> None:
+        self._link.close()
+
+
 def fly(kind: str, harm: str, seed: int) -> Outcome:
     """Fly one flight; it flies the figure 8 when the seed is odd."""
     file, name, parameter, earliest = EXAMPLES[kind]
@@ -106,6 +167,8 @@ def fly(kind: str, harm: str, seed: int) -> Outcome:
             while (begun := external) is not None and begun._out["time"].item() <= begin:
                 flight.advance()
                 external = _external(flight, kind)
+            if external is not None and harm in LATE:
+                external._link = Late(external, LATE[harm])
             flight.forget()
             lowest, end_ns, count = math.inf, flight.robot.stamp_ns + round(WATCHED * 1e9), 0
             while flight.robot.stamp_ns < end_ns:
@@ -119,45 +182,54 @@ def fly(kind: str, harm: str, seed: int) -> Outcome:
         finally:
             flight.stack.close()
     why = next((line for line in flight.events.texts if "disengaged" in line), "not disengaged")
-    fell = lowest < LOWEST or flight.most_tilted > TILT or not flight.airborne
+    fell = lowest < LOWEST[kind] or flight.most_tilted > TILT or not flight.airborne
     away = float(np.linalg.norm(places - wanted, axis=1).max())
     return Outcome(fell, ticks, lowest, away, why)
 
 
 def _begun(kind: str, seed: int, folder: Path, settings: dict[str, str]) -> WatchedFlight:
+    if kind == "sensor":
+        settings["estimation.estimator"] = "error_state"
     Estimators(folder).offer()
     flight = WatchedFlight(seed, {**settings}, plugins=folder)
     Estimators().offer()
     flight.hover(HEIGHT, 0.2)
-    if seed % 2:
+    if kind == "behavior":
+        flight.start("external")
+    elif seed % 2:
         flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
     return flight
 
 
 def _external(flight: WatchedFlight, kind: str) -> External | None:
+    stack = flight.stack
     if kind == "law":
-        return flight.stack.law.external
-    return next(iter(flight.stack.navigation.externals), None)
+        return stack.law.external
+    if kind == "behavior":
+        return stack.own_behaviors.external
+    several = stack.own_sensors.externals if kind == "sensor" else stack.navigation.externals
+    return next(iter(several), None)
 
 
-def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1) -> Report:
-    """Run the benchmark for `python -m benchmarks`, from the first seed on."""
+def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1, only: str = "") -> Report:
+    """Run the benchmark for `python -m benchmarks`, from the first seed on; of one kind of plugin
+    if it is named."""
     count = 2 if quick else flights
     found = Report(
         "hostile_plugins",
-        "Control laws and estimators that do harm",
+        "Plugins that do harm",
         [
             f"{count} flights of each kind, hover and figure 8 in turns, 500 Hz; ticks: from the "
-            "input at which harm begins to the tick that the built-in one flies"
+            "input at which harm begins to the tick that flies without the plugin"
         ],
     )
     fallen = late = 0
-    for kind, harms in HARM.items():
+    for kind, harms in HARM.items() if not only else ((only, HARM[only]),):
         for harm in harms:
             outcomes = [fly(kind, harm, seed + k) for k in range(count)]
             ticks = [o.ticks for o in outcomes]
-            fell = sum(o.fell for o in outcomes)
-            fallen, late = fallen + fell, late + sum(map(math.isnan, ticks))
+            fell, kept = sum(o.fell for o in outcomes), sum(map(math.isnan, ticks))
+            fallen, late = fallen + fell, late + (count - kept if harm in HARMLESS else kept)
             figures: dict[str, float | str] = {
                 "flights": float(count),
                 "fell": float(fell),
@@ -168,5 +240,5 @@ def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1) -> Report:
             found.rows.append(Row(f"{kind} {harm}", figures))
             found.notes.append(f"{kind} {harm}: {outcomes[0].why}")
     found.targets.append(Target("falls", fallen, 0))
-    found.targets.append(Target("flights without a rescue", late, 0))
+    found.targets.append(Target("flights with a wrong judgement of the plugin", late, 0))
     return found

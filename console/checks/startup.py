@@ -11,7 +11,6 @@ import json
 import logging
 import threading
 import time
-import uuid
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -113,22 +112,16 @@ class StartupChecks:
         ]
 
     def _check_vehicle(self) -> list[Check]:
-        request = new(
-            f"{SERVICES['checks']}_Request",
-            request_id=uuid.uuid4().hex,
-            requester="station",
-            again=True,
-        )
         try:
-            answer = self._vehicle_client.call(request, timeout=TIMEOUT)
+            answer = self._vehicle_client.ask("station", timeout=TIMEOUT, again=True)
         except LinkError as error:
             advice = "connect the vehicle, then check again"
             found = "not checked: the vehicle does not answer"
             log.debug("the vehicle's checks: %s", error)
             return [Check("vehicle", "unknown", found, "connected", advice, "vehicle")]
-        if not answer.accepted:
+        except RefusedError as error:
             advice = "run the checks again when it is disarmed"
-            return [Check("vehicle", "unknown", answer.reason, "disarmed", advice, "vehicle")]
+            return [Check("vehicle", "unknown", str(error), "disarmed", advice, "vehicle")]
         ours = provenance()["git_revision"]
         return [_compared(one, ours) for one in from_messages(answer.checks)]
 

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from console.comparison.statistics import POSITION, QUATERNION, RATE, VELOCITY
-from quadrotor.plain_rotations import matrices_of
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
+from quadrotor.plain_rotations import matrices_of, product_of
+from quadrotor.records import Array, Record
 
 
 def residuals(frame: Record, states: Array, since: float) -> Array:
@@ -33,15 +30,8 @@ def residuals(frame: Record, states: Array, since: float) -> Array:
 
 def _turned(q: Array, rotation_vector_b: Array) -> Array:
     """Return q exp(rotation vector) of each row, for angles well below 1 rad, to second order."""
-    w, v = q[:, :1], q[:, 1:]
     half = 0.5 * rotation_vector_b
     scalar = 1.0 - 0.5 * (half**2).sum(axis=1, keepdims=True)
-    out = np.concatenate(
-        (
-            w * scalar - (v * half).sum(axis=1, keepdims=True),
-            w * half + scalar * v + np.cross(v, half),
-        ),
-        axis=1,
-    )
+    out = product_of(q, np.hstack((scalar, half)))
     turned: Array = out / np.linalg.norm(out, axis=1, keepdims=True)
     return turned

@@ -14,7 +14,6 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import Beacons
@@ -28,12 +27,11 @@ from console.comparison.shadow import Shadow
 from console.comparison.statistics import QUATERNION, ErrorStatistics, errors
 from console.comparison.truth import Row, Source, TruthMerge
 from quadrotor.plain_rotations import rows_of
-from quadrotor.records import STATE, Record, beacon_ids_of, bearings_sample
+from quadrotor.records import STATE, Array, Record, beacon_ids_of, bearings_sample
 
 if TYPE_CHECKING:
     from estimation.estimator import Estimator
 
-Array = npt.NDArray[np.float64]
 
 VEHICLE = "vehicle"
 SPACING_NS = 9_000_000

@@ -15,15 +15,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.comparison.parameters import ComparisonParameters
 from quadrotor.checkout import ROOT, RUN_MODULE
 from quadrotor.errors import LinkError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 COMMAND = (*RUN_MODULE, f"{__package__}.process")
 PERIOD = 0.05

@@ -8,12 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from console.comparison.statistics import NOTHING, Summary
+from quadrotor.records import Array
 from vehicle_link.messages import header, new
-
-Array = npt.NDArray[np.float64]
 
 UNKNOWN = np.full(13, math.nan)
 

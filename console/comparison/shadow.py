@@ -9,15 +9,13 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
-from quadrotor.records import ESTIMATE, Record, new_state
+from quadrotor.records import ESTIMATE, Array, Record, new_state
 
 if TYPE_CHECKING:
     from estimation.estimator import Estimator
 
-Array = npt.NDArray[np.float64]
 
 MEASURED_NS = 5_000_000_000
 """Time of the vehicle, in ns, over which the processor's share is measured."""

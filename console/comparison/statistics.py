@@ -6,11 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim.pose_track import Pose
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 RECENT_NS = 10_000_000_000
 KEPT = 1200

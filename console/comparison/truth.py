@@ -6,12 +6,9 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from bearing_sim.pose_track import Pose, PoseTrack
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 Source = Literal["truth", "tracker"]
 
 KEPT = 300

@@ -10,25 +10,23 @@ import numpy as np
 
 from console.evaluation.log_columns import read_columns
 from console.experiments.client import Client
-from console.experiments.pose_guide import Array, raw_of, up_of
+from console.experiments.pose_guide import raw_of, up_of
 from estimation.calibration.accelerometer import (
     CONDITION_MAX,
     AccelerometerCalibration,
     identify_accelerometer,
 )
 from estimation.calibration.still_poses import StillPose
+from flight_log.fields import FORCE, MOTOR_REFERENCES, TRACKED_ATTITUDE
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import Array
 
 MATRIX = tuple(f"imu.accelerometer_{row}{column}" for row in "xyz" for column in "xyz")
 BIAS = tuple(f"imu.accelerometer_bias_{axis}" for axis in "xyz")
-WANTED = {
-    "imu": tuple(f"linear_acceleration.{axis}" for axis in "xyz"),
-    "actuators": tuple(f"motor_references[{motor}]" for motor in range(4)),
-    "tracker_pose": tuple(f"pose.orientation.{axis}" for axis in "wxyz"),
-}
+WANTED = {"imu": FORCE, "actuators": MOTOR_REFERENCES, "tracker_pose": TRACKED_ATTITUDE}
 SAMPLES_MIN = 20
 """Minimum number of samples of a pose."""
 DEVIATION_MAX = 0.15

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
+from quadrotor.records import Array, Stamps
 
 LARGEST_GAP_NS = 20_000_000
 """Largest gap, in ns, between messages of one process."""
@@ -42,15 +41,6 @@ def between(
     out: Array = first + share * (values[after] - first)
     out[~inside] = np.nan
     return out, inside
-
-
-def make_continuous(quaternion: npt.NDArray[np.floating]) -> None:
-    """Give neighbouring quaternions (N, 4) the same sign, in place, so that they can be
-    interpolated.
-    """
-    flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
-    if flips.any():
-        quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0
 
 
 def rotated_rows(

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import parse_layout
-from console.evaluation.alignment import between, make_continuous, rotated_rows
+from console.evaluation.alignment import between, rotated_rows
 from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.figures import rms
 from console.evaluation.log_columns import read_parameters
@@ -20,27 +20,21 @@ from estimation.error_state.parameters import ErrorStateParameters
 from flight_log.attached import logged_value
 from flight_log.columns.log_columns import read_topics
 from flight_log.columns.topic import Topic
+from flight_log.fields import ODOMETRY, REFERENCE, TRACKED, TRACKED_ATTITUDE
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
-from quadrotor.plain_rotations import rotation_vectors_between
-from quadrotor.records import beacon_ids_of
+from quadrotor.plain_rotations import make_continuous, rotation_vectors_between
+from quadrotor.records import Array, Stamps, beacon_ids_of
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_bearings
 
-Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
-Stamps = npt.NDArray[np.int64]
 
-ODOMETRY = (
-    *(f"pose.pose.position.{axis}" for axis in "xyz"),
-    *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
-    *(f"twist.twist.linear.{axis}" for axis in "xyz"),
-)
 WANTED: dict[str, tuple[str, ...]] = {
     "truth": ODOMETRY,
     "state": ODOMETRY,
-    "tracker_pose": tuple(name.removeprefix("pose.") for name in ODOMETRY[:7]),
-    "reference": ("position.x", "position.y", "position.z"),
+    "tracker_pose": TRACKED + TRACKED_ATTITUDE,
+    "reference": REFERENCE,
     "actuators": ("scaling",),
     "status": ("mode",),
 }
@@ -241,7 +235,7 @@ def _window(
     """
     start, late = begin + ramp, 0.0
     for time, text in events:
-        if text.startswith("follow_trajectory by"):
+        if text.replace("_", " ").startswith("follow trajectory by"):  # with _ in older logs
             start, late = time + ramp, ramp
         elif text.startswith("velocity by"):
             start = time

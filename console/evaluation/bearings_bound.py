@@ -16,14 +16,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.error_state.parameters import ErrorStateParameters
 from estimation.parameters import EstimationParameters, noise_record
 from quadrotor.constants import GRAVITY
 from quadrotor.plain_rotations import matrix_of
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 START = np.repeat([0.1, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Standard deviations before the first frame of position (m), attitude (rad), velocity (m/s),

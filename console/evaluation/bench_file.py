@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError, StorageError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 COLUMNS = ("time_s", "reference", "force_N", "torque_Nm")
 SPEED = "speed"

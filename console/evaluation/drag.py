@@ -19,17 +19,18 @@ import numpy as np
 import numpy.typing as npt
 
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
+from flight_log.fields import ATTITUDE, THRUSTS, TURNING_B, VELOCITY_B
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
-
-ATTITUDE = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
-VELOCITY = tuple(f"twist.twist.linear.{axis}" for axis in "xyz")
-TURNING = tuple(f"twist.twist.angular.{axis}" for axis in "xy")
-THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
-WANTED = {"state": (*ATTITUDE, *VELOCITY, *TURNING), "actuators": THRUSTS, "status": ("behavior",)}
+TURNING = TURNING_B[:2]
+WANTED = {
+    "state": (*ATTITUDE, *VELOCITY_B, *TURNING),
+    "actuators": THRUSTS,
+    "status": ("behavior",),
+}
 RAMP = 3.0
 """Seconds at the start and end of the circles that do not count; nor does the filters' settling."""
 POLE = 2.0
@@ -161,7 +162,7 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
     def table(columns: Series, rows: npt.NDArray[np.intp], names: tuple[str, ...]) -> Array:
         return np.stack([columns.values(name)[rows][inside] for name in names], 1, dtype=np.float64)
 
-    attitude, velocity_b = table(state, first, ATTITUDE), table(state, first, VELOCITY)
+    attitude, velocity_b = table(state, first, ATTITUDE), table(state, first, VELOCITY_B)
     omega_b = table(state, first, TURNING)
     thrusts = table(actuators, second, THRUSTS)
     # Imported here: it is compiled, and the station starts without a compiler.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 
 def rms(values: npt.NDArray[np.floating]) -> float:

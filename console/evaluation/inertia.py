@@ -7,19 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
+from flight_log.fields import THRUSTS, TURNING_B
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 AXES = ("xx", "yy", "zz")
-RATES = tuple(f"twist.twist.angular.{axis}" for axis in "xyz")
-THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
-WANTED = {"state": RATES, "actuators": THRUSTS, "status": ("airborne", "behavior")}
+WANTED = {"state": TURNING_B, "actuators": THRUSTS, "status": ("airborne", "behavior")}
 GUESS = 0.03
 """Initial value of every axis, in kg m², independent of the model's inertia."""
 ERROR_MAX = 0.03
@@ -173,7 +170,7 @@ def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
     inside = (time >= start) & (time <= end)
     if inside.sum() < 3:
         raise MeasurementError(f"{log.name} has almost no ticks of the excitation")
-    rates = np.stack([state.values(name)[first][inside] for name in RATES], 1, dtype=np.float64)
+    rates = np.stack([state.values(name)[first][inside] for name in TURNING_B], 1, dtype=np.float64)
     thrusts = np.stack(
         [actuators.values(name)[second][inside] for name in THRUSTS], 1, dtype=np.float64
     )

@@ -6,17 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from flight_log.attached import json_value
 from flight_log.columns.log_columns import read_topics
 from flight_log.reader import read_attachments
 from flight_log.run import Series
 from quadrotor.errors import LogFormatError
 from quadrotor.parameters import ParameterValue
-
-Array = npt.NDArray[np.float64]
 
 
 def read_columns(

@@ -12,8 +12,7 @@ import numpy.typing as npt
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 WANTED = {"estimator": ("mass", "mass_variance", "estimator"), "status": ("airborne", "behavior")}
 DEVIATION_MAX = 0.002

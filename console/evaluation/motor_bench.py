@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.bench_file import BenchRecording
-from console.evaluation.log_columns import Array, read_columns
+from console.evaluation.log_columns import read_columns
 from console.experiments.client import Client
 from estimation.calibration.motor_bench import BenchSchedule, BenchSteps, average_steps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
 from estimation.calibration.time_constant import TimeConstant, lag_and_dead_time
+from flight_log.fields import MOTOR_REFERENCES
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
 WORST_MAX = 1.0
 """Largest error in counts; a square-root law that is off by more does not describe the motor."""
@@ -25,7 +27,7 @@ TORQUE_MISS_MAX = 0.02
 TIME_CONSTANT_ERROR_MAX = 0.01
 WANTED = {
     "bench_reading": ("force", "torque", "speed"),
-    "actuators": tuple(f"motor_references[{motor}]" for motor in range(4)),
+    "actuators": MOTOR_REFERENCES,
     "battery": ("voltage",),
 }
 

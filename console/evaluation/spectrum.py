@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from quadrotor.constants import MOTORS, THRUST_PER_TURN
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 Values = npt.NDArray[np.floating[Any]]
 
 LOST_MAX = 0.1

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from console.evaluation.log_columns import read_columns
+from flight_log.fields import FORCE, RATE, TRACKED, TRACKED_ATTITUDE
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterStore
@@ -17,11 +18,7 @@ from quadrotor.parameters import ParameterStore
 if TYPE_CHECKING:
     from estimation.calibration.tracked_body import TrackedBody
 
-FORCE = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
-RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
-POSITION = tuple(f"pose.position.{axis}" for axis in "xyz")
-ATTITUDE = tuple(f"pose.orientation.{axis}" for axis in "wxyz")
-WANTED = {"imu": FORCE + RATE, "tracker_pose": POSITION + ATTITUDE}
+WANTED = {"imu": FORCE + RATE, "tracker_pose": TRACKED + TRACKED_ATTITUDE}
 PARAMETER = "estimation.tracker."
 DELAY_DEVIATION_MAX = 0.5
 """Largest standard deviation of the delay, ms."""
@@ -168,7 +165,7 @@ def read_tracked_body(log: Path, vehicle: str) -> TrackedBodyFound:
     columns = read_columns(log, vehicle, WANTED)
     imu, poses = columns["imu"], columns["tracker_pose"]
     inertial = imu.rows(FORCE + RATE).astype(np.float64)
-    seen = poses.rows(POSITION + ATTITUDE).astype(np.float64)
+    seen = poses.rows(TRACKED + TRACKED_ATTITUDE).astype(np.float64)
     known = np.isfinite(seen).all(axis=1)
     fresh, rising = np.isfinite(inertial).all(axis=1), np.diff(poses.time, prepend=-np.inf) > 0.0
     fresh &= np.diff(imu.time, prepend=-np.inf) > 0.0

@@ -7,27 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from console.evaluation.alignment import between
 from console.evaluation.figures import rms
 from flight_log.columns.log_columns import read_topics
 from flight_log.columns.topic import Topic
+from flight_log.fields import ATTITUDE, MARKED, POSITION, REFERENCE, TRACKED, TRACKED_ATTITUDE
 from flight_log.payload_layout import HEADER_STAMP
 from quadrotor.errors import LogFormatError
+from quadrotor.records import Array, Stamps
 
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
-
-POSE = (
-    *(f"pose.position.{axis}" for axis in "xyz"),
-    *(f"pose.orientation.{axis}" for axis in "wxyz"),
-)
 WANTED = {
-    "truth": (*HEADER_STAMP, *(f"pose.{name}" for name in POSE)),
-    "tracker_pose": (*HEADER_STAMP, *POSE),
-    "tracker_position": (*HEADER_STAMP, *(f"point.{axis}" for axis in "xyz")),
-    "reference": (*HEADER_STAMP, "position.x", "position.y", "position.z", "yaw"),
+    "truth": (*HEADER_STAMP, *POSITION, *ATTITUDE),
+    "tracker_pose": (*HEADER_STAMP, *TRACKED, *TRACKED_ATTITUDE),
+    "tracker_position": (*HEADER_STAMP, *MARKED),
+    "reference": (*HEADER_STAMP, *REFERENCE, "yaw"),
 }
 
 

@@ -13,21 +13,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from console.evaluation.figures import allan_variance, rms
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
 from console.evaluation.spectrum import Line, evenly, lines_of, rotor_frequency, spectrum
+from flight_log.fields import FORCE, RATE, THRUSTS
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
-
-FORCE = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
-RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
-THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 WANTED = {"imu": FORCE + RATE, "actuators": THRUSTS, "status": ("mode", "behavior")}
 REST_MIN, HOVER_MIN = 8.0, 8.0
 """Shortest rest and hover, in s, for a result."""

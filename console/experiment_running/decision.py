@@ -9,11 +9,11 @@ from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
 from console.experiment_running.state import ACCEPTED, REJECTED
 from console.experiment_running.status_publisher import ExperimentStatusPublisher
-from console.experiment_running.vehicle_services import VehicleServices
 from console.link.outbox import INFO, WARN
 from console.runs.report_folders import write_decision
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from vehicle_link.transport.client import ServiceClient
 
 STORE_TIMEOUT = 2.0
 """s for the vehicle to check, apply and write a record, per try."""
@@ -26,11 +26,11 @@ class Decisions:
     def __init__(
         self,
         board: ExperimentStatusPublisher,
-        services: VehicleServices,
+        calibrate: ServiceClient,
         calibrations: Calibrations,
         catalogue: Catalogue,
     ) -> None:
-        self._board, self._services = board, services
+        self._board, self._calibrate = board, calibrate
         self._calibrations, self._catalogue = calibrations, catalogue
         self._deciding = threading.Lock()
         self._unanswered = ""  # the proposal that was sent without an answer
@@ -67,10 +67,10 @@ class Decisions:
 
     def _store(self, text: str, record: CalibrationRecord, requester: str) -> None:
         try:
-            self._services.call(
-                "calibrate",
+            self._calibrate.ask(
                 requester,
                 timeout=STORE_TIMEOUT,
+                tries=2,
                 action="store",
                 record=record.model_dump_json(),
             )

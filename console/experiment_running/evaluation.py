@@ -6,19 +6,26 @@ import json
 import math
 import subprocess
 import threading
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from console.evaluation.verdict import evaluated
-from console.experiments.client import VERDICTS, Calibrating, Experiment, Reporting, Result
+from console.experiment_running import state as phases
+from console.experiment_running.run_files import RunFiles
+from console.experiment_running.status_publisher import ExperimentStatusPublisher
+from console.experiments.client import FAILED, VERDICTS, Calibrating, Experiment, Reporting, Result
 from console.experiments.user_file import errors_with_line
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import PREFIX, RUN_MODULE
 from quadrotor.errors import JobError, MeasurementError, QuadlabError, RefusedError, StorageError
 from vehicle_link.jobs import run
+
+EVALUATION = 60.0
+"""s for the evaluation, in addition to the duration of the flight."""
 
 
 @dataclass(frozen=True)
@@ -140,3 +147,30 @@ def evaluate_and_report(job: EvaluationJob) -> dict[str, Any]:
     answer = evaluate(job)
     begin_report(job.log)
     return answer
+
+
+def judge_run(
+    experiment: Experiment,
+    board: ExperimentStatusPublisher,
+    files: RunFiles,
+    cancelled: threading.Event,
+) -> None:
+    """Wait for the file of the run that has ended, then for the evaluation process."""
+    run_id, started = board.state.run_id, board.state.started
+    board.set(phase=phases.EVALUATING, step="waiting for the run's file")
+    try:
+        path = files.closed(run_id)
+        board.set(step="judging the run")
+        seconds = EVALUATION + time.monotonic() - started
+        done = judge(EvaluationJob(experiment, path, seconds), cancelled)
+    except QuadlabError as error:
+        phase = phases.STOPPED if cancelled.is_set() else FAILED
+        kept = f"; run {run_id} is kept" if run_id else ""
+        board.end(phase, f"not judged: {error}{kept}")
+        return
+    result = done.result
+    with board.lock:
+        state = board.state
+        state.verdict, state.reports, state.proposal = result.verdict, done.files, done.proposal
+        state.metrics, state.limits = result.metrics, result.limits
+    board.end(result.verdict, "; ".join(filter(None, (result.reason, done.problem))))

@@ -8,11 +8,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from console.experiment_running.live_bench import LiveBench
-from console.experiment_running.live_commands import LOOK, LiveCommands
+from console.experiment_running.live_commands import LOOK, TRIES, LiveCommands, Services
 from console.experiment_running.readings_feed import ReadingsFeed
 from console.experiment_running.simulated_hand import SimulatedHand
 from console.experiment_running.vehicle import VehicleFeed
-from console.experiment_running.vehicle_services import VehicleServices
 from console.experiments.client import ExperimentEndedError
 from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
 from quadrotor.calibration_record import CalibrationRecord, parse_record
@@ -35,7 +34,7 @@ class LiveClient(LiveCommands):
 
     def __init__(
         self,
-        services: VehicleServices,
+        services: Services,
         feed: VehicleFeed,
         readings: ReadingsFeed,
         hand: SimulatedHand,
@@ -163,14 +162,8 @@ class LiveClient(LiveCommands):
         with self._sending:
             if self._ended is not None:
                 raise self._ended
-            self._services.call(
-                "bench",
-                self.requester,
-                timeout=BENCH_CALL,
-                tries=1,
-                motor=motor,
-                reference=reference,
-                secured=True,
+            self._services["bench"].ask(
+                self.requester, timeout=BENCH_CALL, motor=motor, reference=reference, secured=True
             )
 
     def _end_bench(self) -> None:
@@ -178,8 +171,8 @@ class LiveClient(LiveCommands):
         too.
         """
         with suppress(QuadlabError):
-            self._services.call(
-                "bench", self.requester, timeout=BENCH_CALL, motor=0, reference=0, secured=True
+            self._services["bench"].ask(
+                self.requester, timeout=BENCH_CALL, tries=TRIES, motor=0, reference=0, secured=True
             )
 
     def _bench_timeout(self) -> float:

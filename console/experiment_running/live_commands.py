@@ -8,22 +8,26 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from console.commands.stick_watchdog import StickWatchdog
 from console.experiment_running.vehicle import VehicleFeed
-from console.experiment_running.vehicle_services import VehicleServices
 from console.experiments.client import VehicleView
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import monotonic
 from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.transport.client import ServiceClient
 from vehicle_link.transport.heartbeat import LinkState
 
 if TYPE_CHECKING:
     from console.experiment_running.runner import ExperimentRunner
 
+Services = Mapping[str, ServiceClient]
+"""Clients of the vehicle's services in USED."""
+USED = ("arm", "disarm", "start_behavior", "change_parameters", "calibrate", "bench")
+TRIES = 2
 LOOK = 0.02
 """s, least time between two checks of a condition."""
 IDLE = 0.1
@@ -44,7 +48,7 @@ class LiveCommands:
     has_pilot = True
 
     def __init__(
-        self, services: VehicleServices, feed: VehicleFeed, runner: ExperimentRunner, requester: str
+        self, services: Services, feed: VehicleFeed, runner: ExperimentRunner, requester: str
     ) -> None:
         self._services, self._feed, self._runner = services, feed, runner
         self.requester = requester
@@ -192,7 +196,7 @@ class LiveCommands:
             with self._sending:
                 if self._taken_over.is_set():
                     return ""
-                self._services.call(service, requester, **fields)
+                self._services[service].ask(requester, tries=TRIES, **fields)
         except (RefusedError, LinkError) as error:
             return f"the command {service} failed: {error}"
         return outcome
@@ -201,7 +205,7 @@ class LiveCommands:
     def _call(self, service: str, **fields: Any) -> Any:
         with self._sending:
             self._check()
-            response = self._services.call(service, self.requester, **fields)
+            response = self._services[service].ask(self.requester, tries=TRIES, **fields)
         self._check()
         return response
 

@@ -8,16 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim import PoseMeasurement
 from console.experiments.readings import BenchReadings, ImuReadings, TrackedAttitude
-from quadrotor.records import Record
+from quadrotor.records import Array, Record
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
-
-Array = npt.NDArray[np.float64]
 
 KEPT_TICKS = 60_000
 """Two minutes at 500 Hz, 7 MB; a slower reader loses the oldest, counted as a gap."""

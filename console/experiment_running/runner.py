@@ -17,9 +17,9 @@ from console.commands.stick_watchdog import StickOrder
 from console.context import StationContext
 from console.experiment_running import state as phases
 from console.experiment_running.decision import Decisions
-from console.experiment_running.judging import judge_run
+from console.experiment_running.evaluation import judge_run
 from console.experiment_running.live_client import LiveClient
-from console.experiment_running.live_commands import SETTLE
+from console.experiment_running.live_commands import SETTLE, TRIES, USED
 from console.experiment_running.readings_feed import ReadingsFeed
 from console.experiment_running.run_files import LOOK, RunFiles
 from console.experiment_running.service import ExperimentService
@@ -29,7 +29,6 @@ from console.experiment_running.status_publisher import ExperimentStatusPublishe
 from console.experiment_running.stick_takeover import StickTakeover
 from console.experiment_running.user_files import FOLDER, UserFiles
 from console.experiment_running.vehicle import VehicleFeed
-from console.experiment_running.vehicle_services import VehicleServices
 from console.experiments.client import FAILED, Experiment, ExperimentEndedError
 from console.experiments.watched import fly
 from console.link.outbox import INFO, WARN
@@ -37,6 +36,7 @@ from console.parameters.vehicle import VehicleParameters
 from console.runs.runs import RunManager
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.clock import monotonic
+from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 
 log = logging.getLogger(__name__)
@@ -69,12 +69,13 @@ class ExperimentRunner:
         self._vehicle = vehicle
         self._runs, self._calibrations = runs, calibrations
         self._station = context.parameters
-        self._services, self._hand = VehicleServices(node), SimulatedHand(node, vehicle)
+        self._services = {name: node.client(name, SERVICES[name]) for name in USED}
+        self._hand = SimulatedHand(node, vehicle)
         self._client: LiveClient | None = None
         self._board = ExperimentStatusPublisher(outbox, self.vehicle_ns, lambda: self._pilot)
         self._lock = self._board.lock
         self.tell = self._board.tell
-        decisions = Decisions(self._board, self._services, calibrations, catalogue)
+        decisions = Decisions(self._board, self._services["calibrate"], calibrations, catalogue)
         self.accept, self.reject = decisions.accept, decisions.reject
         self._thread: threading.Thread | None = None
         self._stopped_by = ""
@@ -142,7 +143,7 @@ class ExperimentRunner:
                 raise RefusedError("no experiment is flying, so there is nothing to finish")
             self._state.phase = phases.FINISHING
             self._client.finish()
-        self._board.say(INFO, f"experiment finishes, requested by {requester}")
+        self._board.say(INFO, f"experiment ends early, requested by {requester}")
         self._board.send()
 
     def stop(self, requester: str) -> None:
@@ -203,7 +204,9 @@ class ExperimentRunner:
         # After the experiment's last command, if one is in progress.
         client.end(ExperimentEndedError(_BY_STICKS), taken_over=True, patience=SETTLE)
         try:
-            self._services.call("start_behavior", "the sticks", name="velocity", arguments=[])
+            self._services["start_behavior"].ask(
+                "the sticks", tries=TRIES, name="velocity", arguments=[]
+            )
         except QuadlabError as error:
             self._board.say(WARN, f"{_BY_STICKS}, but: {error}")
 

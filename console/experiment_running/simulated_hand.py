@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import uuid
 from collections.abc import Sequence
 
 from quadrotor.errors import (
@@ -89,22 +88,12 @@ class SimulatedHand:
         return None
 
     def _hold(self, how: str, angles: dict[str, float], requester: str) -> None:
-        self._set({HELD: how, **angles}, requester)
-        self._held = how
-
-    def _set(self, values: dict[str, ParameterValue], requester: str) -> None:
-        request = new(
-            f"{SERVICES['change_parameters']}_Request",
-            request_id=uuid.uuid4().hex,
-            requester=requester,
-            parameters=to_parameters(values),
-        )
+        values: dict[str, ParameterValue] = {HELD: how, **angles}
         try:
-            response = self._change.call(request, TIMEOUT)
-        except LinkError as error:
+            self._change.ask(requester, timeout=TIMEOUT, parameters=to_parameters(values))
+        except (LinkError, RefusedError) as error:
             raise RefusedError(f"the simulator does not hold the vehicle: {error}") from error
-        if not response.accepted:
-            raise RefusedError(f"the simulator does not hold the vehicle: {response.reason}")
+        self._held = how
 
 
 def euler_degrees(quaternion_wb: Sequence[float]) -> tuple[float, float, float]:

@@ -19,6 +19,12 @@ ACCEPTED, REJECTED = "accepted", "rejected"
 NO_PROGRESS = Progress("")
 STEPS_MAX, LIVE_MAX = 9999, 200
 
+SENT_AS_THEY_ARE = (
+    *("name", "phase", "step", "requester", "planned", "reason", "run_id", "verdict"),
+    *("question", "proposal", "decision"),
+)
+"""Fields of the state that the message has under the same name."""
+
 
 @dataclass
 class ExperimentState:
@@ -53,16 +59,9 @@ class ExperimentState:
         return new(
             "quadlab_msgs/ExperimentStatus",
             header=header(stamp_ns),
-            name=self.name,
-            phase=self.phase,
-            step=self.step,
-            requester=self.requester,
+            **{name: getattr(self, name) for name in SENT_AS_THEY_ARE},
             manual=manual,
             elapsed=until - self.started if self.name else 0.0,
-            planned=self.planned,
-            reason=self.reason,
-            run_id=self.run_id,
-            verdict=self.verdict,
             metric_names=list(self.metrics),
             metric_values=list(self.metrics.values()),
             metric_limits=[self.limits.get(name, math.nan) for name in self.metrics],
@@ -71,12 +70,9 @@ class ExperimentState:
             step_number=progress.number,
             step_count=progress.count,
             step_share=progress.share,
-            question=self.question,
             live_names=list(progress.live),
             live_values=[value for value, _ in progress.live.values()],
             live_units=[unit for _, unit in progress.live.values()],
-            proposal=self.proposal,
-            decision=self.decision,
         )
 
 

@@ -1,16 +1,20 @@
-"""Users' own experiments: files of a folder, checked in the background, loaded when started."""
+"""Users' own experiments: files of a folder and modules of packages, checked in the background,
+loaded when started.
+"""
 
 from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 
 from console.experiment_running.file_check import Described, check
 from console.experiments.catalogue import EXPERIMENTS
 from console.experiments.client import Experiment
-from console.experiments.user_file import load
+from console.experiments.user_file import GROUP, load
 from quadrotor.errors import QuadlabError, RefusedError, StorageError
+from quadrotor.packaged_files import packaged_files
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +35,7 @@ class UserFiles:
 
     def __init__(self, folder: Path, vehicle: str) -> None:
         self._folder, self._vehicle = folder, vehicle
+        self._packaged = packaged_files(GROUP).values()
         self._lock = threading.Lock()
         self._known: dict[Path, tuple[Version, Described]] = {}
         self._waiting: tuple[Path, ...] = ()
@@ -107,7 +112,7 @@ class UserFiles:
                 return
 
     def _scan(self) -> None:
-        present = _versions(self._folder)
+        present = _versions(self._folder, self._packaged)
         with self._lock:
             self._known = {p: known for p, known in self._known.items() if p in present}
             changed = [
@@ -126,11 +131,11 @@ class UserFiles:
             self._waiting = ()
 
 
-def _versions(folder: Path) -> dict[Path, Version]:
+def _versions(folder: Path, packaged: Iterable[Path] = ()) -> dict[Path, Version]:
     """Return the files that may be experiments, without those of editors and of Python."""
     found = {}
     try:
-        for path in sorted(folder.glob("*.py"))[:FILES_MAX]:
+        for path in (*sorted(folder.glob("*.py"))[:FILES_MAX], *packaged):
             if path.name[0] not in "._#" and path.is_file():
                 about = path.stat()
                 found[path] = (about.st_mtime_ns, about.st_size)

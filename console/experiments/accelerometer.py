@@ -19,7 +19,6 @@ from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.manoeuvres import wait_ready
 from console.experiments.pose_guide import (
-    Array,
     attitude_of,
     face_up,
     farthest,
@@ -34,6 +33,7 @@ from estimation.calibration.still_poses import StillPose, StillPoses
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import MeasurementError, QuadlabError, RefusedError
 from quadrotor.parameters import Parameters, parameter
+from quadrotor.records import Array
 
 LOOK = 0.02
 """Seconds between two reads of the samples."""

@@ -6,22 +6,22 @@ from pathlib import Path
 
 import numpy as np
 
-from console.evaluation.log_columns import Array, read_columns
+from console.evaluation.log_columns import read_columns
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
 from console.experiments.manoeuvres import wait_ready
 from console.experiments.readings import Progress
+from flight_log.fields import MOTOR_REFERENCES, RATE
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError, RefusedError
 from quadrotor.parameters import Parameters, parameter
+from quadrotor.records import Array
 
 SAMPLES = "safety.gyro_samples"
 CHECK = 5.0
 """Seconds of rest afterwards, in which the remaining drift is measured."""
 ERROR_MAX = 0.03
 """Limit of the remaining drift, deg/s."""
-RATES = ("angular_velocity.x", "angular_velocity.y", "angular_velocity.z")
-REFERENCES = tuple(f"motor_references[{motor}]" for motor in range(4))
 KEEP_STILL = "Leave the vehicle standing still; do not touch it"
 
 
@@ -112,14 +112,14 @@ class Gyroscope:
         """Return the record, and the subsequent rates (N, 3), rad/s."""
         if self._found is None:
             raise MeasurementError("the gyroscope was not calibrated, so nothing is proposed")
-        columns = read_columns(log, self._vehicle, {"imu": RATES, "actuators": REFERENCES})
-        rates = columns["imu"].table(RATES, *self._window)
+        columns = read_columns(log, self._vehicle, {"imu": RATE, "actuators": MOTOR_REFERENCES})
+        rates = columns["imu"].table(RATE, *self._window)
         if len(rates) < 50:
             raise MeasurementError(
                 f"{log.name} has {len(rates)} samples after the calibration, 50 are needed; "
                 "was it recorded to its end?"
             )
-        if columns["actuators"].table(REFERENCES, *self._window).any():
+        if columns["actuators"].table(MOTOR_REFERENCES, *self._window).any():
             raise MeasurementError("motors were on after the gyroscope's calibration; begin again")
         return self._found, rates
 

@@ -6,12 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration.accelerometer import FACES
 from quadrotor.plain_rotations import rows_of
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 SMALL = math.radians(8.0)
 """Largest tilt, in rad, that is not mentioned."""

@@ -7,11 +7,9 @@ import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.errors import StorageError, UsageError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 RATE = 50.0
 """Rate at which sticks are sent, Hz."""

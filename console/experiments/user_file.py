@@ -37,6 +37,8 @@ OPTIONAL = {
     "abort": "def abort(self, view: VehicleView) -> str",
 }
 ATTRIBUTES = ("name", "parameters", "planned")
+GROUP = "quadlab.experiments"
+"""Group of entry points by which installed packages offer modules with an experiment."""
 NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 WHERE = "docs/experiments.md shows one"
 

@@ -3,56 +3,38 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from console.reports.paper_figures import Bench
 from console.reports.run_log import RunLog
 from estimation.calibration.motor_bench import BenchSteps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
+from flight_log.fields import MOTOR_REFERENCES
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
-
-REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
+from quadrotor.records import Array
 
 
-def bench_of(log: RunLog) -> tuple[Bench, str]:
-    """Return signals, steps and fits, and a text with the results of the fits.
+def fitted(steps: BenchSteps) -> tuple[dict[str, tuple[Array, Array]], str]:
+    """Return the curves of the fits by name, as force and reference, and the results as text."""
+    try:
+        law = identify_motor(steps)
+    except MeasurementError as error:
+        return {}, f"No fit: {error}."
+    force: Array = np.linspace(0.0, float(steps.force.max()), 200)
+    alpha, beta = law.root.coefficients
+    a, b, c = law.quadratic.coefficients
+    curves = {
+        "affine in √force": (force, alpha + beta * np.sqrt(force)),
+        "quadratic in force": (force, (a * force + b) * force + c),
+    }
+    return curves, _words(law)
+
+
+def signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
+    """Return reference at the ticks, force and torque at the sensor's times, and the steps.
 
     Raises MeasurementError when no reference was held.
     """
     actuators, sensor = log.topics["actuators"], log.topics["bench_reading"]
-    reference, force, torque, steps = _signals(log)
-    inside = (steps.reference >= USABLE[0]) & (steps.reference <= USABLE[1])
-    fits: dict[str, tuple[Array, Array]] = {}
-    try:
-        law = identify_motor(steps)
-        summary = _words(law)
-        curve: Array = np.linspace(0.0, float(steps.force.max()), 200)
-        alpha, beta = law.root.coefficients
-        fits["affine in √force"] = curve, alpha + beta * np.sqrt(curve)
-        a, b, c = law.quadratic.coefficients
-        fits["quadratic in force"] = curve, (a * curve + b) * curve + c
-    except MeasurementError as error:
-        summary = f"No fit: {error}."
-    bench = Bench(
-        actuators.time,
-        reference,
-        sensor.time,
-        force,
-        torque,
-        steps.reference,
-        steps.force,
-        inside,
-        fits,
-    )
-    return bench, summary
-
-
-def _signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
-    """Return reference at the ticks, force and torque at the sensor's times, and the steps."""
-    actuators, sensor = log.topics["actuators"], log.topics["bench_reading"]
-    reference = np.nanmax(actuators.rows(REFERENCES), axis=1).astype(np.float64)
+    reference = np.nanmax(actuators.rows(MOTOR_REFERENCES), axis=1).astype(np.float64)
     force, torque = sensor.rows(("force", "torque")).astype(np.float64).T
     newest = np.clip(np.searchsorted(actuators.time, sensor.time, side="right") - 1, 0, None)
     turning = (reference[newest] > 0.0) & np.isfinite(force) & np.isfinite(torque)
@@ -64,7 +46,7 @@ def _signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
 
 def law_figures(log: RunLog) -> dict[str, float]:
     """Return the results of the fits by name. Raises MeasurementError."""
-    law = identify_motor(_signals(log)[-1])
+    law = identify_motor(signals(log)[-1])
     return {
         "root_law_worst_count": law.root.worst,
         "quadratic_worst_count": law.quadratic.worst,

@@ -14,19 +14,13 @@ from console.reports.flight import Flight
 from console.reports.judgement import Judgement
 from console.reports.plots import AXES, COLORS, DASHED, QUIET, finish, grid, line, styled, triple
 from console.reports.run_log import RunLog
+from flight_log.fields import FORCE, RATE, TORQUE_B, TURNING_B
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.constants import GRAVITY
 from quadrotor.errors import LogFormatError
 
 Array = npt.NDArray[np.floating[Any]]
-
-FORCE = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
-RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
-MOTION = {
-    "state": tuple(f"twist.twist.angular.{axis}" for axis in "xyz"),
-    "actuators": tuple(f"torque.{axis}" for axis in "xyz"),
-}
 
 
 def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
@@ -95,8 +89,8 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     if not log.has("state", "actuators"):
         raise LogFormatError("the log has no topic state or actuators")
     state, actuators = log.topics["state"], log.topics["actuators"]
-    rates = np.degrees(state.rows(MOTION["state"]))
-    torque = 1e3 * actuators.rows(MOTION["actuators"])
+    rates = np.degrees(state.rows(TURNING_B))
+    torque = 1e3 * actuators.rows(TORQUE_B)
     found = read_inertia(log.path, log.vehicle)
     start = found.time[0] - log.start_ns * 1e-9
     time = found.time - found.time[0] + start

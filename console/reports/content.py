@@ -26,17 +26,25 @@ class Table:
 
     Attributes:
         title: its caption, or the label that unfolds it.
-        numeric: indices of the columns with numbers.
+        layout: width in percent and alignment of each column, like "70l 30r"; r for numbers.
         folded: whether the page shows it only when it is unfolded.
-        widths: widths of the columns on paper, as shares of the whole.
     """
 
     title: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
-    numeric: frozenset[int] = frozenset()
+    layout: str
     folded: bool = False
-    widths: Sequence[float] = ()
+
+    @property
+    def widths(self) -> list[float]:
+        """Return the widths of the columns on paper, as shares of the whole."""
+        return [int(one[:-1]) / 100 for one in self.layout.split()]
+
+    @property
+    def numeric(self) -> set[int]:
+        """Return the indices of the columns with numbers."""
+        return {k for k, one in enumerate(self.layout.split()) if one.endswith("r")}
 
 
 @dataclass(frozen=True)

@@ -9,24 +9,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.alignment import between, make_continuous, rotated_rows
-from console.reports.run_log import ODOMETRY, RunLog
-from quadrotor.plain_rotations import roll_pitch_yaw_of_rows
+from console.evaluation.alignment import between, rotated_rows
+from console.reports.run_log import RunLog
+from flight_log.fields import ODOMETRY, REFERENCE, TRACKED, TRACKED_ATTITUDE
+from quadrotor.plain_rotations import make_continuous, roll_pitch_yaw_of_rows
 
 Array = npt.NDArray[np.floating[Any]]
 
 LARGEST_GAP = 0.1
 """Longest gap between messages that is interpolated, s."""
-REFERENCE = ("position.x", "position.y", "position.z", "yaw")
-TRACKED = (
-    "pose.position.x",
-    "pose.position.y",
-    "pose.position.z",
-    "pose.orientation.w",
-    "pose.orientation.x",
-    "pose.orientation.y",
-    "pose.orientation.z",
-)
+WANTED = (*REFERENCE, "yaw")
 
 
 @dataclass(frozen=True)
@@ -96,16 +88,16 @@ def flight_of(log: RunLog) -> Flight:
     truth = _odometry(log, "truth", "truth")
     if truth is None and log.has("tracker_pose"):
         series = log.topics["tracker_pose"]
-        rows = series.rows(TRACKED)
+        rows = series.rows(TRACKED + TRACKED_ATTITUDE)
         nowhere = np.full((len(rows), 3), np.nan)
         truth = Track("tracker", series.time, rows[:, :3], rows[:, 3:], nowhere)
     estimate = _odometry(log, "state", "estimate", None if truth is None else truth.time)
     shown = truth or estimate
     time = shown.time if shown is not None else np.zeros(0)
-    wanted = np.full((len(time), len(REFERENCE)), np.nan)
+    wanted = np.full((len(time), len(WANTED)), np.nan)
     if log.has("reference"):
         series = log.topics["reference"]
-        wanted = between(time, series.time, series.take(REFERENCE), LARGEST_GAP)[0]
+        wanted = between(time, series.time, series.take(WANTED), LARGEST_GAP)[0]
     return Flight(truth, estimate, wanted)
 
 

@@ -22,11 +22,10 @@ from console.reports.plots import (
     window,
 )
 from console.reports.run_log import RunLog
+from flight_log.fields import MOTOR_REFERENCES
 from quadrotor.constants import MOTORS
 
 Array = npt.NDArray[np.floating[Any]]
-
-REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
 
 
 def flight_pictures(log: RunLog, flight: Flight, *, standing: bool = False) -> list[Picture]:
@@ -114,8 +113,8 @@ def _motors(log: RunLog) -> Picture:
     def draw(figure: Any) -> None:
         axes = grid(figure, 2, height_ratios=(2.0, 1.0))[:, 0]
         for k, name in enumerate(MOTORS):
-            if REFERENCES[k] in series:
-                column = series.values(REFERENCES[k])
+            if MOTOR_REFERENCES[k] in series:
+                column = series.values(MOTOR_REFERENCES[k])
                 line(axes[0], series.time, column, color=COLORS[k], label=name, linewidth=0.8)
         finish(axes[0], "motor references", "counts")
         scaling = series.rows(("scaling",))[:, 0]

@@ -21,6 +21,7 @@ from console.reports.bench_steps import law_figures
 from console.reports.flight import Flight, airborne, rms
 from console.reports.run_log import RunLog
 from console.runs.report_folders import has_report, read_result
+from flight_log.fields import MOTOR_REFERENCES
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import QuadlabError
 
@@ -169,7 +170,7 @@ def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, flo
     if log.has("actuators") and spans:
         series = log.topics["actuators"]
         rows = within(series.time, spans)
-        motors = series.rows(tuple(f"motor_references[{k}]" for k in range(4)))[rows]
+        motors = series.rows(MOTOR_REFERENCES)[rows]
         scaling = series.rows(("scaling",))[rows]
         if len(motors):
             found["motor_mean_counts"] = float(np.nanmean(motors))

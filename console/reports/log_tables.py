@@ -20,15 +20,7 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
     values = log.parameters
     if judged.options:
         chosen = [(name, shown(value)) for name, value in judged.options.items()]
-        blocks.append(
-            Table(
-                "Options of the experiment",
-                ("option", "value"),
-                chosen,
-                frozenset({1}),
-                widths=(0.5, 0.5),
-            )
-        )
+        blocks.append(Table("Options of the experiment", ("option", "value"), chosen, "50l 50r"))
     values = {k: v for k, v in values.items() if not k.startswith("experiment.")}
     if not values:
         return [*blocks, Text(f"{NOT_RECORDED.capitalize()} in this log.")]
@@ -48,15 +40,8 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
         blocks.append(Text("The defaults are not known, so all parameters are listed."))
     elif differing:
         rows = [(n, shown(v), shown(attached[n])) for n, v in sorted(differing.items())]
-        blocks.append(
-            Table(
-                f"Differing from {whose}",
-                ("parameter", "value", "default"),
-                rows,
-                frozenset({1, 2}),
-                widths=(0.52, 0.24, 0.24),
-            )
-        )
+        head = ("parameter", "value", "default")
+        blocks.append(Table(f"Differing from {whose}", head, rows, "52l 24r 24r"))
         left = len(values) - len(known)
         if left:
             blocks.append(Text(f"The defaults of {left} more are not known; all are listed below."))
@@ -67,11 +52,7 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
         for name, value in sorted(values.items())
     ]
     head = ("parameter", "at the start", "at the end, if changed")
-    blocks.append(
-        Table(
-            f"All {len(rows)} parameters", head, rows, frozenset({1, 2}), True, (0.52, 0.24, 0.24)
-        )
-    )
+    blocks.append(Table(f"All {len(rows)} parameters", head, rows, "52l 24r 24r", folded=True))
     return blocks
 
 
@@ -92,30 +73,14 @@ def timeline_blocks(log: RunLog) -> list[Block]:
         for start, end, name in log.spans("status", "behavior")
     ]
     if behaviors:
-        head = ("from, s", "to, s", "behaviour")
-        blocks.append(
-            Table(
-                "Behaviours",
-                head,
-                behaviors,
-                frozenset({0, 1}),
-                len(behaviors) > 20,
-                (0.14, 0.14, 0.72),
-            )
-        )
+        spans = ("from, s", "to, s", "behaviour")
+        is_long = len(behaviors) > 20
+        blocks.append(Table("Behaviours", spans, behaviors, "14r 14r 72l", is_long))
     if not rows:
         return [*blocks, Text("This log has no events, marks or changes of parameters.")]
     title = f"Events, marks and changes of parameters ({len(rows)})"
-    blocks.append(
-        Table(
-            title,
-            ("s", "what", "text", "by"),
-            rows,
-            frozenset({0}),
-            len(rows) > 60,
-            (0.09, 0.13, 0.62, 0.16),
-        )
-    )
+    head = ("s", "what", "text", "by")
+    blocks.append(Table(title, head, rows, "9r 13l 62l 16l", len(rows) > 60))
     return blocks
 
 
@@ -130,24 +95,13 @@ def recording_blocks(log: RunLog) -> list[Block]:
         rows.append((name, str(count), rate, str(len(silent) or ""), longest))
         gaps += [(f"{start:.2f}", f"{length:.2f}", name) for start, length in silent]
     head = ("topic", "messages", "Hz", "gaps", "longest, s")
-    blocks: list[Block] = [
-        Heading("Recording"),
-        Table("Topics", head, rows, frozenset({1, 2, 3, 4}), widths=(0.4, 0.15, 0.15, 0.15, 0.15)),
-    ]
+    blocks: list[Block] = [Heading("Recording"), Table("Topics", head, rows, "40l 15r 15r 15r 15r")]
     if gaps:
         gaps.sort(key=lambda row: float(row[0]))
         more = f", the first {MOST_GAPS}" if len(gaps) > MOST_GAPS else ""
         title = f"Gaps longer than 4 usual periods and 50 ms ({len(gaps)}{more})"
-        blocks.append(
-            Table(
-                title,
-                ("at, s", "for, s", "topic"),
-                gaps[:MOST_GAPS],
-                frozenset({0, 1}),
-                True,
-                (0.14, 0.14, 0.72),
-            )
-        )
+        shown_gaps = gaps[:MOST_GAPS]
+        blocks.append(Table(title, ("at, s", "for, s", "topic"), shown_gaps, "14r 14r 72l", True))
     if link := _link_words(log):
         blocks.append(Text(link))
     return blocks
@@ -171,7 +125,7 @@ def version_blocks(log: RunLog) -> list[Block]:
         rows.append(("versions", run["versions"]))
     shown_above = {"git_revision", "git_dirty", "versions", "run_id", "vehicle", "experiment"}
     rows += [(name, value) for name, value in run.items() if name not in shown_above]
-    return [Heading("Versions"), Table("", ("what", "which"), rows, widths=(0.25, 0.75))]
+    return [Heading("Versions"), Table("", ("what", "which"), rows, "25l 75l")]
 
 
 def _link_words(log: RunLog) -> str:

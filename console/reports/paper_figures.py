@@ -1,18 +1,20 @@
 """Figs. 2, 3, 4 and 6 of the paper, with the sub-plots of their captions.
 
-Each function fills an empty figure. Times are in s, positions in m, angles in rad; unknown values
-are NaN.
+Times are in s, positions in m, angles in rad; unknown values are NaN.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from console.reports.bench_steps import fitted, signals
+from console.reports.content import Picture
+from console.reports.flight import Flight, airborne
+from console.reports.judgement import Judgement
 from console.reports.plots import (
     ANGLES,
     COLORS,
@@ -24,141 +26,186 @@ from console.reports.plots import (
     finish,
     grid,
     line,
+    styled,
     triple,
     window,
 )
+from console.reports.run_log import RunLog
+from estimation.calibration.motor_law import USABLE
+from quadrotor.errors import LogFormatError
+from quadrotor.plain_rotations import rotation_vectors_between
 
 Array = npt.NDArray[np.floating[Any]]
 Spans = Sequence[tuple[float, float]]
+NOT_TRACKED = "the log has neither state nor truth nor tracker_pose"
 
 
-@dataclass(frozen=True)
-class Bench:
-    """Signals of a motor bench test, and the results of its steps.
+def motor_bench(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    """Return Fig. 2: (a) input and output signals, (b) the fitted model as a function of force.
 
-    Attributes:
-        reference: (N,) counts at `time`.
-        force, torque: (M,) N and N m at `sensor_time`.
-        step_reference, step_force: (K,) counts and N of the steps.
-        used: which steps are part of the fit.
-        fits: name → (force, reference) of a curve.
+    Raises MeasurementError when no reference was held.
     """
+    _need(log, "bench_reading", "actuators")
+    signal, sensor = log.topics["actuators"], log.topics["bench_reading"]
+    reference, force, torque, steps = signals(log)
+    fits, summary = fitted(steps)
+    used = (steps.reference >= USABLE[0]) & (steps.reference <= USABLE[1])
 
-    time: Array
-    reference: Array
-    sensor_time: Array
-    force: Array
-    torque: Array
-    step_reference: Array
-    step_force: Array
-    used: npt.NDArray[np.bool_]
-    fits: Mapping[str, tuple[Array, Array]]
+    def draw(figure: Any) -> None:
+        left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))
+        axes = grid(left, 3)[:, 0]
+        line(axes[0], signal.time, reference, color=GOOD, label="reference")
+        finish(axes[0], "(a) reference", "counts", legend=False)
+        line(axes[1], sensor.time, force, color=COLORS[0])
+        finish(axes[1], "force", "N", legend=False)
+        line(axes[2], sensor.time, 1e3 * torque, color=COLORS[1])
+        finish(axes[2], "torque", "mN m", legend=False)
+        axes[2].set_xlabel("s")
+        axis = grid(right, 1)[0, 0]
+        dots: Any = {"color": COLORS[0], "markersize": 4}
+        axis.plot(steps.force[used], steps.reference[used], "o", **dots, label="measured")
+        if not used.all():
+            dots["markerfacecolor"] = "white"
+            axis.plot(steps.force[~used], steps.reference[~used], "o", **dots, label="left out")
+        styles = ((REFERENCE, "-"), (COLORS[1], (0, (4, 2))))
+        for (name, curve), (color, style) in zip(fits.items(), styles, strict=False):
+            axis.plot(*curve, color=color, linestyle=style, label=name)
+        axis.set_xlabel("force, N")
+        finish(axis, "(b) fitted model", "reference, counts", legend=False)
+        axis.legend(loc="lower right")
 
-
-def motor_calibration(figure: Any, bench: Bench) -> None:
-    """Draw Fig. 2: (a) input and output signals, (b) the fitted model as a function of force."""
-    left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))
-    axes = grid(left, 3)[:, 0]
-    line(axes[0], bench.time, bench.reference, color=GOOD, label="reference")
-    finish(axes[0], "(a) reference", "counts", legend=False)
-    line(axes[1], bench.sensor_time, bench.force, color=COLORS[0])
-    finish(axes[1], "force", "N", legend=False)
-    line(axes[2], bench.sensor_time, 1e3 * bench.torque, color=COLORS[1])
-    finish(axes[2], "torque", "mN m", legend=False)
-    axes[2].set_xlabel("s")
-    axis = grid(right, 1)[0, 0]
-    axis.plot(
-        bench.step_force[bench.used],
-        bench.step_reference[bench.used],
-        "o",
-        color=COLORS[0],
-        markersize=4,
-        label="measured",
-    )
-    if not bench.used.all():
-        axis.plot(
-            bench.step_force[~bench.used],
-            bench.step_reference[~bench.used],
-            "o",
-            markersize=4,
-            markerfacecolor="white",
-            markeredgecolor=COLORS[0],
-            label="left out",
+    caption = "Motor calibration: (a) input and output signals, (b) fitted model."
+    return [
+        Picture(
+            "Fig. 2 of the paper",
+            f"{caption} {summary}",
+            "On the left motor reference, force and torque over time; on the right the reference "
+            "over the force with the measured steps and the fitted curves.",
+            3.9,
+            styled(draw),
         )
-    styles = ((REFERENCE, "-"), (COLORS[1], (0, (4, 2))))
-    for (name, (force, reference)), (color, style) in zip(bench.fits.items(), styles, strict=False):
-        axis.plot(force, reference, color=color, linestyle=style, label=name)
-    axis.set_xlabel("force, N")
-    finish(axis, "(b) fitted model", "reference, counts", legend=False)
-    axis.legend(loc="lower right")
+    ]
 
 
-def mass_estimation(
-    figure: Any,
-    mass: tuple[Array, Array, Array],
-    position: tuple[Array, Array],
-    velocity: tuple[Array, Array],
-    true_mass: float | None,
-    flown: Spans,
-) -> None:
-    """Draw Fig. 3: (a) estimated mass, (b) position, (c) velocity.
-
-    Args:
-        mass: time, kg, and its standard deviation.
-        position, velocity: time and (N, 3).
-        true_mass: kg, NaN or None when unknown.
-    """
-    axes = grid(figure, 3)[:, 0]
-    time, value, deviation = mass
+def mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    """Return Fig. 3: (a) estimated mass, (b) position, (c) velocity."""
+    _need(log, "estimator")
+    shown = flight.shown
+    if shown is None:
+        raise LogFormatError(NOT_TRACKED)
+    time = log.topics["estimator"].time
+    value, variance = log.topics["estimator"].rows(("mass", "mass_variance")).T
+    deviation = np.sqrt(np.maximum(variance, 0.0))
     known = np.isfinite(deviation) & (deviation < 0.3)
-    axes[0].fill_between(
-        time,
-        value - deviation,
-        value + deviation,
-        where=known.tolist(),
-        color=COLORS[0],
-        alpha=0.18,
-        linewidth=0,
-        label="± its standard deviation",
-        rasterized=len(time) > 4000,
-    )
-    line(axes[0], time, value, color=COLORS[0], label="estimated")
-    if true_mass is not None and np.isfinite(true_mass):
-        axes[0].axhline(true_mass, **DASHED, label=f"true {true_mass:.4g} kg")
-    finish(axes[0], "(a) mass", "kg")
-    triple(axes[1], *position)
-    finish(axes[1], "(b) position", "m")
-    triple(axes[2], *velocity)
-    finish(axes[2], "(c) velocity", "m/s")
-    for axis in axes:
-        window(axis, flown)
-    axes[2].set_xlabel("s (shaded: airborne)")
+    estimate = flight.estimate or shown
+    true_mass = judged.metrics.get("truth_kg", log.parameters.get("simulator.mass"))
+
+    def draw(figure: Any) -> None:
+        axes = grid(figure, 3)[:, 0]
+        axes[0].fill_between(
+            time,
+            value - deviation,
+            value + deviation,
+            where=known.tolist(),
+            color=COLORS[0],
+            alpha=0.18,
+            linewidth=0,
+            label="± its standard deviation",
+            rasterized=len(time) > 4000,
+        )
+        line(axes[0], time, value, color=COLORS[0], label="estimated")
+        if isinstance(true_mass, int | float) and np.isfinite(true_mass):
+            axes[0].axhline(true_mass, **DASHED, label=f"true {true_mass:.4g} kg")
+        finish(axes[0], "(a) mass", "kg")
+        triple(axes[1], shown.time, shown.position_w)
+        finish(axes[1], "(b) position", "m")
+        triple(axes[2], estimate.time, estimate.velocity_w)
+        finish(axes[2], "(c) velocity", "m/s")
+        for axis in axes:
+            window(axis, airborne(log))
+        axes[2].set_xlabel("s (shaded: airborne)")
+
+    return [
+        Picture(
+            "Fig. 3 of the paper",
+            "Mass estimation during a normal flight: (a) estimated mass, (b) position, "
+            "(c) estimated velocity.",
+            "Three plots over time: estimated mass with its deviation, position, velocity.",
+            5.2,
+            styled(draw),
+        )
+    ]
 
 
-def trajectory_tracking(
-    figure: Any,
-    time: Array,
-    position: Array,
-    wanted: Array,
-    yaw: Array,
-    yaw_wanted: Array,
-    position_error: Array,
-    yaw_error: Array,
-    judged: Spans,
-) -> None:
-    """Draw Fig. 4: (a) position, (b) yaw, (c) position error, (d) yaw error."""
-    axes = grid(figure, 2, 2)
-    triple(axes[0, 0], time, position)
-    band(axes[0, 0], time, wanted, "reference")
-    finish(axes[0, 0], "(a) position", "m", narrow=True)
-    line(axes[0, 1], time, np.degrees(yaw), color=COLORS[0], label="yaw")
-    band(axes[0, 1], time, np.degrees(yaw_wanted)[:, None], "reference")
-    finish(axes[0, 1], "(b) yaw", "deg", narrow=True)
-    triple(axes[1, 0], time, 1e3 * position_error)
-    finish(axes[1, 0], "(c) position error", "mm", narrow=True)
-    line(axes[1, 1], time, np.degrees(yaw_error), color=COLORS[0])
-    finish(axes[1, 1], "(d) yaw error", "deg", legend=False, narrow=True)
-    _share_window(axes, judged)
+def figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    """Return Fig. 4: (a) position, (b) yaw, (c) position error, (d) yaw error."""
+    _need(log, "reference")
+    shown = flight.shown
+    if shown is None:
+        raise LogFormatError(NOT_TRACKED)
+    rows = _around(shown.time, log, "follow_trajectory")
+    time, wanted = shown.time[rows], flight.reference[rows]
+    error, yaw_error = (one[rows] for one in flight.tracking_error)
+
+    def draw(figure: Any) -> None:
+        axes = grid(figure, 2, 2)
+        triple(axes[0, 0], time, shown.position_w[rows])
+        band(axes[0, 0], time, wanted[:, :3], "reference")
+        finish(axes[0, 0], "(a) position", "m", narrow=True)
+        yaw = wanted[:, 3] + yaw_error  # next to its reference, without jumps
+        line(axes[0, 1], time, np.degrees(yaw), color=COLORS[0], label="yaw")
+        band(axes[0, 1], time, np.degrees(wanted[:, 3:]), "reference")
+        finish(axes[0, 1], "(b) yaw", "deg", narrow=True)
+        triple(axes[1, 0], time, 1e3 * error)
+        finish(axes[1, 0], "(c) position error", "mm", narrow=True)
+        line(axes[1, 1], time, np.degrees(yaw_error), color=COLORS[0])
+        finish(axes[1, 1], "(d) yaw error", "deg", legend=False, narrow=True)
+        _share_window(axes, judged.windows)
+
+    return [
+        Picture(
+            "Fig. 4 of the paper",
+            f"Tracking of an 8: (a) position ({shown.name}), (b) yaw, (c) position error, (d) yaw "
+            "error, measured minus reference.",
+            "Four plots over time: position with its reference, yaw with its reference, position "
+            "error in x, y, z, yaw error.",
+            4.4,
+            styled(draw),
+        )
+    ]
+
+
+def bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    """Return Fig. 6 of the time on bearings."""
+    truth, estimate = flight.truth, flight.estimate
+    if truth is None or estimate is None:
+        raise LogFormatError("the log has no state, or neither truth nor tracker_pose")
+    if not judged.windows:
+        raise LogFormatError(
+            "it never flew on bearings: no change of estimation.source to bearings"
+        )
+    (start, end), *_ = judged.windows
+    rows = (truth.time >= start) & (truth.time <= end)
+    time, angles = truth.time[rows], truth.angles[rows]
+    estimated = angles - flight.estimation_error[2][rows]
+    position = truth.position_w[rows], estimate.position_w[rows]
+    error = flight.estimation_error[0][rows]
+    off = rotation_vectors_between(estimate.quaternion_wb[rows], truth.quaternion_wb[rows])
+
+    def draw(figure: Any) -> None:
+        state_estimation(figure, time, position, (angles, estimated), error, off, (), truth.name)
+
+    return [
+        Picture(
+            "Fig. 6 of the paper",
+            f"State estimation on bearings alone, against {truth.name}: (a) position, (b) roll, "
+            "pitch, yaw, (c) position error, (d) orientation error as a rotation vector.",
+            "Four plots over time while bearings were flown on: true and estimated position, true "
+            "and estimated angles, position error, orientation error.",
+            4.6,
+            styled(draw),
+        )
+    ]
 
 
 def state_estimation(
@@ -197,3 +244,18 @@ def _share_window(axes: Any, judged: Spans) -> None:
         window(axis, judged)
     for axis in axes[-1]:
         axis.set_xlabel("s (shaded: judged)" if judged else "s")
+
+
+def _need(log: RunLog, *topics: str) -> None:
+    absent = [topic for topic in topics if not log.has(topic)]
+    if absent:
+        raise LogFormatError(f"the log has no topic {', '.join(absent)}")
+
+
+def _around(time: Array, log: RunLog, behavior: str) -> npt.NDArray[np.bool_]:
+    """Return the interval of that behaviour plus a second at both ends; all, if there is none."""
+    spans = [one for one in log.spans("status", "behavior") if one[2] == behavior]
+    if not spans:
+        return np.ones(len(time), bool)
+    rows: npt.NDArray[np.bool_] = (time >= spans[0][0] - 1.0) & (time <= spans[-1][1] + 1.0)
+    return rows

@@ -59,7 +59,7 @@ class Pages:
         self.text(text, size=11.0, bold=True)
 
     def table(self, table: Table) -> None:
-        widths = list(table.widths) or [1.0 / len(table.head)] * len(table.head)
+        widths = table.widths
         lefts = [MARGIN + WIDTH * sum(widths[:k]) for k in range(len(widths))]
         room = [WIDTH * width / LETTER - 1.5 for width in widths]
         self._room(4 * LINE)
@@ -170,7 +170,7 @@ def write_pdf(report: Report, path: Path) -> None:
         verdict = report.verdict if report.verdict in WORDS else ""
         pages.text(WORDS[verdict], size=11.0, bold=True, color=colors.get(verdict, "#444444"))
         pages.text(report.verdict_reason, color="#555555", after=0.12)
-        pages.table(Table("", ("", ""), report.facts, widths=(0.2, 0.8)))
+        pages.table(Table("", ("", ""), report.facts, "20l 80l"))
         number = 0
         for block, following in zip(report.blocks, [*report.blocks[1:], None], strict=True):
             if isinstance(block, Heading):

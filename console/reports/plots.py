@@ -57,13 +57,13 @@ STYLE: Any = {
 }
 
 
-def require_matplotlib() -> None:
-    """Raise UsageError when matplotlib is not installed."""
+def require_matplotlib(asked: str = "a report") -> None:
+    """Raise UsageError when matplotlib, which `asked` needs, is not installed."""
     try:
         import matplotlib
     except ImportError:
         raise UsageError(
-            "a report needs matplotlib, which is not installed: pip install matplotlib"
+            f"{asked} needs matplotlib, which is not installed: pip install matplotlib"
         ) from None
     matplotlib.use("Agg")
 

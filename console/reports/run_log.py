@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.explanation.finding import axes as _axes
 from flight_log import run
 from flight_log.attached import json_value, parameters_of
 from flight_log.index import RECOVERED_METADATA
@@ -18,15 +17,9 @@ from flight_log.run import Series
 from flight_log.writer import RUN_METADATA
 from quadrotor.parameters import ParameterValue
 
-Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 
 
-ODOMETRY = (
-    *_axes("pose.pose.position"),
-    *_axes("pose.pose.orientation", "wxyz"),
-    *_axes("twist.twist.linear"),
-)
 LINES = ("/events", "/marks", "/parameter_changes")
 """Topics whose messages are single lines."""
 MOST_LINES = 2000

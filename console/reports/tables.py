@@ -84,18 +84,12 @@ def metrics_blocks(judged: Judgement) -> list[Block]:
     blocks: list[Block] = []
     head = ("figure", "this run", "at most", "limit")
     if rows:
-        blocks.append(
-            Table(
-                "Figures and limits", head, rows, frozenset({1, 2}), widths=(0.46, 0.2, 0.2, 0.14)
-            )
-        )
+        blocks.append(Table("Figures and limits", head, rows, "46l 20r 20r 14l"))
     others = {k: v for k, v in judged.flight.items() if k not in judged.metrics}
     if others:
         title = "Figures of the flight, of this report" if rows else "Figures of the flight"
         found = [figure(name, value) for name, value in others.items()]
-        blocks.append(
-            Table(title, ("figure", "this run"), found, frozenset({1}), widths=(0.46, 0.54))
-        )
+        blocks.append(Table(title, ("figure", "this run"), found, "46l 54r"))
     compared = FIGURES.get(judged.experiment, ())
     if compared:
         proposed = judged.proposal.values if judged.proposal is not None else {}
@@ -116,15 +110,7 @@ def metrics_blocks(judged: Judgement) -> list[Block]:
             for one in compared
         ]
         head = ("reference figure", "value", "this run", "whose")
-        blocks.append(
-            Table(
-                "Comparison with reference figures",
-                head,
-                lines,
-                frozenset({1, 2}),
-                widths=(0.36, 0.23, 0.19, 0.22),
-            )
-        )
+        blocks.append(Table("Comparison with reference figures", head, lines, "36l 23r 19r 22l"))
     return blocks
 
 
@@ -171,28 +157,19 @@ def calibration_blocks(log: RunLog) -> list[Block]:
     if not rows:
         return [*blocks, Text("None: the vehicle used the values of its parameters.")]
     head = ("calibration", "date", "by", "from run", "quality")
-    table = Table("", head, rows, widths=(0.14, 0.18, 0.12, 0.22, 0.34))
+    table = Table("", head, rows, "14l 18l 12l 22l 34l")
     return [*blocks, table, *details]
 
 
 def _record_tables(record: CalibrationRecord, *, folded: bool) -> list[Block]:
     blocks: list[Block] = []
-    title = f"{record.name}: values" if folded else "Values"
     if record.values:
+        title = f"{record.name}: values" if folded else "Values"
         rows = [
             (name, shown(value), shown(record.previous[name]) if name in record.previous else "")
             for name, value in record.values.items()
         ]
-        blocks.append(
-            Table(
-                title,
-                ("parameter", "value", "before"),
-                rows,
-                frozenset({1, 2}),
-                folded,
-                (0.5, 0.25, 0.25),
-            )
-        )
+        blocks.append(Table(title, ("parameter", "value", "before"), rows, "50l 25r 25r", folded))
     judged = [*record.quality, *record.figures]
     if judged:
         rows_ = [
@@ -204,38 +181,17 @@ def _record_tables(record: CalibrationRecord, *, folded: bool) -> list[Block]:
             )
             for one in judged
         ]
+        title = f"{record.name}: quality" if folded else "Quality"
         head = ("quality", "value", "at most", "limit")
-        blocks.append(
-            Table(
-                f"{record.name}: quality" if folded else "Quality",
-                head,
-                rows_,
-                frozenset({1, 2}),
-                folded,
-                (0.46, 0.2, 0.2, 0.14),
-            )
-        )
+        blocks.append(Table(title, head, rows_, "46l 20r 20r 14l", folded))
     if record.residuals:
         each = [(name, number(value)) for name, value in record.residuals]
-        blocks.append(
-            Table(
-                f"{record.name}: residuals" if folded else "Residuals",
-                ("of", "residual"),
-                each,
-                frozenset({1}),
-                folded or len(each) > 12,
-                (0.7, 0.3),
-            )
-        )
+        title = f"{record.name}: residuals" if folded else "Residuals"
+        is_long = folded or len(each) > 12
+        blocks.append(Table(title, ("of", "residual"), each, "70l 30r", is_long))
     if record.conditions and not folded:
-        blocks.append(
-            Table(
-                "Conditions",
-                ("condition", "value"),
-                list(record.conditions.items()),
-                widths=(0.3, 0.7),
-            )
-        )
+        found = list(record.conditions.items())
+        blocks.append(Table("Conditions", ("condition", "value"), found, "30l 70l"))
     return blocks
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 
@@ -28,7 +29,7 @@ class Housekeeping:
         recording: returns the recorder's present status.
         say: publishes an event line.
         alarm: sets (key, line) or clears (key, None) an alarm.
-        purges: whether to purge the trash, which one of several stations does.
+        purges: whether to tidy and to purge the trash, which one of several stations does.
     """
 
     def __init__(
@@ -50,6 +51,13 @@ class Housekeeping:
         self._purged = -PURGE_PERIOD
         self._purge_problem: str | None = None
 
+    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
+        """Tidy once if this station purges, then check every PERIOD until the station closes."""
+        if self._purges:
+            guard(self.tidy)
+        while not closing.wait(PERIOD):
+            guard(self.check)
+
     def tidy(self) -> None:
         """Tidy once, in the background: a present flight must not wait for old files."""
         try:
@@ -59,7 +67,7 @@ class Housekeeping:
             self._alarm("catalogue", str(error))
 
     def check(self) -> None:
-        """Check disk and trash; called every PERIOD."""
+        """Check disk and trash."""
         try:
             self._alarm("disk", self._warning())
             due = time.monotonic() - self._purged >= (

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
-from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
 
@@ -74,11 +73,7 @@ class VehicleFiles:
         return f"{name} is not closed on board yet; it is fetched when it is"
 
     def _ask(self, service: str, timeout: float = TIMEOUT, **fields: Any) -> Any:
-        request = new(f"{SERVICES[service]}_Request", requester="station", **fields)
-        answer = self._clients[service].call(request, timeout=timeout)
-        if not answer.accepted:
-            raise RefusedError(str(answer.reason) or f"the vehicle refused {service}")
-        return answer
+        return self._clients[service].ask("station", timeout=timeout, **fields)
 
 
 def check_name(name: str) -> str:

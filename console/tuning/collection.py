@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import StorageError
+from quadrotor.records import Stamps
 
 Floats = npt.NDArray[np.float32]
-Stamps = npt.NDArray[np.int64]
 
 EMPTY_ANSWERS_MAX = 8
 """Number of answers in a row without anything new after which the collection ends."""

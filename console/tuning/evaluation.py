@@ -13,8 +13,7 @@ from console.tuning.step_response import FIGURES, step_response
 from control.trajectories.multistep import AXES, LEVELS, POSITION
 from quadrotor.errors import StorageError
 from quadrotor.plain_rotations import roll_pitch_yaw_of_rows
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 _STATE, _REFERENCE = "state.pose.pose", "reference"
 COLUMNS = (

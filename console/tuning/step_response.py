@@ -16,9 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 BAND = 0.05
 LAST_SHARE = 0.2

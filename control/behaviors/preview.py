@@ -4,12 +4,18 @@ refusal. The function imports heavy modules itself, because it runs in a helper 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import json
+import os
+import select
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
+from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
 
 POINTS = 400
+IDLE = 120.0  # s without an order, after which the helper process ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,3 +63,15 @@ def preview(
     path = sample_many(trajectory, np.linspace(0.0, trajectory.duration, POINTS))["position_w"]
     speed = report.of("speed").value
     return Preview([(x, y, z) for x, y, z in path.tolist()], trajectory.duration, speed, refusal)
+
+
+def previews(orders: int, report: Callable[[Any], None]) -> None:
+    """Report {"preview": …} or {"error": [class, text]} for each line of JSON with the arguments of
+    `preview` that arrives on this file descriptor, until it is closed or silent for IDLE.
+    """
+    with os.fdopen(orders, "rb", buffering=0) as lines:
+        while select.select([lines], [], [], IDLE)[0] and (line := lines.readline()):
+            try:
+                report({"preview": asdict(preview(*json.loads(line)))})
+            except QuadlabError as error:
+                report({"error": [type(error).__name__, str(error)]})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from control.trajectories.csv_file import load_csv
@@ -33,12 +34,21 @@ def load_trajectory(path: Path) -> Polynomial:
     return Polynomial(found.times, found.coefficients, times)
 
 
-def load_folder(folder: Path) -> tuple[dict[str, Polynomial], list[str]]:
-    """Return name (the file's, without ending) -> trajectory, and one line for each refused file.
+GROUP = "quadlab.trajectories"
+"""Group of entry points by which installed packages offer modules with a trajectory."""
 
-    Loads .csv and .py files whose name starts with a letter or digit, but not those of subfolders.
-    Never called in flight, as it runs Python files, which may take any time. Raises StorageError
-    when the folder cannot be read.
+
+def load_folder(folder: Path) -> tuple[dict[str, Polynomial], list[str]]:
+    """Return name -> trajectory, and one line for each refused file; see `files_of`, `load_files`.
+
+    Raises StorageError when the folder cannot be read.
+    """
+    return load_files(files_of(folder))
+
+
+def files_of(folder: Path) -> list[tuple[str, Path]]:
+    """Return name (without ending) and path of the .csv and .py files whose name starts with a
+    letter or digit, but not of those of subfolders. Raises StorageError.
     """
     try:
         files = sorted(p for p in folder.iterdir() if p.suffix.lower() in LOADERS)
@@ -46,15 +56,21 @@ def load_folder(folder: Path) -> tuple[dict[str, Polynomial], list[str]]:
         raise StorageError(
             f"the trajectory folder {folder} cannot be read: {error.strerror}"
         ) from None
+    return [(path.stem, path) for path in files if path.stem[:1].isalnum()]
+
+
+def load_files(files: Iterable[tuple[str, Path]]) -> tuple[dict[str, Polynomial], list[str]]:
+    """Return name -> trajectory, and one line for each refused file.
+
+    Never called in flight, as it runs Python files, which may take any time.
+    """
     loaded: dict[str, Polynomial] = {}
     refused: list[str] = []
-    for path in files:
-        if not path.stem[:1].isalnum():
-            continue
+    for name, path in files:
         try:
-            if path.stem in loaded:
-                raise RefusedError(f"{path.name}: there is another file called {path.stem}")
-            loaded[path.stem] = load_trajectory(path)
+            if name in loaded:
+                raise RefusedError(f"{path.name}: there is another file called {name}")
+            loaded[name] = load_trajectory(path)
         except QuadlabError as error:
             refused.append(str(error))
     return loaded, refused

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from quadrotor.plain_rotations import conjugate, rotation_vectors_between
 from quadrotor.records import Array
 
 STEP = 0.01
@@ -113,26 +114,9 @@ def best_turn(one: Array, other: Array) -> Turn:
     return Turn(matrix, scale, explained)
 
 
-def product_of(one: Array, other: Array) -> Array:
-    """Return the products of quaternions, (N, 4); either may have one row."""
-    w, v = one[:, :1], one[:, 1:]
-    u, q = other[:, :1], other[:, 1:]
-    scalar = w * u - np.sum(v * q, axis=1, keepdims=True)
-    return np.concatenate([scalar, w * q + u * v + np.cross(v, q)], axis=1)
-
-
-def conjugate(quaternions: Array) -> Array:
-    found: Array = quaternions * np.array([1.0, -1.0, -1.0, -1.0])
-    return found
-
-
 def angular_velocity(seconds: Array, quaternions: Array) -> Array:
     """Return the angular velocity (rad/s, body axes) of attitudes at N times, (N, 3)."""
-    turns = product_of(conjugate(quaternions[:-1]), quaternions[1:])
-    turns *= np.where(turns[:, :1] < 0.0, -1.0, 1.0)
-    length = np.linalg.norm(turns[:, 1:], axis=1, keepdims=True)
-    angle = 2.0 * np.arctan2(length, turns[:, :1])
-    vectors = turns[:, 1:] * np.where(length > 1e-9, angle / np.maximum(length, 1e-9), 2.0)
-    rates = vectors / np.diff(seconds)[:, None]
+    back = conjugate(quaternions)
+    rates = rotation_vectors_between(back[1:], back[:-1]) / np.diff(seconds)[:, None]
     middle = 0.5 * (rates[1:] + rates[:-1])
     return np.concatenate([rates[:1], middle, rates[-1:]])

@@ -24,11 +24,10 @@ from estimation.calibration.motion import (
     common_grid,
     interpolated,
     on_grid,
-    product_of,
 )
 from estimation.calibration.segmented_fit import SegmentedFit, solve_segments
 from quadrotor.errors import MeasurementError
-from quadrotor.plain_rotations import matrices_of
+from quadrotor.plain_rotations import matrices_of, product_of
 from quadrotor.records import Array
 from quadrotor.vehicle_model import GRAVITY
 

@@ -18,8 +18,7 @@ from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import FIT_UPDATES
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.parameters import EstimationParameters, noise_record
-from estimation.refusals import refuse_bearings, refuse_pose, refuse_sweeps
-from estimation.sweep_angles import plane_numbers
+from estimation.refusals import refuse_bearings, refuse_pose, refuse_reading, refuse_sweeps
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
     BEARINGS_SAMPLE,
@@ -191,6 +190,18 @@ class ErrorStateEstimator(CompiledEstimator):
         else:
             self._start_from_sweeps(sweeps)
 
+    def correct_reading(self, reading: Record) -> Outcome:
+        """Apply a READING_SAMPLE (1,), delayed or not, once something else has started the filter.
+
+        Its number is gated and weighted as a pose's are, but it starts and restarts nothing, and
+        does not count as a measurement. Raises MeasurementError when a number is unusable.
+        """
+        if not self._take(reading):
+            raise refuse_reading(reading)
+        if not self._initialized:
+            return Outcome.TOO_OLD
+        return Outcome(apply_one(self._memory[0], self._noise[0]))
+
     def report(self, estimate: Record) -> None:
         """Write biases, the last correction and the measurement age into the ESTIMATE (1,)."""
         kernels.report(self._memory, estimate)
@@ -204,14 +215,11 @@ class ErrorStateEstimator(CompiledEstimator):
     # ------------------------------------------------------------------ parts
     def _take(self, measurement: Record) -> bool:
         """Store it as the new measurement; return False when it is invalid."""
-        m, item = self._memory[0], measurement[0]
+        m = self._memory[0]
+        taken = kernels.take(m, measurement)
         if measurement.dtype == POSE_SAMPLE:
-            taken = bool(kernels.take_pose(m, item))
             self._on_marker = m["new_kind"] == MARKER
-            return taken
-        if measurement.dtype == BEARINGS_SAMPLE:
-            return bool(kernels.take_bearings(m, item))
-        return bool(kernels.take_sweeps(m, item, plane_numbers(item)))
+        return taken
 
     def _apply(self, measurement: Record) -> None:
         """Apply the stored measurement, now or when the IMU has reached its time. Raises

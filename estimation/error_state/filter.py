@@ -22,6 +22,8 @@ from estimation.error_state.memory import (
     POSE,
     POSITION,
     RATE,
+    READING,
+    READING_ROWS,
     SAMPLES,
     SWEEPS,
 )
@@ -30,8 +32,17 @@ from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import LOST_REFUSALS
 from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
 from estimation.rate_filter import filter_rate
+from estimation.sweep_angles import plane_numbers
 from quadrotor.compiled import compiled
-from quadrotor.records import MAX_BEACONS, MAX_SENSORS, Array, Record
+from quadrotor.records import (
+    BEARINGS_SAMPLE,
+    MAX_BEACONS,
+    MAX_SENSORS,
+    POSE_SAMPLE,
+    READING_SAMPLE,
+    Array,
+    Record,
+)
 from quadrotor.vectors import add, axes_of, scale, to_body, vector
 
 _MASK = SAMPLES - 1
@@ -72,6 +83,18 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
         out.angular_velocity_b[i] = m.filtered_rate_b[i]
     for i in range(4):
         out.quaternion_wb[i] = x[6 + i]
+
+
+def take(m: Any, measurement: Record) -> bool:
+    """Store a sample (1,) of any kind as the new measurement; return False when it is invalid."""
+    item = measurement[0]
+    if measurement.dtype == POSE_SAMPLE:
+        return bool(take_pose(m, item))
+    if measurement.dtype == BEARINGS_SAMPLE:
+        return bool(take_bearings(m, item))
+    if measurement.dtype == READING_SAMPLE:
+        return bool(take_reading(m, item))
+    return bool(take_sweeps(m, item, plane_numbers(item)))
 
 
 @compiled
@@ -137,6 +160,24 @@ def take_sweeps(m: Any, z: Any, plane: Array) -> bool:
 
 
 @compiled
+def take_reading(m: Any, z: Any) -> bool:
+    """Store a READING_SAMPLE item as the new measurement; return False when it is invalid."""
+    m.new_ns, m.new_kind, m.new_count, m.new_sigma = z.stamp_ns, READING, READING_ROWS, z.sigma
+    total, n = z.sigma + z.rest, 0.0
+    for i in range(6):
+        m.new_data[2, i] = z.row[i]
+        total += z.row[i]
+    for i in range(3):
+        m.new_data[0, i] = z.position_w[i]
+        total += z.position_w[i]
+    m.new_data[0, 3] = z.rest
+    for i in range(4):
+        m.new_data[1, i] = z.quaternion_wb[i]
+        n += z.quaternion_wb[i] ** 2
+    return math.isfinite(total) and z.sigma > 0.0 and abs(n - 1.0) < NORM_TOLERANCE
+
+
+@compiled
 def take_nothing(m: Any) -> None:
     """Store an event without a measurement at the newest sample; needed before the samples since
     the last event are overwritten.
@@ -192,13 +233,6 @@ def predict(memory: Record, imu: Record, noise: Record, dt: float, state: Record
     """Run `predict_one` for each of (N,) ERROR_STATE_MEMORY, IMU_SAMPLE, STATE; noise is (1,)."""
     for k in range(memory.shape[0]):
         predict_one(memory[k], imu[k], noise[0], dt, state[k])
-
-
-@compiled(inner=True)
-def take_frames(memory: Record, bearings: Record, valid: npt.NDArray[np.bool_]) -> None:
-    """Run `take_bearings` for each of (N,) ERROR_STATE_MEMORY and BEARINGS_SAMPLE."""
-    for k in range(memory.shape[0]):
-        valid[k] = take_bearings(memory[k], bearings[k])
 
 
 @compiled(inner=True)

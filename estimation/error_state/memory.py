@@ -31,8 +31,10 @@ bearings at 120 Hz, the highest rates of the sensors."""
 ROWS = 2 * MAX_BEACONS
 PLANE_ROWS = 2
 
-NOTHING, POSE, BEARINGS, SWEEPS, MARKER = range(5)
-"""Kinds of an event. NOTHING only propagates the filter to its time."""
+NOTHING, POSE, BEARINGS, SWEEPS, MARKER, READING = range(6)
+"""Kinds of an event. NOTHING only propagates the filter to its time; a READING, of a sensor of the
+user's own, corrects it, but is no evidence for or against it."""
+READING_ROWS = 3
 
 FORCE, RATE, POSITION, ATTITUDE, BEARING = range(5)
 """Noises whose variance is adapted: of accelerometer, gyroscope, poses, bearings or sweeps."""
@@ -58,7 +60,7 @@ ERROR_STATE_MEMORY = np.dtype(
         # A measurement about to be applied. Data of bearings: one row each, beacon_w (m) then
         # bearing_b; of a pose: position_w in the first row, quaternion_wb in the second, which a
         # marker does not have; of sweeps: the plane in the first PLANE_ROWS, then one row each,
-        # sensor_b and angle.
+        # sensor_b and angle; of a reading: position_w and rest, quaternion_wb, the gradient.
         ("new_ns", "i8"),
         ("new_kind", "i8"),
         ("new_count", "i8"),

@@ -10,7 +10,7 @@ so along a tangent axis t the row is (-t / rho, t x d). There is no division by 
 may point anywhere. For a pose, e = (p_m - p, log(R_m R^T)) and the rows are those of the identity.
 The angle at which a plane of light met a sensor at p + R l has the row (g, R l x g), where g is the
 angle's gradient with respect to the sensor's position; the position of a marker at p + R l has such
-a row for each axis g of the world.
+a row for each axis g of the world. A reading of a sensor of the user's own brings its row.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ from estimation.error_state.memory import (
     POSE,
     POSE_ERRORS,
     POSITION,
+    READING,
     SWEEPS,
 )
 from estimation.sweep_angles import swept
 from quadrotor.compiled import compiled
 from quadrotor.records import Array
 from quadrotor.vectors import (
+    Vector,
     add,
     axes_of,
     cross,
@@ -55,12 +57,7 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
     """
     rows, rest, variance, data = m.row, m.rest, m.variance, m.event_data[slot]
     if m.event_kind[slot] == POSE:
-        z = data[1]
-        error = multiply((z[0], z[1], z[2], z[3]), (x[6], -x[7], -x[8], -x[9]))
-        turn = (error[1], error[2], error[3])
-        sine = length(turn)
-        angle = 2.0 * math.atan2(math.copysign(sine, error[0]), abs(error[0]))
-        turn = scale(angle / sine if sine > 1e-9 else 2.0, turn)
+        turn = turn_to(data[1], x)
         for i in range(6):
             for j in range(6):
                 rows[i, j] = 1.0 if i == j else 0.0
@@ -72,6 +69,8 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
         return linearize_sweeps(m, slot, x)
     if m.event_kind[slot] == MARKER:
         return linearize_marker(m, slot, x, g)
+    if m.event_kind[slot] == READING:
+        return linearize_reading(m, slot, x)
     sigma = max(m.event_sigma[slot], g.bearing_sigma_floor) * math.sqrt(m.noise_scale[BEARING])
     axes = axes_of((x[6], x[7], x[8], x[9]))
     for k in range(m.event_beacons[slot]):
@@ -97,6 +96,35 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
             variance[2 * k + i] = sigma * sigma if distance > NEAREST else math.inf
             t = turn
     return int(m.event_beacons[slot])
+
+
+@compiled(inner=True)
+def turn_to(quaternion: Array, x: Array) -> Vector:
+    """Return the turn (rad, world axes) from the attitude of a nominal state x to another one."""
+    error = multiply(
+        (quaternion[0], quaternion[1], quaternion[2], quaternion[3]), (x[6], -x[7], -x[8], -x[9])
+    )
+    turn = (error[1], error[2], error[3])
+    sine = length(turn)
+    angle = 2.0 * math.atan2(math.copysign(sine, error[0]), abs(error[0]))
+    return scale(angle / sine if sine > 1e-9 else 2.0, turn)
+
+
+@compiled(inner=True)
+def linearize_reading(m: Any, slot: int, x: Array) -> int:
+    """Write row, rest and variance of a reading, paired with an empty row; return 1.
+
+    What is expected is linear about the pose at which it was linearised.
+    """
+    data = m.event_data[slot]
+    turn, row = turn_to(data[1], x), data[2]
+    m.rest[0], m.rest[1] = data[0, 3], 0.0
+    m.variance[0], m.variance[1] = m.event_sigma[slot] ** 2, 1.0
+    for i in range(3):
+        m.rest[0] += row[i] * (data[0, i] - x[i]) + row[3 + i] * turn[i]
+    for i in range(POSE_ERRORS):
+        m.row[0, i], m.row[1, i] = row[i], 0.0
+    return 1
 
 
 @compiled(inner=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from estimation.error_state.memory import ERRORS, EVENTS, NOMINAL, NOTHING, SAMPLES
+from estimation.error_state.memory import ERRORS, EVENTS, NOMINAL, NOTHING, READING, SAMPLES
 from estimation.error_state.motion import walk
 from estimation.error_state.update import fuse
 from estimation.outcome import LATEST_NS, Outcome
@@ -32,7 +32,8 @@ def insert(m: Any) -> int:
     if position == 0 or (position < count and stamp_ns < m.stamp_ns - LATEST_NS):
         return -_TOO_OLD
     before = order[position - 1]
-    if stamps[before] == stamp_ns and m.event_kind[before] == m.new_kind:
+    repeats = stamps[before] == stamp_ns and m.event_kind[before] == m.new_kind
+    if repeats and m.new_kind != READING:  # several sensors may be read at once
         return -_NOT_NEWER
     full = 1 if count == EVENTS else 0
     if position < count:
@@ -61,14 +62,14 @@ def insert(m: Any) -> int:
 @compiled
 def apply_one(m: Any, g: Any) -> int:
     """Apply the new measurement of an initialized filter, and predict to now; return an Outcome,
-    which is counted.
+    which is counted except for readings.
 
     Args:
         m: ERROR_STATE_MEMORY item; `take_pose`, `take_bearings` store the measurement in it.
         g: ERROR_STATE_NOISE item.
     """
     outcome = _apply(m, g)
-    if m.new_kind != NOTHING:
+    if m.new_kind not in (NOTHING, READING):
         m.outcomes[outcome] += 1
     return outcome
 
@@ -107,6 +108,7 @@ def _apply(m: Any, g: Any) -> int:
         for i in range(ERRORS):
             for j in range(ERRORS):
                 m.after_covariance[event, i, j] = P[i, j]
-    if outcome == _APPLIED and m.new_kind != NOTHING and m.believed:
+    is_evidence = m.new_kind not in (NOTHING, READING)
+    if outcome == _APPLIED and is_evidence and m.believed:
         m.measurement_ns = max(m.measurement_ns, m.new_ns)
     return outcome

@@ -13,7 +13,15 @@ from typing import Any
 
 from estimation.error_state.adaptation import learn_from_bearings, learn_from_pose
 from estimation.error_state.gate import along, gate, project, run
-from estimation.error_state.memory import ERRORS, MARKER, NOMINAL, NOTHING, POSE, POSE_ERRORS
+from estimation.error_state.memory import (
+    ERRORS,
+    MARKER,
+    NOMINAL,
+    NOTHING,
+    POSE,
+    POSE_ERRORS,
+    READING,
+)
 from estimation.error_state.rows import linearize
 from quadrotor.compiled import compiled
 from quadrotor.records import Array
@@ -198,14 +206,15 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
             m.prior[i, j] = P[i, j]
     pairs = linearize(m, slot, x, g)
     tracked = kind in (POSE, MARKER)
-    count = gate(m, pairs, tracked, g.gate)
-    if newest:
+    count = gate(m, pairs, tracked or kind == READING, g.gate)
+    judged = newest and kind != READING
+    if judged:
         judge(m, pairs, kind, count)
     if count == 0:
         return False
     for iteration in range(MAX_STEPS):
         nis = absorb(m, pairs)
-        if newest and iteration == 0:
+        if judged and iteration == 0:
             m.nis = max(nis, doubted(m, pairs))
             m.applied += 1
             m.consistency += MEMORY * (min(m.nis / m.freedom, SINGLE) - m.consistency)
@@ -218,7 +227,7 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
             one, other = along(m.row[2 * k], found), along(m.row[2 * k + 1], found)
             bent = max(bent, one * one + other * other)
         displace(x, step, m.trial)
-        if tracked or bent < STRAIGHT**2:
+        if tracked or kind == READING or bent < STRAIGHT**2:
             break
         linearize(m, slot, m.trial, g)
     reset(P, step[3:])

@@ -32,7 +32,7 @@ class Options(Parameters):
 
 
 class SideStep:
-    """CommandKind off, steps to the left and lands; it is judged on the overshoot."""
+    """Take off, step to the left and land; judge the overshoot."""
 
     name = "side_step"
     planned = 25.0  # s
@@ -68,12 +68,7 @@ class SideStep:
         begin = client.view().time
         target = self._start + self.parameters.length
         client.start("fly_to", y=target, speed=self.parameters.speed)
-        end = begin + self.parameters.length / self.parameters.speed + SETTLE
-        client.wait_until(
-            lambda v: v.time >= end or client.finished,
-            what="the end of the step",
-            timeout=SETTLE + 20.0,
-        )
+        client.wait(self.parameters.length / self.parameters.speed + SETTLE)
         self._window = (begin, client.view().time)
         client.start("land")
         client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)

@@ -48,11 +48,3 @@ def quaternion_of(matrix: Array) -> Array:
 
     x, y, z, w = Rotation.from_matrix(matrix).as_quat()
     return np.array([[w, x, y, z]])
-
-
-def continuous(quaternions: Array) -> Array:
-    """Return the same attitudes with continuous signs."""
-    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
-    signs = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2 == 1, -1.0, 1.0)
-    found: Array = quaternions * signs[:, None]
-    return found

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from flight_log.imports.formats import open_source
-from flight_log.imports.frames import continuous
 from flight_log.imports.mapping import (
     ORDERS,
     TIME_UNITS,
@@ -23,6 +22,7 @@ from flight_log.imports.mapping import (
 from flight_log.imports.sweeps import read_sweeps
 from flight_log.imports.tables import Source
 from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.plain_rotations import conjugate, make_continuous
 from quadrotor.records import Array, Record
 
 FEWEST = 50
@@ -200,7 +200,8 @@ def _join_attitude(files: _Files, track: RawTrack, rows: AttitudeRows) -> None:
     """Interpolate the attitude of another table at the track's stamps, and trim the track to it."""
     section = f"{track.name}.attitude"
     times, found = files.read(rows, section, {"quaternion": (rows.quaternion, 4)})
-    found = continuous(_unit(found, section))
+    found = _unit(found, section)
+    make_continuous(found)
     inside = (track.seconds >= times[0]) & (track.seconds <= times[-1])
     if inside.sum() < FEWEST:
         raise LogFormatError(f"[{section}] and [{track.name}] have no stamps in common")
@@ -234,5 +235,6 @@ def ordered(quaternion: Array, order: str, maps: str) -> Array:
     """Return quaternions as (w, x, y, z), body to world, with continuous signs."""
     found = quaternion[:, ORDERS[order]]
     if maps == "world to body":
-        found = found * np.array([1.0, -1.0, -1.0, -1.0])
-    return continuous(found)
+        found = conjugate(found)
+    make_continuous(found)
+    return found

@@ -15,7 +15,6 @@ from estimation.calibration.motion import (
     interpolated,
     joined,
     on_grid,
-    product_of,
     speed,
 )
 from flight_log.imports.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
@@ -26,7 +25,7 @@ from flight_log.imports.raw import RawTrack, ordered
 from flight_log.imports.track_clock import TrackClock
 from flight_log.imports.trajectory import derivative
 from quadrotor.errors import LogFormatError
-from quadrotor.plain_rotations import matrices_of
+from quadrotor.plain_rotations import matrices_of, product_of
 from quadrotor.records import STATE, Array
 
 CALM = 0.15

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.calibration.motion import best_turn, interpolated, product_of
+from estimation.calibration.motion import best_turn, interpolated
 from flight_log.imports.flight import Track
 from flight_log.imports.frames import quaternion_of
 from flight_log.imports.raw import FEWEST
+from quadrotor.plain_rotations import product_of
 from quadrotor.records import Array, Record
 
 GAP_NS = 100_000_000

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.commands.option_types import Flag, Settings
+from quadlab.commands.option_types import Flag, Settings, optional
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import ParameterError, UsageError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Calibrate:
     """Calibrate the vehicle of the running station; without a name, print what is in force."""
 
-    calibration: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
+    calibration: Annotated[str | None, tyro.conf.Positional, optional("NAME")] = None
     """gyroscope, accelerometer, motor_bench, mass, inertia, drag, vibration, tracker_delay,
     tracker_body, or one from your own file"""
     set: Settings = ()

@@ -26,6 +26,9 @@ EXAMPLES: dict[str, dict[str, str]] = {
     "replay": {
         "quadlab replay LOG": "run both estimators over a recorded flight",
         "quadlab replay LOG --on bearings --estimator error_state": "run one, on bearings",
+        "quadlab replay LOG --run error_state --run 'complementary bearings.sigma=3'": (
+            "compare two, with settings of their own"
+        ),
     },
     "link": {
         "quadlab link enrol quad1 192.168.1.20": "create the certificates of a vehicle",

@@ -17,11 +17,13 @@ class Export:
     """Write the simulated plant or the geometric law as an FMU, for Simulink and Modelica tools."""
 
     kind: Annotated[Literal["fmu"], tyro.conf.Positional]
-    """what to write: fmu, of FMI 2.0 for co-simulation (docs/extending/fmu_export.md)"""
+    """what to write: fmu, for co-simulation (docs/extending/fmu_export.md)"""
     model: Annotated[Literal["plant", "law"], tyro.conf.Positional]
     """plant: rotors, rigid body, air, ground; law: the paper's controller"""
     out: Annotated[Path, tyro.conf.arg(metavar="FILE.fmu")]
     """the file to write; an existing one is replaced"""
+    fmi: Literal[2, 3] = 2
+    """version of the standard: 2, which most tools read, or 3, whose vectors are arrays"""
     set: Settings = ()
     """a start value other than the default, like mass=1.5 or control.position.kp_xy=6"""
 
@@ -32,7 +34,7 @@ class Export:
             raise StorageError(f"--out {self.out}: there is no folder {self.out.parent}; make it")
         from quadlab.fmu_export.description import export_fmu
 
-        export_fmu(self.model, self.set, self.out)
+        export_fmu(self.model, self.set, self.out, self.fmi)
         print(self.out)
         if self.model == "law":
             name, folder = self.out.stem, self.out.parent

@@ -11,7 +11,6 @@ import tyro
 
 from quadlab.commands.option_types import File, Flag, Folder, Settings
 from quadlab.settings import beacon_words
-from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
     from console.experiments.client import Experiment, Result
@@ -52,11 +51,12 @@ class Fly:
     """print verdict, log and metrics as one line of JSON at the end"""
 
     def run(self) -> int:
+        from console.reports.plots import require_matplotlib
         from quadlab.simulated.experiment import chosen, fly
 
         experiment = chosen(self.experiment)
         if self.report:
-            check_report()
+            require_matplotlib("--report")
         done = fly(
             experiment,
             seed=self.seed,
@@ -114,20 +114,6 @@ class Fly:
                 report["proposal"] = proposal_json(proposal, store)
             print(json.dumps(report))
         return STATUS[result.verdict]
-
-
-def check_report() -> None:
-    """Raise UsageError when no report can be written, before a flight is flown for it."""
-    from importlib.util import find_spec
-
-    try:
-        found = find_spec("matplotlib") is not None
-    except ValueError:  # made unavailable by the caller
-        found = False
-    if not found:
-        raise UsageError(
-            "--report needs matplotlib, which is not installed: pip install matplotlib"
-        )
 
 
 def write_report(

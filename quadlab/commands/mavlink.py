@@ -17,7 +17,8 @@ from quadrotor.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
     from quadlab.mavlink.gateway import Gateway
-    from quadlab.mavlink.link import Link, Peer
+    from quadlab.mavlink.link import Link
+    from quadlab.mavlink.peer import Peer
     from quadlab.station_client import StationClient
 
 LIBRARY = "pymavlink"
@@ -31,8 +32,8 @@ class Mavlink:
     connection: Annotated[
         tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CONNECTION")
     ] = USUAL
-    """udpin:ADDRESS:PORT listens there, udpout:ADDRESS:PORT sends there; the usual ones are where
-    QGroundControl and MAVSDK listen"""
+    """udpin:ADDRESS:PORT or tcpin:ADDRESS:PORT listens there, udpout:ADDRESS:PORT sends there; the
+    usual ones are where QGroundControl and MAVSDK listen"""
     viewers: Flag = False
     """send telemetry only: nobody may command, except an emergency landing"""
     passphrase: File = None

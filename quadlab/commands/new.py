@@ -73,6 +73,13 @@ KINDS = {
         "quadlab fly own_behavior --set behavior.plugin={name}{plugins}",
         _behaviors,
     ),
+    "sensor": Kind(
+        "sensors/barometer",
+        "plugins",
+        "quadlab fly figure_eight --set estimation.estimator=error_state "
+        "estimation.sensors={name}{plugins}",
+        lambda: ("none",),
+    ),
     "experiment": Kind("experiments/side_step", "experiments", "quadlab fly {path}", _experiments),
     "trajectory": Kind(
         "trajectories/spiral",
@@ -85,14 +92,15 @@ KINDS = {
 
 @dataclass
 class New:
-    """Write a control law, an estimator, a behavior, an experiment or a trajectory to start from;
-    it runs as it is."""
+    """Write a control law, an estimator, a behavior, a sensor, an experiment or a trajectory to
+    start from; it runs as it is."""
 
     kind: Annotated[
-        Literal["law", "estimator", "behavior", "experiment", "trajectory"], tyro.conf.Positional
+        Literal["law", "estimator", "behavior", "sensor", "experiment", "trajectory"],
+        tyro.conf.Positional,
     ]
-    """what to write: law, estimator, behavior (docs/extending/plugins.md; a test comes with it),
-    experiment (docs/experiments.md), trajectory (docs/trajectories.md)"""
+    """what to write: law, estimator, behavior, sensor (docs/extending/plugins.md; a test comes with
+    it), experiment (docs/experiments.md), trajectory (docs/trajectories.md)"""
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]
     """its name, by which it is chosen, as --set control.law=NAME: letters, digits and _"""
     out: Folder = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,3 +22,23 @@ Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(meta
 Settings = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")
 ]
+
+
+@contextmanager
+def wrapped_help() -> Iterator[None]:
+    """Let tyro wrap the help texts itself: it would also break them where the source does."""
+    import docstring_parser
+
+    parse = docstring_parser.parse_from_object
+
+    def joined(command: Any) -> docstring_parser.Docstring:
+        found = parse(command)
+        for one in found.params:
+            one.description = " ".join((one.description or "").split())
+        return found
+
+    docstring_parser.parse_from_object = joined
+    try:
+        yield
+    finally:
+        docstring_parser.parse_from_object = parse

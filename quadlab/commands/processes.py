@@ -41,7 +41,7 @@ OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
 class Vehicle:
     """Run the vehicle's flight stack on board: flight and comms process."""
 
-    serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
+    serial: Annotated[tuple[str, ...], optional("PORT[,PORT]")] = ()
     """the microcontroller's serial ports, one or two; auto searches all serial devices; the link
     of a Crazyflie, like radio://0/80/2M/E7E7E7E7E7"""
     check: Flag = False
@@ -143,7 +143,7 @@ class Simulator:
     """TCP port of the station's session on loopback"""
     name: Names = ()
     """namespace of the vehicle's topics (default: quad1); repeat it for several vehicles"""
-    serve: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SYSTEM[=PORT]")] = ()
+    serve: Annotated[tuple[str, ...], optional("SYSTEM[=PORT]")] = ()
     """serve poses like these tracking systems, on loopback: vrpn, natnet, qtm"""
     firmware: Literal["python", "c"] = "python"
     """firmware of the simulated microcontroller; c (firmware/) is first built with gcc and make"""
@@ -201,7 +201,7 @@ class Station:
     """namespace of the vehicle's topics, if --vehicle names none"""
     set: Settings = ()
     """start with this parameter value of the station, like tracker.rate=50"""
-    tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""
+    tracker: Annotated[str, optional("WORDS")] = ""
     """also run `quadlab tracker` with these arguments, like "vrpn --host mocap --body cf7", and
     restart it when it dies; turns the simulated tracker off"""
 

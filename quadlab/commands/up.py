@@ -69,7 +69,7 @@ class Up(PageOptions):
     real_time: Flag = False
     """for timing tests: run the simulation in real time, even when flight stack or station are
     late (default: it waits for them, and slows down on a busy computer)"""
-    tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""
+    tracker: Annotated[str, optional("WORDS")] = ""
     """fly on the poses of `quadlab tracker` with these arguments, in real time: vrpn, natnet and
     qtm without --host come from the simulator, udp from your own program (default: the station's
     simulated tracker)"""

@@ -34,11 +34,9 @@ class User:
 
     action: Annotated[Action, tyro.conf.Positional]
     """what to do"""
-    name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
+    name: Annotated[str | None, tyro.conf.Positional, optional("NAME")] = None
     """name of the account; needed for all but list"""
-    new_role: Annotated[
-        RoleName | None, tyro.conf.Positional, tyro.conf.arg(name="new-role", metavar="ROLE")
-    ] = None
+    new_role: Annotated[RoleName | None, tyro.conf.Positional, optional("ROLE", "new-role")] = None
     """for role: the new role"""
     role: Annotated[RoleName | None, optional()] = None
     """for add: viewer watches, operator commands, admin also manages users (default: operator;

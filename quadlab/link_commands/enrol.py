@@ -128,8 +128,8 @@ class _Station:
     def issue(self, access: Access) -> int:
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}", self.name):
             raise UsageError(
-                f"{self.name!r} is no name for a station; allowed are up to 32 letters, digits and "
-                ". _ -, a letter or digit first, like ben"
+                f"{self.name!r} is not a name for a station; allowed are up to 32 letters, "
+                "digits and . _ -, a letter or digit first, like ben"
             )
         from vehicle_link.security.enrolment import issue_station
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.option_types import Flag, Folder
+from quadlab.commands.option_types import Flag, Folder, optional
 from quadlab.data_folder import open_data_folder
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import UsageError
@@ -27,9 +27,9 @@ SHORTEST, LONGEST = 2.0, 600.0
 class Test:
     """Connect to a vehicle, measure the link for some seconds, and judge it."""
 
-    vehicle: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[VEHICLE]")] = ""
+    vehicle: Annotated[tyro.conf.Positional[str], optional("[VEHICLE]")] = ""
     """name of a known vehicle, or host:port (default: the only known one, else this machine)"""
-    name: str = ""
+    name: Annotated[str, optional("NAME")] = ""
     """namespace of the vehicle's topics (default: the name that it announces)"""
     seconds: float = 8.0
     """duration of the measurement, s"""

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from quadlab.commands.option_types import Folder
+from quadlab.commands.option_types import Folder, Names, optional
 from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
 from quadrotor.errors import UsageError
 
@@ -26,12 +26,15 @@ class Export:
     page: the replay page with the whole flight, opened from disk by a browser"""
     out: Folder = None
     """new folder for the files (default: next to the log, named after it and the format)"""
-    topics: Annotated[tuple[str, ...], tyro.conf.arg(metavar="TOPIC")] = ()
+    topics: Annotated[tuple[str, ...], optional("TOPIC")] = ()
     """only these, by the last part of their names, like: --topics state imu"""
     begin: Annotated[float, tyro.conf.arg(name="from", metavar="S")] = 0.0
-    """s after the start"""
+    """begin of what is exported, in s after the start"""
     end: Annotated[float, tyro.conf.arg(name="to", metavar="S")] = math.inf
-    """s after the start"""
+    """its end, in s after the start"""
+    derive: Names = ()
+    """with --format page: a derived signal, as in the charts:
+    'speed = norm(state.velocity.x, state.velocity.y)'"""
 
     def run(self) -> int:
         from console.log_export.export import export
@@ -41,6 +44,8 @@ class Export:
         topics = [part for word in self.topics for part in word.split(",") if part]
         if self.format == "page":
             return self._page(folder)
+        if self.derive:
+            raise UsageError("--derive is for --format page; a table has the log's own numbers")
         with progress_of(f"exporting {self.file.name}") as progress:
             done = export(self.file, folder, self.format, topics, self.begin, self.end, progress)
         for line in done.problems:
@@ -60,7 +65,7 @@ class Export:
         if self.topics or self.begin or self.end != math.inf:
             raise UsageError("a page has the whole flight: leave out --topics, --from and --to")
         with progress_of(f"exporting {self.file.name}") as progress:
-            files = export_page(self.file, folder, progress)
+            files = export_page(self.file, folder, progress, self.derive)
         for path in files:
             print(path)
         return 0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.commands.option_types import Flag
+from quadlab.commands.option_types import Flag, optional
 from quadlab.log_commands.log_file import progress_of
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import LinkError, StorageError, UsageError
@@ -28,7 +28,7 @@ ENDED = ("done", "incomplete", "failed", "cancelled")
 class Fetch:
     """List the vehicle's own logs, or fetch one; an interrupted transfer is resumed."""
 
-    log: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
+    log: Annotated[str | None, tyro.conf.Positional, optional("NAME")] = None
     """name of a log on board, or newest (default: list them)"""
     cancel: Flag = False
     """stop fetching it, and delete the part that has arrived"""

@@ -18,7 +18,7 @@ LogFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
 def check_log_file(path: Path) -> None:
     """Raise StorageError when there is no such file, or it cannot be read."""
     if not path.exists():
-        raise StorageError(f"{path} is no file; give the path of an .mcap file")
+        raise StorageError(f"{path} is not a file; give the path of an .mcap file")
     from flight_log.file import open_log
 
     with open_log(path):

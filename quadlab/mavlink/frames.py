@@ -93,7 +93,7 @@ def parse_origin(words: str) -> Origin:
             raise ValueError
     except ValueError:
         raise UsageError(
-            f"--origin {words} is no place; give LATITUDE,LONGITUDE,ALTITUDE in degrees (up to ±85 "
-            "and ±180) and m, like --origin 47.397742,8.545594,0"
+            f"--origin {words} is not a place; give LATITUDE,LONGITUDE,ALTITUDE in degrees (up "
+            "to ±85 and ±180) and m, like --origin 47.397742,8.545594,0"
         ) from None
     return Origin(Place(latitude, longitude, altitude))

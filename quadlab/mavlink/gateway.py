@@ -9,19 +9,21 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from quadlab.mavlink.commands import Wanted, behavior, wanted_of
+from quadlab.mavlink.command_protocol import Answered, CommandProtocol
+from quadlab.mavlink.commands import Wanted, behavior
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import Origin
-from quadlab.mavlink.link import MOST, Link, Peer
+from quadlab.mavlink.link import MOST, Link
 from quadlab.mavlink.logs import Logs
-from quadlab.mavlink.missions import MissionFlight, Missions
+from quadlab.mavlink.mission_flight import MissionFlight
+from quadlab.mavlink.missions import Missions
 from quadlab.mavlink.offboard import Offboard, Sender, set_point_of
-from quadlab.mavlink.operators import UNANSWERED, Connect, Operator
+from quadlab.mavlink.operators import Connect, Operator
 from quadlab.mavlink.parameter_server import ParameterServer
+from quadlab.mavlink.peer import Peer
 from quadlab.mavlink.telemetry import Telemetry
 from quadlab.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError, StorageError
@@ -33,27 +35,12 @@ PERIOD = 0.01
 """Longest wait, in s, for a message before what is due is sent."""
 AT_ONCE = 20
 """Messages of a list or a log that are sent to one ground station in one turn."""
-REPEATED = 1.0
-"""Seconds in which the same command again is a repetition: it gets the same answer."""
-ANSWERS_MOST = 100
 NOT_FLOWN = {
     "SET_ATTITUDE_TARGET": "set-points of attitude are not flown; send position or velocity",
     "MANUAL_CONTROL": "sticks are not taken over MAVLink; use the page's",
     "LOG_ERASE": "runs are deleted on the Runs page alone",
 }
 VIEWER = "ground stations are viewers here; start quadlab mavlink without --viewers to let them fly"
-
-Answered = Callable[[str], None]
-"""Called with the reason of a refusal, or ""."""
-
-
-@dataclass
-class Answer:
-    """The answer to a command; its result is None while it is awaited."""
-
-    sent: bytes
-    result: int | None
-    at: float
 
 
 class Gateway:
@@ -83,7 +70,7 @@ class Gateway:
         say: Callable[[str], None],
     ) -> None:
         self._vehicle, self._connect, self._origin = vehicle, connect, origin
-        self._logs, self._events, self._viewers, self._print = logs, events, viewers, say
+        self._events, self._viewers, self._print = events, viewers, say
         self._results: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._operators: dict[str, Operator] = {}
         self._parameters = ParameterServer(changes, self.say)
@@ -91,19 +78,19 @@ class Gateway:
         self._telemetry = Telemetry(vehicle, origin)
         self._missions = Missions(origin, self._may_upload, self.say)
         self._flight: MissionFlight | None = None
-        self._answers: dict[tuple[str, int], Answer] = {}
+        self._commands = CommandProtocol(origin, self._do, self.say)
         self._link = open_link(self._left)
         self._handlers: dict[str, Callable[[Peer, Any], None]] = {
-            "COMMAND_LONG": self._command,
-            "COMMAND_INT": self._command,
+            "COMMAND_LONG": self._commands.take,
+            "COMMAND_INT": self._commands.take,
             "SET_POSITION_TARGET_LOCAL_NED": self._set_point,
             "SET_POSITION_TARGET_GLOBAL_INT": self._set_point,
             "PARAM_REQUEST_LIST": self._list_parameters,
             "PARAM_REQUEST_READ": self._read_parameter,
             "PARAM_SET": self._set_parameter,
-            "LOG_REQUEST_LIST": self._list_logs,
-            "LOG_REQUEST_DATA": self._send_log,
-            "LOG_REQUEST_END": self._end_log,
+            "LOG_REQUEST_LIST": logs.list_to,
+            "LOG_REQUEST_DATA": logs.send_to,
+            "LOG_REQUEST_END": logs.end,
             "TIMESYNC": self._time,
         }
 
@@ -166,43 +153,6 @@ class Gateway:
             except (RefusedError, StorageError) as error:
                 if not kind.startswith("SET_") or peer.is_new(str(error), time.monotonic()):
                     self.say(peer, str(error))
-
-    def _command(self, peer: Peer, message: Any) -> None:
-        command, sent = message.command, bytes(message.get_payload())
-        known, now = self._answers.get((peer.name, command)), time.monotonic()
-        if known is not None and (
-            known.result is None or (known.sent == sent and now - known.at < REPEATED)
-        ):
-            self._acknowledge(peer, command, known.result)
-            return
-        if len(self._answers) > ANSWERS_MOST:
-            awaited = {key: one for key, one in self._answers.items() if one.result is None}
-            self._answers = awaited
-        answer = self._answers[peer.name, command] = Answer(sent, None, now)
-
-        def finish(result: int, reason: str = "") -> None:
-            answer.result, answer.at = result, time.monotonic()
-            self._acknowledge(peer, command, result)
-            if reason:
-                self.say(peer, reason)
-
-        def answered(reason: str) -> None:
-            failed = reason.startswith(UNANSWERED)
-            bad = mavlink.MAV_RESULT_FAILED if failed else mavlink.MAV_RESULT_DENIED
-            finish(bad if reason else mavlink.MAV_RESULT_ACCEPTED, reason)
-
-        try:
-            wanted = wanted_of(message, self._origin)
-            if wanted is None or not self._do(peer, wanted, answered):
-                finish(mavlink.MAV_RESULT_UNSUPPORTED)
-        except RefusedError as error:
-            answered(str(error))
-        if answer.result is None:
-            self._acknowledge(peer, command, None)
-
-    def _acknowledge(self, peer: Peer, command: int, result: int | None) -> None:
-        shown = mavlink.MAV_RESULT_IN_PROGRESS if result is None else result
-        peer.send(mavlink.MAVLink_command_ack_message(command, shown, 255, 0, peer.system, 0))
 
     def _do(self, peer: Peer, wanted: Wanted, then: Answered) -> bool:
         """Do what is wanted; `then` is called at once or later. Return whether it is known.
@@ -299,9 +249,8 @@ class Gateway:
             self._flight.end("mission ended: its ground station has left")
         if (operator := self._operators.pop(peer.name, None)) is not None:
             operator.close()
-        self._answers = {key: one for key, one in self._answers.items() if key[0] != peer.name}
+        self._commands.left(peer)
 
-    # ------------------------------------------------------------------ parameters, logs, time
     def _with_parameters(
         self, peer: Peer, then: Callable[[], None], failed: Answered | None = None
     ) -> None:
@@ -334,15 +283,6 @@ class Gateway:
             return
         operator = self._operator(peer.name)
         self._with_parameters(peer, partial(self._parameters.set, peer, operator, message))
-
-    def _list_logs(self, peer: Peer, message: Any) -> None:
-        peer.waiting["logs"] = self._logs.listed(message.start, message.end)
-
-    def _send_log(self, peer: Peer, message: Any) -> None:
-        peer.waiting["log"] = self._logs.pieces(message.id, message.ofs, message.count)
-
-    def _end_log(self, peer: Peer, message: Any) -> None:
-        peer.waiting.pop("log", None)
 
     def _send_waiting(self, peer: Peer) -> None:
         for name, messages in list(peer.waiting.items()):

@@ -12,57 +12,44 @@ import select
 import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from quadlab.mavlink.dialect import mavlink
+from quadlab.mavlink.peer import BYTES_A_SECOND, GONE, SYSTEM, Address, Peer
 from quadrotor.errors import LinkError, UsageError
 
-SYSTEM, COMPONENT = 1, 1
 MOST = 8
 """Most ground stations at a time."""
-BYTES_A_SECOND = 60_000
-"""Bytes parsed of one ground station in a second; also the longest burst."""
-AT_LEAST = 40
-"""Bytes that a datagram counts at least."""
 READ_MOST = 64
 """Datagrams read from a socket before the vehicle's telemetry has its turn again."""
-GONE = 5.0
-"""Seconds of silence after which a ground station has left."""
-SAID_AGAIN = 60.0
-"""Seconds after which the same complaint about a ground station is printed again."""
-SAID_MOST = 100
-TENS_OF_MICROSECONDS, SIGNING_EPOCH = 100_000, 1_420_070_400  # 1 January 2015
-
-Address = tuple[str, int]
+UDP_IN, UDP_OUT, TCP_IN = KINDS = ("udpin", "udpout", "tcpin")
 
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """An address to listen on or, with `listens` false, to send to."""
+    """An address to listen on or, with UDP_OUT, to send to."""
 
-    listens: bool
+    kind: str
     host: str
     port: int
 
 
 def parse_endpoint(word: str) -> Endpoint:
-    """Return the endpoint of udpin:ADDRESS:PORT (listen) or udpout:ADDRESS:PORT (send to). Raises
-    UsageError.
+    """Return the endpoint of udpin:ADDRESS:PORT or tcpin:… (listen), or udpout:ADDRESS:PORT (send
+    to). Raises UsageError.
     """
     kind, _, place = word.partition(":")
     host, _, port = place.removeprefix("//").rpartition(":")
     try:
         address = ipaddress.IPv4Address("127.0.0.1" if host == "localhost" else host)
-        if kind not in ("udpin", "udpout") or not 1 <= int(port) <= 65535:
+        if kind not in KINDS or not 1 <= int(port) <= 65535:
             raise ValueError
     except ValueError:
         raise UsageError(
-            f"{word!r} is no connection; give udpin:ADDRESS:PORT to listen there, or "
-            "udpout:ADDRESS:PORT to send there, like udpin:127.0.0.1:14550"
+            f"{word!r} is not a connection; give udpin:ADDRESS:PORT or tcpin:ADDRESS:PORT to listen "
+            "there, or udpout:ADDRESS:PORT to send there, like udpin:127.0.0.1:14550"
         ) from None
-    return Endpoint(kind == "udpin", str(address), int(port))
+    return Endpoint(kind, str(address), int(port))
 
 
 def check_reach(endpoints: Sequence[Endpoint], is_protected: bool) -> None:
@@ -74,86 +61,6 @@ def check_reach(endpoints: Sequence[Endpoint], is_protected: bool) -> None:
                 "network could fly; give --passphrase FILE to accept signed messages alone, or "
                 "--unsigned in a network that is yours"
             )
-
-
-class _Signed(mavlink.MAVLink):  # type: ignore[misc]  # of an untyped package
-    """pymavlink's parser, in which a forged signature does not set the time of its stream."""
-
-    def check_signature(self, data: bytearray, system: int, component: int) -> bool:
-        times, key = self.signing.stream_timestamps, (data[-13], system, component)
-        before = times.get(key)
-        if super().check_signature(data, system, component):
-            return True
-        times.pop(key, None)
-        if before is not None:
-            times[key] = before
-        return False
-
-
-class Peer:
-    """One ground station: an address that sends MAVLink, or to which it is sent.
-
-    Attributes:
-        system: source system of its first message, which it keeps; 0 before that.
-        heard: when its newest message came, s of the computer's steady clock.
-        due: when each message is due that is sent periodically, by its id; `period` in s.
-        shown: what its newest heartbeat contained.
-        waiting: messages to send as time allows, each sequence to its end.
-    """
-
-    def __init__(self, sock: socket.socket, address: Address, key: bytes, is_fixed: bool) -> None:
-        self._socket, self.address, self.is_fixed = sock, address, is_fixed
-        self.mav = _Signed(self, SYSTEM, COMPONENT)
-        self.mav.robust_parsing = True
-        if key:
-            signing = self.mav.signing
-            signing.secret_key, signing.sign_outgoing = key, True
-            signing.timestamp = int((time.time() - SIGNING_EPOCH) * TENS_OF_MICROSECONDS)
-        self.system, self.heard = 0, -GONE
-        self.due: dict[int, float] = {}
-        self.shown: Any = None
-        self.period: dict[int, float] = {}
-        self.waiting: dict[str, Iterator[Any]] = {}
-        self._budget, self._filled = float(BYTES_A_SECOND), time.monotonic()
-        self._said: dict[str, float] = {}
-
-    @property
-    def name(self) -> str:
-        """Return the name under which it commands."""
-        return f"mavlink {self.system} at {self.address[0]}:{self.address[1]}"
-
-    def send(self, message: Any) -> None:
-        """Send a message; it is lost when nobody receives there, as on any datagram link."""
-        self.mav.send(message)
-
-    def write(self, data: bytes) -> None:
-        """Send bytes, for pymavlink."""
-        with suppress(OSError):
-            self._socket.sendto(data, self.address)
-
-    def may_parse(self, size: int, now: float) -> bool:
-        """Return whether a datagram of `size` bytes is within what it may send."""
-        gained = (now - self._filled) * BYTES_A_SECOND
-        self._budget, self._filled = min(self._budget + gained, float(BYTES_A_SECOND)), now
-        if self._budget < AT_LEAST:
-            return False
-        self._budget -= max(size, AT_LEAST)
-        return True
-
-    def parse(self, data: bytes) -> list[Any]:
-        """Return the messages of one datagram; nothing of it is kept for the next one."""
-        messages = self.mav.parse_buffer(data) or []
-        self.mav.buf, self.mav.buf_index = bytearray(), 0
-        return list(messages)
-
-    def is_new(self, kind: str, now: float) -> bool:
-        """Return whether a complaint of this kind was not said within the last minute."""
-        is_new = now - self._said.get(kind, -SAID_AGAIN) >= SAID_AGAIN
-        if is_new:
-            if len(self._said) >= SAID_MOST:
-                self._said.clear()
-            self._said[kind] = now
-        return is_new
 
 
 class Link:
@@ -177,27 +84,36 @@ class Link:
         self._timestamps: dict[Any, int] = {}  # of signatures, by stream
         self._peers: dict[tuple[int, Address], Peer] = {}
         self._sockets: list[socket.socket] = []
+        self._doors: list[socket.socket] = []  # those that accept connections
         for one in endpoints:
             self._open(one)
         # Its own budget is that of all addresses from which nothing valid has come yet.
-        self._stranger = Peer(self._sockets[0], ("", 0), self._key, False)
+        datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._stranger = Peer(datagrams, ("", 0), self._key, False)
 
     def _open(self, one: Endpoint) -> None:
-        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        is_stream = one.kind == TCP_IN
+        kind = socket.SOCK_STREAM if is_stream else socket.SOCK_DGRAM
+        sock = socket.socket(socket.AF_INET, kind)
         sock.setblocking(False)
-        self._sockets.append(sock)
+        (self._doors if is_stream else self._sockets).append(sock)
         address = (one.host, one.port)
-        if not one.listens:
+        if one.kind == UDP_OUT:
             sock.connect(address)  # the kernel then drops what others send here
             self._add(sock, address, is_fixed=True)
             return
         try:
+            if is_stream:  # or the port could not be used again for a minute
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             sock.bind(address)
+            if is_stream:
+                sock.listen(MOST)
         except OSError as error:
             self.close()
+            protocol = "TCP" if is_stream else "UDP"
             raise LinkError(
-                f"UDP port {one.port} of {one.host} cannot be listened on ({error.strerror}); end "
-                "the other program, or choose another port"
+                f"{protocol} port {one.port} of {one.host} cannot be listened on "
+                f"({error.strerror}); end the other program, or choose another port"
             ) from None
 
     @property
@@ -206,8 +122,14 @@ class Link:
 
     def receive(self, timeout: float) -> Iterator[tuple[Peer, Any]]:
         """Yield (ground station, message) of what has arrived; wait at most `timeout` s for it."""
-        ready, _, _ = select.select(self._sockets, [], [], timeout)
+        ready, _, _ = select.select([*self._sockets, *self._doors], [], [], timeout)
         for sock in ready:
+            if sock in self._doors:
+                self._accept(sock)
+                continue
+            if sock.type == socket.SOCK_STREAM:
+                yield from self._read(sock)
+                continue
             for _ in range(READ_MOST):
                 try:
                     data, address = sock.recvfrom(2048)
@@ -220,17 +142,53 @@ class Link:
     def forget_silent(self) -> None:
         """Forget the ground stations that have left."""
         now = time.monotonic()
-        for key, peer in list(self._peers.items()):
-            if peer.system and now - peer.heard > GONE:
-                self._say(f"{peer.name} has left")
-                self._has_left(peer)
-                del self._peers[key]
-                if peer.is_fixed:
-                    self._add(peer._socket, peer.address, is_fixed=True)
+        for peer in self.peers:
+            if (peer.system or peer.is_stream) and now - peer.heard > GONE:
+                self._forget(peer)
 
     def close(self) -> None:
-        for sock in self._sockets:
+        for sock in (*self._sockets, *self._doors):
             sock.close()
+        self._stranger.socket.close()
+
+    def _forget(self, peer: Peer) -> None:
+        del self._peers[peer.socket.fileno(), peer.address]
+        if peer.system:
+            self._say(f"{peer.name} has left")
+            self._has_left(peer)
+        if peer.is_stream:
+            self._sockets.remove(peer.socket)
+            peer.socket.close()
+        elif peer.is_fixed:
+            self._add(peer.socket, peer.address, is_fixed=True)
+
+    def _accept(self, door: socket.socket) -> None:
+        try:
+            sock, address = door.accept()
+        except OSError:  # it has gone already
+            return
+        if len(self._peers) >= MOST:
+            line = f"{address[0]}:{address[1]} is one ground station too many; {MOST} are served"
+            self.complain(self._stranger, "many", line)
+            sock.close()
+            return
+        sock.setblocking(False)
+        self._sockets.append(sock)
+        self._add(sock, address)
+
+    def _read(self, sock: socket.socket) -> Iterator[tuple[Peer, Any]]:
+        """Yield what one connection sent, at most what it may send in a turn."""
+        peer = next(one for one in self._peers.values() if one.socket is sock)
+        try:
+            data = sock.recv(2048)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            yield from self._taken(sock, peer.address, data)
+        else:
+            self._forget(peer)
 
     def _add(self, sock: socket.socket, address: Address, *, is_fixed: bool = False) -> Peer:
         peer = Peer(sock, address, self._key, is_fixed)

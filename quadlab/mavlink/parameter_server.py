@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from quadlab.mavlink.dialect import mavlink
-from quadlab.mavlink.link import Peer
 from quadlab.mavlink.operators import Operator
 from quadlab.mavlink.parameter_names import decoded, encoded, has_short_name, short_name
+from quadlab.mavlink.peer import Peer
 from quadrotor.errors import ParameterError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters

@@ -13,7 +13,7 @@ from typing import Any
 from quadlab.mavlink.commands import custom_mode
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import Origin, swap_attitude, swap_body, swap_world
-from quadlab.mavlink.link import Peer
+from quadlab.mavlink.peer import Peer
 from quadlab.mavlink.vehicle import Motion, Vehicle
 from quadrotor.plain_rotations import roll_pitch_yaw
 

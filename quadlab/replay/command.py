@@ -33,10 +33,8 @@ On = Annotated[
 class Replay:
     """Run estimators over the IMU, measurements and truth of a recorded flight, and compare them.
 
-    Any number of runs, each a row of the table and a line of the plot:
-    quadlab replay LOG --run 'error_state' --run 'complementary estimation.preset=paper'
-    --run 'complementary estimation.preset=resolved bearings.sigma=3' --plot errors.png.
-    Without any, the flight's own estimator is replayed as it flew.
+    Each run is a row of the table and a line of the plot. Without any, the flight's own estimator
+    is replayed as it flew.
     """
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]

@@ -16,6 +16,7 @@ from estimation import registry
 from flight_log.attached import json_value, logged_value
 from flight_log.columns.log_columns import LogColumns, read_columns
 from flight_log.columns.topic import Topic
+from flight_log.fields import FORCE, ODOMETRY, RATE, TURNING_B
 from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
 from quadlab.simulated.parameters import FlightParameters
@@ -30,12 +31,6 @@ from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
 
 Floats = npt.NDArray[np.float64]
 
-IMU = tuple(f"{of}.{axis}" for of in ("linear_acceleration", "angular_velocity") for axis in "xyz")
-ODOMETRY = (
-    *(f"pose.pose.position.{axis}" for axis in "xyz"),
-    *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
-    *(f"twist.twist.{of}.{axis}" for of in ("linear", "angular") for axis in "xyz"),
-)
 COLUMNS = ("imu", "state", "truth", "status")
 EVENTS = ("tracker_pose", "tracker_position", "bearings", "sweeps", "events", "parameter_changes")
 MAX_SAMPLES = 2_000_000
@@ -118,7 +113,7 @@ def read_recording(path: Path) -> Recording:
                 "are replayed: cut it with `mcap filter --include-attachments "
                 "--output-compression lz4 --start … --end …`"
             )
-    samples_ns, imu = _stamped(topics["imu"], IMU)
+    samples_ns, imu = _stamped(topics["imu"], FORCE + RATE)
     samples = np.zeros(len(imu), IMU_SAMPLE)
     samples["stamp_ns"] = samples_ns
     samples["specific_force_b"], samples["angular_velocity_b"] = imu[:, :3], imu[:, 3:]
@@ -199,7 +194,7 @@ def _stamped(topic: Topic, names: Sequence[str]) -> tuple[Stamps, Floats]:
 
 def _states(topic: Topic) -> tuple[Stamps, Record]:
     """Return stamps (N,) and STATE (N,) from odometries."""
-    stamps, rows = _stamped(topic, ODOMETRY)
+    stamps, rows = _stamped(topic, ODOMETRY + TURNING_B)
     states = np.zeros(len(rows), STATE)
     states["position_w"], states["quaternion_wb"] = rows[:, :3], rows[:, 3:7]
     states["velocity_w"] = np.column_stack(rotate(states["quaternion_wb"].T, rows[:, 7:10].T))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from console.reports.plots import require_matplotlib
 from quadlab.replay.errors import Consistency, Errors, Truth, errors, of_errors
 from quadlab.replay.lines import Run
 from quadlab.replay.log import Recording
@@ -180,12 +181,7 @@ SPREAD = 10.0
 
 def check_plot(path: Path) -> None:
     """Check the plot's file before the replay begins. Raises UsageError."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "--plot needs matplotlib, which is not installed: pip install matplotlib"
-        ) from None
+    require_matplotlib("--plot")
     from matplotlib.backend_bases import FigureCanvasBase
 
     ending = path.suffix.lstrip(".").lower()
@@ -197,9 +193,6 @@ def draw(path: Path, recording: Recording, window: Window, rows: list[Row]) -> N
     """Draw errors as solid lines, three standard deviations stated by the estimator as dashed ones.
     Raises StorageError.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(figsize=(10.0, 6.0), layout="constrained")

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from quadrotor.errors import LinkError
+from quadrotor.errors import LinkError, RefusedError
 from vehicle_link import clock
 from vehicle_link.termination_signal import EndSignal
 
@@ -33,21 +33,12 @@ class _Landing:
         return self.was_received.is_set() and not self.on_ground.is_set()
 
     def begin(self) -> None:
-        from vehicle_link.messages import new
         from vehicle_link.topics import SERVICES
 
-        request = new(
-            f"{SERVICES['start_behavior']}_Request",
-            request_id="stopping",
-            requester="quadlab up",
-            name="land",
-        )
         client = self._node.client("station/start_behavior", SERVICES["start_behavior"])
         try:
-            answer = client.call(request)
-            if not answer.accepted:
-                self._say(answer.reason)
-        except LinkError as error:
+            client.ask("quadlab up", name="land")
+        except (LinkError, RefusedError) as error:
             self._say(str(error))
 
     def give_up(self) -> None:

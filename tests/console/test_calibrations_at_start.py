@@ -9,6 +9,7 @@ import pytest
 
 from console import calibrations
 from console.calibrations import Calibrations
+from tests.support.clients import FakeClient
 from tests.support.narrowing import now as as_it_is
 from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES
@@ -20,13 +21,13 @@ class Silent:
     def __init__(self) -> None:
         self.asked: list[str] = []
 
-    def client(self, name: str, srv_type: str, *, priority: str) -> Silent:
-        return self
+    def client(self, name: str, srv_type: str, *, priority: str) -> FakeClient:
+        return FakeClient(name, srv_type, self._answer)
 
     def serve(self, name: str, srv_type: str, handler: Any) -> None:
         pass
 
-    def call(self, request: Any, timeout: float) -> Any:
+    def _answer(self, request: Any) -> Any:
         self.asked.append(str(request.action))
         return new(f"{SERVICES['calibrate']}_Response", accepted=True)
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from estimation.error_state.estimator import ErrorStateEstimator
-from estimation.error_state.filter import apply, predict, take_frames
+from estimation.error_state.filter import apply, predict, take_bearings
 from estimation.error_state.memory import new_memory
 from estimation.error_state.parameters import ErrorStateParameters
 from estimation.estimator import Estimator
@@ -505,7 +505,7 @@ def test_a_batch_equals_its_single_flights(rng: np.random.Generator) -> None:
     count, noise = 3, noise_record(EstimationParameters())
     imu, frames = np.zeros(count, IMU_SAMPLE), np.zeros(count, BEARINGS_SAMPLE)
     batch, states = new_memory(count), np.zeros(count, STATE)
-    valid, outcomes = np.zeros(count, bool), np.zeros(count, np.int64)
+    outcomes = np.zeros(count, np.int64)
     one = ErrorStateEstimator()
     one.initialize(pose_of(0, [0.0, 0.0, 1.0], Rotation.identity()))
     batch[:] = one.memory[0]
@@ -520,15 +520,14 @@ def test_a_batch_equals_its_single_flights(rng: np.random.Generator) -> None:
             for k in range(count):
                 where = np.array([0.0, 0.0, 1.0]) + 0.01 * rng.normal(size=3)
                 frames[k] = frame_of(i * 2 * MS - 3 * MS, where, Rotation.identity(), rng)[0]
-            take_frames(batch, frames, valid)
+                assert take_bearings(batch[k], frames[k])
             apply(batch, noise, outcomes)
-            assert valid.all()
             assert not outcomes.any()
         for k, single in enumerate(singles):
             predict(single, imu[k : k + 1], noise, 0.002, state)
             assert state[0] == states[k]
             if i % 10 == 0:
-                take_frames(single, frames[k : k + 1], valid[:1])
+                assert take_bearings(single[0], frames[k])
                 apply(single, noise, outcomes[:1])
     for k, single in enumerate(singles):
         np.testing.assert_array_equal(single["now"][0], batch["now"][k])

@@ -7,18 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from estimation.attitude_filter import attitude_gains
 from estimation.complementary import ComplementaryEstimator
-from estimation.gains import (
-    PRINTED,
-    ContinuousGains,
-    MeasurementGains,
-    continuous_gains,
-    from_continuous,
-    from_measurement,
-    measurement_gains,
-)
+from estimation.gains import PRINTED, ContinuousGains, continuous_gains, from_continuous
 from estimation.parameters import ESTIMATION_GAINS, PRESETS, EstimationParameters, estimation_record
 from estimation.stability import gain_warnings, lowest_stable_rate, printed_radius
+from estimation.translation_observer import translation_gains
 from quadrotor.errors import OutOfBoundsError
 
 
@@ -90,25 +84,19 @@ def test_printed_gains_are_the_papers_poles_and_come_back() -> None:
 
 
 @pytest.mark.parametrize("rate", [10.0, 30.0, 100.0, 500.0])
-def test_gains_per_measurement_are_those_applied_and_come_back(rate: float) -> None:
+def test_gains_per_measurement_follow_from_the_poles(rate: float) -> None:
     parameters = from_continuous(ContinuousGains(10.0, 25.0, 2.0))
-    gains, p = measurement_gains(parameters, rate), math.exp(-5.0 / rate)
-    assert gains.L_p == pytest.approx(1.0 - p * p)
-    assert gains.L_v == pytest.approx((1.0 - p) ** 2 * rate)
-    assert gains.L_q == pytest.approx(1.0 - math.exp(-2.0 / rate))
-    again = from_measurement(gains, rate)
-    assert again.position_bandwidth == pytest.approx(5.0)
-    assert again.attitude_bandwidth == pytest.approx(2.0)
+    p, interval = math.exp(-5.0 / rate), 1.0 / rate
+    position, velocity, _ = translation_gains(parameters.position_bandwidth, 0.0, interval)
+    attitude, _ = attitude_gains(parameters.attitude_bandwidth, 0.0, interval)
+    assert position == pytest.approx(1.0 - p * p)
+    assert velocity == pytest.approx((1.0 - p) ** 2 * rate)
+    assert attitude == pytest.approx(1.0 - math.exp(-2.0 / rate))
 
 
-def test_gains_that_are_no_double_pole_or_no_share_are_refused_with_what_fits() -> None:
+def test_gains_that_are_no_double_pole_are_refused_with_what_fits() -> None:
     with pytest.raises(OutOfBoundsError, match="25 1/s²"):
         from_continuous(ContinuousGains(10.0, 80.0, 1.0))
-    with pytest.raises(OutOfBoundsError, match="L_v = "):
-        from_measurement(MeasurementGains(0.5, 100.0, 0.1), 30.0)
-    for share in (0.0, 1.0, -1.0, math.nan):
-        with pytest.raises(OutOfBoundsError, match="share"):
-            from_measurement(MeasurementGains(share, 1.0, 0.1), 30.0)
     with pytest.raises(OutOfBoundsError, match="position_bandwidth"):
         from_continuous(ContinuousGains(1000.0, 250_000.0, 1.0))
 

@@ -1,61 +1,35 @@
+// What an exported page answers by itself: statistics, and the derived signals that it was given.
+
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { pack, unpack } from "../../web/static/replay/packed.js";
+import "./browser.js";
+import { pack } from "../../web/static/replay/packed.js";
 
-const times = Float64Array.from({ length: 1000 }, (_, k) => k / 100);
-const height = Float32Array.from(times, (t) => Math.sin(t));
-height[437] = 5; // one sample
-height[800] = NaN; // parts a gap
-const text = (buffer) => Buffer.from(buffer).toString("base64");
-const signals = [{ name: "state.z", topic: "state" }, { name: "state.still", topic: "state", constant: 7 }];
-globalThis.quadlabRun = {
-  description: { id: "a", state: "ready", vehicle: "quad1", signals },
-  track: text(Float32Array.of(1, 2, 3).buffer),
-  windows: [text(pack([{ signals: ["state.z"], times, columns: [height] }]))],
-};
-const { binary, command, get } = await import("../../web/static/replay/exported.js");
+const speed = "speed = abs(state.velocity.x)", times = Float64Array.of(0, 1, 2, 3);
+const group = { signals: ["state.velocity.x", speed], times, columns: [Float32Array.of(-1, 1, NaN, 3), Float32Array.of(1, 1, NaN, 3)] };
+const signals = group.signals.map((name) => ({ name, topic: "state", label: name, unit: "m/s", group: "state" }));
+const description = { signals, topics: { state: { count: 4 } } };
+Object.assign(globalThis, { quadlabRun: { description, track: "", windows: [Buffer.from(pack([group])).toString("base64")] } });
+const { get } = await import("../../web/static/replay/exported.js");
 
-const asked = async (names, start, end, points, more = "") =>
-  unpack(await binary(`/api/replay/a/window?start=${start}&end=${end}&points=${points}${more}${names.map((name) => `&signal=${name}`).join("")}`));
+const statistics = (name, start, end) => get(`/api/replay/a/statistics?start=${start}&end=${end}&signal=${encodeURIComponent(name)}`);
 
-test("what is packed is what is unpacked", () => {
-  const [one, two] = unpack(pack([{ signals: ["a", "b"], times: Float64Array.of(1, 2, 3), columns: [Float32Array.of(4, 5, 6), Float32Array.of(7, NaN, 9)] },
-    { signals: ["cö"], times: Float64Array.of(), columns: [Float32Array.of()] }]));
-  assert.deepEqual([...one.times, ...one.columns[0], ...one.columns[1]], [1, 2, 3, 4, 5, 6, 7, NaN, 9]);
-  assert.deepEqual([two.signals, two.times.length], [["cö"], 0]);
+test("statistics are those of the samples between two instants", async () => {
+  const { [speed]: found } = await statistics(speed, -1, 3);
+  assert.deepEqual(found, { count: 3, mean: 5 / 3, rms: Math.sqrt(11 / 3), min: 1, max: 3 });
+  assert.deepEqual((await statistics("state.velocity.x", 1.5, 2.5))["state.velocity.x"], { count: 0, mean: null, rms: null, min: null, max: null });
 });
 
-test("a window that is narrow has every sample, with one more on either side, and constants", async () => {
-  const [group] = await asked(["state.z", "state.still"], 1, 2, 500);
-  assert.deepEqual([...group.times], [...times.slice(100, 202)]);
-  assert.deepEqual([...group.columns[0]], [...height.slice(100, 202)]);
-  assert.ok(group.columns[1].every((value) => value === 7));
+test("of a topic that is not whole no mean is told", async () => {
+  description.topics.state.count = 20_001;
+  const { [speed]: found } = await statistics(speed, -1, 3);
+  description.topics.state.count = 4;
+  assert.deepEqual(found, { count: 3, mean: null, rms: null, min: 1, max: 3 });
 });
 
-test("a window that is wide keeps the greatest sample and the gap", async () => {
-  const [{ times: kept, columns: [values] }] = await asked(["state.z"], 0, 10, 50);
-  assert.equal(kept.length, 100);
-  assert.ok(values.includes(5));
-  assert.ok(kept[values.findIndex(Number.isNaN)] <= 8.2 && values.some(Number.isNaN));
-});
-
-test("without extremes every n-th sample is kept, of all signals at the same times", async () => {
-  const [{ times: kept, columns: [values] }] = await asked(["state.z"], 0, 10, 50, "&extremes=false");
-  assert.ok(kept.length <= 50 && kept.length > 25);
-  kept.forEach((time, i) => assert.ok(Object.is(values[i], height[times.indexOf(time)])));
-});
-
-test("a value is the newest one with its age, none before the first", async () => {
-  const { "state.z": [value, age], "state.still": still } = await get("/api/replay/a/at?t=4.375&signal=state.z&signal=state.still");
-  assert.equal(value, 5);
-  assert.ok(Math.abs(age - 0.005) < 1e-9);
-  assert.equal(still[0], 7);
-  assert.deepEqual(await get("/api/replay/a/at?t=-1&signal=state.z"), { "state.z": [null, null] });
-});
-
-test("the track comes as it was, and what needs a server says so", async () => {
-  assert.deepEqual([...new Float32Array(await binary("/api/replay/a/track"))], [1, 2, 3]);
-  await assert.rejects(get("/api/replay/a/spectrum?start=0&end=1&signal=state.z"), /open the run in quadlab/);
-  await assert.rejects(command("arm"), /no server/);
+test("a derived signal that was exported is known, another one is refused with what helps", async () => {
+  const [known, other] = await get(`/api/replay/a/expressions?text=${encodeURIComponent(speed)}&text=a%20%3D%202`);
+  assert.equal(known.topic, "state");
+  assert.match(other.problem, /export it again with --derive/);
 });

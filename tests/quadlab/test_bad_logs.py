@@ -98,7 +98,7 @@ def broken(path: Path, kind: str, whole: bytes) -> None:
 BROKEN = {
     "folder": "is a folder",
     "pipe": "a pipe or a device",
-    "loop": "is no file",
+    "loop": "is not a file",
     "empty": "is empty: nothing was recorded",
     "text": "is no MCAP log",
     "zeros": "is no MCAP log",

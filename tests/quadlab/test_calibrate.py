@@ -199,20 +199,26 @@ def test_a_script_never_accepts_what_is_beyond_its_limits(scripted: ScriptedStat
     assert scripted.actions() == ["start", "reject"]
 
 
-def test_what_the_vehicle_refuses_is_told(
-    scripted: ScriptedStation, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("flight", "refused", "stream", "said"),
+    [
+        (PASSES, {"accept": "on the ground only"}, "out", "not accepted: on the ground only"),
+        ([{}, {"phase": "failed", "reason": "no data"}], {}, "out", "motor_bench: failed: no data"),
+        ([{"instruction": "Rest"}], {}, "err", "the station has been silent"),
+        ([], {"start": "mass is running"}, "err", "mass is running"),
+    ],
+)
+def test_what_ends_without_being_accepted_is_told(
+    scripted: ScriptedStation,
+    capsys: pytest.CaptureFixture[str],
+    flight: list[dict[str, Any]],
+    refused: dict[str, str],
+    stream: str,
+    said: str,
 ) -> None:
-    scripted.flights, scripted.refused = [PASSES], {"accept": "on the ground only"}
+    scripted.flights, scripted.refused = [flight], refused
     assert main(["calibrate", "motor_bench", "--accept"]) == 1
-    assert "not accepted: on the ground only" in capsys.readouterr().out
-
-
-def test_without_a_proposal_it_failed(
-    scripted: ScriptedStation, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scripted.flights = [[{}, {"phase": "failed", "reason": "the sensor sends nothing"}]]
-    assert main(["calibrate", "motor_bench", "--accept"]) == 1
-    assert "motor_bench: failed: the sensor sends nothing" in capsys.readouterr().out
+    assert said in getattr(capsys.readouterr(), stream)
 
 
 def test_a_person_confirms_repeats_and_accepts(
@@ -255,14 +261,6 @@ def test_control_c_stops_it_on_the_station_too(
     assert main(["calibrate", "motor_bench"]) == 130
     assert scripted.actions() == ["start", "stop", "start"]
     assert "the proposal stays open" in capsys.readouterr().out
-
-
-def test_a_station_that_falls_silent_ends_it(
-    scripted: ScriptedStation, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scripted.flights = [[{"instruction": "Rest"}]]
-    assert main(["calibrate", "motor_bench", "--accept"]) == 1
-    assert "the station has been silent" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -316,14 +314,6 @@ def test_a_question_without_anybody_to_answer_stops_it(
     assert main(["calibrate", "motor_bench", "--accept"]) == 2
     assert "it asks: 'Propellers clear?'; there is no terminal" in capsys.readouterr().err
     assert scripted.actions() == ["start", "stop"]
-
-
-def test_another_experiment_that_runs_is_named(
-    scripted: ScriptedStation, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scripted.refused = {"start": "mass is running, started by grace; stop it first"}
-    assert main(["calibrate", "motor_bench", "--accept"]) == 1
-    assert "mass is running, started by grace" in capsys.readouterr().err
 
 
 def test_without_a_station_one_line_says_what_to_start(

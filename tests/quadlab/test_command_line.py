@@ -43,7 +43,12 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["fly"], "EXPERIMENT"),
         (["fly", "figure_nine"], "figure_eight"),
         (["fly", "hover", "--sed", "3"], "--seed"),
-        (["fly", "hover", "--seed", "x"], "--seed"),
+        (["fly", "--sed", "3"], "--seed"),  # before the experiment that is missing
+        (["fly", "--bogus"], "--bogus"),
+        (["log", "export", "--bogus"], "--bogus"),
+        (["fly", "hover", "--seed", "x"], "--seed: 'x' is not a whole number"),
+        (["vehicle", "--rate", "ten"], "--rate: 'ten' is not a number"),
+        (["log", "info", "--for"], "--for"),
         (["fly", "hover", "--seed", "-1"], "allowed 0 to"),
         (["fly", "hover", "--set", "model.mas=1"], "model.mass"),
         (["fly", "hover", "--set", "model.mass=9"], "allowed 0.02 to 2.4 kg"),
@@ -73,6 +78,15 @@ def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str
         main([command, "--help"])
     assert stop.value.code in (0, None)
     assert "usage: quadlab" in capsys.readouterr().out
+
+
+def test_help_is_wrapped_by_the_terminal_and_not_where_the_source_is(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "300")
+    with pytest.raises(SystemExit):
+        main(["fly", "--help"])
+    assert re.search(r"motor_bench, mass, inertia, .* of your own", capsys.readouterr().out)
 
 
 def test_the_doctor_reports_versions_computer_and_checks_and_makes_nothing(

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
+import subprocess
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -53,45 +56,59 @@ ROUGH = {
 
 
 @pytest.fixture(scope="module")
-def export(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def export(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Return the FMU with the defaults, written once."""
     pytest.importorskip("fmpy", reason="the package fmpy is not installed")
     folder = tmp_path_factory.mktemp("fmu")
 
-    def exported(model: str) -> Path:
-        path = folder / f"{model}.fmu"
+    def exported(model: str, fmi: int = 2) -> Path:
+        path = folder / f"{model}{fmi}.fmu"
         if not path.exists():
-            assert main(["export", "fmu", model, "--out", str(path)]) == 0
+            assert main(["export", "fmu", model, "--fmi", str(fmi), "--out", str(path)]) == 0
         return path
 
     return exported
 
 
 class Fmu:
-    """One running instance; variables by name."""
+    """One running instance of FMI 2 or 3; variables by name."""
 
     def __init__(self, path: Path, folder: Path, **start: float) -> None:
         import fmpy
         from fmpy.simulation import instantiate_fmu
 
         description = fmpy.read_model_description(str(path))
+        self._has_arrays = description.fmiVersion == "3.0"
         self.variables = {one.name: one for one in description.modelVariables}
         fmpy.extract(str(path), str(folder))
         self.c: Any = instantiate_fmu(str(folder), description, "CoSimulation")
         for name, value in start.items():
             self.set(name, value)
-        self.c.setupExperiment(startTime=0.0)
+        if not self._has_arrays:
+            self.c.setupExperiment(startTime=0.0)
         self.c.enterInitializationMode()
         self.c.exitInitializationMode()
         self.time = 0.0
 
     def set(self, name: str, *values: float) -> None:
-        self.c.setReal(self._places(name, len(values)), list(values))
+        if self._has_arrays:
+            self.c.setFloat64([self.variables[name].valueReference], list(values))
+        else:
+            self.c.setReal(self._places(name, len(values)), list(values))
+
+    def choose(self, name: str, value: int) -> None:
+        setter = self.c.setInt32 if self._has_arrays else self.c.setInteger
+        setter([self.variables[name].valueReference], [value])
 
     def outputs(self) -> Array:
         """Return all outputs, in their order."""
-        shown = (one for one in self.variables.values() if one.causality == "output")
-        return np.array(self.c.getReal([one.valueReference for one in shown]))
+        shown = [one for one in self.variables.values() if one.causality == "output"]
+        places = [one.valueReference for one in shown]
+        if self._has_arrays:
+            sizes = [int(d.start) for one in shown for d in one.dimensions or ()]
+            scalars = sum(not one.dimensions for one in shown)
+            return np.array(self.c.getFloat64(places, nValues=sum(sizes) + scalars))
+        return np.array(self.c.getReal(places))
 
     def step(self, h: float) -> None:
         self.c.doStep(self.time, h)
@@ -103,11 +120,11 @@ class Fmu:
 
 
 @pytest.fixture
-def run(tmp_path: Path, export: Callable[[str], Path]) -> Iterator[Callable[..., Fmu]]:
+def run(tmp_path: Path, export: Callable[..., Path]) -> Iterator[Callable[..., Fmu]]:
     running: list[Fmu] = []
 
-    def started(model: str, **start: float) -> Fmu:
-        running.append(Fmu(export(model), tmp_path / f"{len(running)}", **start))
+    def started(model: str, fmi: int = 2, **start: float) -> Fmu:
+        running.append(Fmu(export(model, fmi), tmp_path / f"{len(running)}", **start))
         return running[-1]
 
     yield started
@@ -116,11 +133,51 @@ def run(tmp_path: Path, export: Callable[[str], Path]) -> Iterator[Callable[...,
 
 
 @needs_compiler
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("model", [PLANT, LAW])
-def test_an_exported_fmu_has_no_problem(export: Callable[[str], Path], model: str) -> None:
+def test_an_exported_fmu_has_no_problem(export: Callable[..., Path], model: str, fmi: int) -> None:
     from fmpy.validation import validate_fmu
 
-    assert validate_fmu(str(export(model))) == []
+    assert validate_fmu(str(export(model, fmi))) == []
+
+
+@needs_compiler
+def test_the_functions_of_fmi_3_are_those_of_the_standards_header(
+    tmp_path: Path, export: Callable[..., Path]
+) -> None:
+    """Compiled with the header of the standard that fmpy brings, in place of our own."""
+    import fmpy
+
+    with zipfile.ZipFile(export(PLANT, 3)) as file:
+        file.extractall(tmp_path)
+    own, header = tmp_path / "sources", Path(fmpy.__file__).parent / "c-code"
+    text = (own / "fmi3.c").read_text()
+    (own / "fmi3.h").unlink()
+    standard = '#define EXPORTED\n#include "fmi3Functions.h"'
+    (own / "fmi3.c").write_text(text.replace('#include "fmi3.h"', standard))
+    words = ["gcc", "-std=c11", "-fsyntax-only", "-Werror=incompatible-pointer-types"]
+    compiled = subprocess.run(
+        [*words, f"-I{header}", str(own / "fmi3.c")], capture_output=True, text=True, check=False
+    )
+    assert compiled.returncode == 0, compiled.stderr
+    declared = set(
+        re.findall(
+            r"^FMI3_Export fmi3\w+TYPE +(fmi3\w+);",
+            (header / "fmi3Functions.h").read_text(),
+            re.MULTILINE,
+        )
+    )
+    ours = (
+        set(re.findall(r"\b(fmi3[A-Z]\w+)\(", text))
+        | {
+            f"fmi3{way}{kind}"
+            for kind in re.findall(r"NONE_OF\((\w+)\)", text)
+            for way in ("Get", "Set")
+        }
+        | set(re.findall(r"REFUSED\((fmi3\w+)", text))
+    )
+    assert len(declared) > 70
+    assert declared - ours == set()
 
 
 @needs_compiler
@@ -131,13 +188,17 @@ def test_the_same_words_write_the_same_file(tmp_path: Path, export: Callable[[st
 
 
 @needs_compiler
-@pytest.mark.parametrize(("values", "height"), [({}, 0.0), (ROUGH, 5.0)], ids=["clean", "rough"])
+@pytest.mark.parametrize(
+    ("values", "height", "fmi"),
+    [({}, 0.0, 2), (ROUGH, 5.0, 2), (ROUGH, 5.0, 3)],
+    ids=["clean", "rough", "rough, FMI 3"],
+)
 def test_the_plant_moves_as_the_simulators(
-    run: Callable[..., Fmu], values: dict[str, float], height: float
+    run: Callable[..., Fmu], values: dict[str, float], height: float, fmi: int
 ) -> None:
     """10 s at 500 Hz: up, turning over, and down onto the floor."""
     parameters = SimulatorParameters.model_validate(values)
-    plant, fmu = new_plant(parameters), run(PLANT, start_z=height, **values)
+    plant, fmu = new_plant(parameters), run(PLANT, fmi, start_z=height, **values)
     plant["x"][:, 2] = height
     random = np.random.default_rng(7)
     worst, highest = np.zeros(25), 0.0
@@ -179,37 +240,39 @@ def test_the_plant_starts_where_its_parameters_say(run: Callable[..., Fmu]) -> N
 
 
 @needs_compiler
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(
     ("name", "value", "h"),
     [
-        ("thrusts[1]", 1.0, 0.002),  # an output
+        ("voltage", 1.0, 0.002),  # an output
         ("start_x", 1.0, 0.002),  # after the start
         ("mass", 1.0, -0.002),
-        ("motor_references[1]", math.nan, 0.002),
+        ("gust_w", math.nan, 0.002),
     ],
 )
 def test_the_fmu_refuses_what_cannot_be(
-    run: Callable[..., Fmu], name: str, value: float, h: float
+    run: Callable[..., Fmu], name: str, value: float, h: float, fmi: int
 ) -> None:
     from fmpy.fmi1 import FMICallException
 
-    fmu = run(PLANT)
+    fmu = run(PLANT, fmi)
+    if name == "gust_w" and fmi == 2:
+        name = "gust_w[1]"
     with pytest.raises(FMICallException, match="status 3"):  # noqa: PT012 - either call
         fmu.set(name, value)
         fmu.step(h)
 
 
 @needs_compiler
-@pytest.mark.parametrize("rates", ["nominal", "exact"])
-def test_the_law_answers_as_the_built_in(run: Callable[..., Fmu], rates: str) -> None:
+@pytest.mark.parametrize(("rates", "fmi"), [("nominal", 2), ("exact", 3)])
+def test_the_law_answers_as_the_built_in(run: Callable[..., Fmu], rates: str, fmi: int) -> None:
     """300 ticks on seeded inputs, near hovering and far beyond every limit; integrals included."""
     parameters = new_parameters()
     parameters.control.attitude.rates = rates
     parameters.model.drag, parameters.model.drag_lever = 0.3, 0.03
     controller = GeometricController()
-    fmu = run(LAW, **{"model.drag": 0.3, "model.drag_lever": 0.03})
-    choice = [fmu.variables["control.attitude.rates"].valueReference]
-    fmu.c.setInteger(choice, [RATES.index(rates) + 1])
+    fmu = run(LAW, fmi, **{"model.drag": 0.3, "model.drag_lever": 0.03})
+    fmu.choose("control.attitude.rates", RATES.index(rates) + 1)
     random = np.random.default_rng(8)
     state, reference, out = new_state(), new_reference(), np.zeros(1, ACTUATORS)
     worst, seen = np.zeros(8), set()

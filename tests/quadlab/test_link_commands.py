@@ -90,7 +90,7 @@ def test_an_observers_files_fit_into_a_tar(tmp_path: Path) -> None:
         (("enrol", "Bad", "10.0.0.2"), "'Bad' is not a valid name"),
         (("enrol", "quad2", "a:b"), "'a:b' is no address of a vehicle"),
         (("enrol", "quad2"), "Missing from quadlab link enrol: ADDRESS"),
-        (("observer", "../ben"), "no name for a station"),
+        (("observer", "../ben"), "not a name for a station"),
         (("pilot",), "Missing from quadlab link pilot: NAME"),
         (("list", "quad2"), "Unrecognized options: quad2"),
         (("forget", "quad2"), "no vehicle is called 'quad2'; known are: none"),

@@ -24,7 +24,7 @@ def no_names_left() -> Iterator[None]:
     registry.offer(())
 
 
-def test_a_new_law_estimator_and_behavior_fly_and_pass_their_own_tests(
+def test_a_new_law_estimator_behavior_and_sensor_fly_and_pass_their_own_tests(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], no_names_left: None
 ) -> None:
     folder = tmp_path / "plugins"
@@ -34,18 +34,23 @@ def test_a_new_law_estimator_and_behavior_fly_and_pass_their_own_tests(
     assert f"--set estimation.estimator=own --plugins {folder}" in capsys.readouterr().out
     assert main(["new", "behavior", "turn", "--out", str(folder)]) == 0
     assert f"--set behavior.plugin=turn --plugins {folder}" in capsys.readouterr().out
+    assert main(["new", "sensor", "height", "--out", str(folder)]) == 0
+    assert f"estimation.sensors=height --plugins {folder}" in capsys.readouterr().out
     assert Laws(folder).names() == ("geometric", "near_hovering", "udp", "mine")
     Estimators(folder).offer()
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder)]
     tested = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
-    assert "6 passed" in tested.stdout, tested.stdout
+    assert "9 passed" in tested.stdout, tested.stdout
     parameters = flight_parameters()
     parameters.control.law, parameters.estimation.estimator = "mine", "own"
-    parameters.behavior.plugin = "turn"
+    parameters.estimation.plugin.built_in = "error_state"
+    parameters.behavior.plugin, parameters.estimation.sensors = "turn", "height"
     lab = Lab(parameters, plugins=folder).hovering(settling=3.0)
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
     assert lab.parameter("control.law") == "mine"
     assert lab.parameter("estimation.estimator") == "own"
+    (sensor,) = lab.stack.own_sensors.externals
+    assert (sensor.used > 20, sensor.refused, sensor.failure) == (True, 0, "")
     lab.start("external")
     lab.wait(1.0)
     assert lab.view().behavior == "external"

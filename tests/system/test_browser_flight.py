@@ -157,5 +157,5 @@ def check_log(log: Path, gain: float) -> None:
     assert changes[0].old_value.double_value != last.new_value.double_value
     assert last.requester.startswith("admin")
     assert last.header.stamp.sec > 0
-    assert any("follow_trajectory by admin" in text for text in events), events
+    assert any("follow trajectory by admin" in text for text in events), events
     assert np.max(heights) == pytest.approx(1.2, abs=0.1)

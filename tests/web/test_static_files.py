@@ -118,3 +118,16 @@ def test_a_document_has_the_theme_that_its_browser_remembers(cookie: str, tag: s
         return bytes(static_files.FILES.document("emergency/kill.html").body)
 
     assert f'<html lang="en"{tag}>'.encode() in contextvars.copy_context().run(made)
+
+
+def test_a_joined_file_is_compressed_for_those_who_take_it_and_no_others(script: Path) -> None:
+    script.write_text(f"/* {'a' * 5000} */")
+    script.with_name("page.html").write_text('<script type="module" src="/static/a.js"></script>')
+    ask = Asker(script.parent)
+    plain = ask("joined/a.js", accept_encoding="identity")
+    packed = ask("joined/a.js", accept_encoding="gzip, br")
+    assert "content-encoding" not in plain.headers
+    assert packed.headers["content-encoding"] == "gzip"
+    assert plain.headers["vary"] == packed.headers["vary"] == "accept-encoding"
+    assert int(packed.headers["content-length"]) < 500 < int(plain.headers["content-length"])
+    assert packed.text == plain.text

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.parameters import Parameters, parameter
-from quadrotor.records import IMU_SAMPLE, Record
+from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.boards.board import RawSample
 
@@ -131,14 +131,6 @@ def _apply(
         out.specific_force_b[i] = T[0] * x + T[1] * y + T[2] * z
         rate = c.gyroscope_scale * (gyroscope[i] - c.gyroscope_zero)
         out.angular_velocity_b[i] = rate - c.gyroscope_bias_b[i]
-
-
-def calibrate(raw: RawSample, calibration: Record, sample: Record | None = None) -> Record:
-    """Return the IMU_SAMPLE (1,) of a raw sample, in `sample` if given, by a CALIBRATION record."""
-    if sample is None:
-        sample = np.zeros(1, IMU_SAMPLE)
-    _apply(raw.stamp_ns, raw.accelerometer, raw.gyroscope, calibration, sample)
-    return sample
 
 
 class ImuCalibrator:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from estimation import registry
 from estimation.convergence import Difference, difference
+from estimation.estimator import Estimator
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
@@ -78,6 +79,11 @@ class EstimatorSet:
 
     def all(self) -> tuple[Runner, ...]:
         return (self.active, *self.in_parallel())
+
+    def everything(self) -> list[Estimator]:
+        """Return the estimators, that in use first, and those beneath plugins."""
+        beneath = [one.built_in for one in self.all() if one.built_in is not None]
+        return [one.estimator for one in (*self.all(), *beneath)]
 
     @property
     def reserve_ready(self) -> bool:

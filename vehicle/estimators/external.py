@@ -49,7 +49,6 @@ class ExternalEstimator(External):
         self._poses: deque[Record] = deque(maxlen=WAITING)
         self._frames: deque[Record] = deque(maxlen=WAITING)
         self._begin()
-        self._was_flying = self._reported_ready = False
         # Compiled here and not in the first tick, which would be seconds late.
         self._propagated(self._state, np.zeros(3), np.zeros(3), 0.0)
 
@@ -152,18 +151,10 @@ class ExternalEstimator(External):
     def warnings(self, rate: float) -> list[str]:
         return self._base.warnings(rate)
 
-    # ------------------------------------------------------------------ for the log
-    def news(self, flying: bool) -> list[str]:
-        """Return lines about what has just happened: it was loaded, it landed."""
-        self.becomes_ready()
-        lines = [f"estimator {self.name} is ready"] if self.is_ready > self._reported_ready else []
-        self._reported_ready = self.is_ready
-        if flying != self._was_flying:
-            self._was_flying = flying
-            apart = f"its position was {self.difference:.4f} m (rms) from that of"
-            line = f"{self.summary()}; {apart} {self.built_in.name}"
-            lines += [] if flying else [line]
-        return lines
+    def summary(self) -> str:
+        """Return a line about the flight, and begin to count again."""
+        apart = f"its position was {self.difference:.4f} m (rms) from that of"
+        return f"{super().summary()}; {apart} {self.built_in.name}"
 
     # ------------------------------------------------------------------ parts
     def _begin(self) -> None:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from control.behaviors.parameters import NONE as NO_PLUGIN
 from control.parameters import GEOMETRIC, NONE
-from vehicle.behaviors.behaviors import PARAMETER, OwnBehaviors
+from vehicle.behaviors.behaviors import PARAMETER as BEHAVIOR
+from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
@@ -20,12 +21,15 @@ from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import FLYING, Mode
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.laws.laws import LAW, SHADOW_LAW
+from vehicle.plugins.external import External
 from vehicle.processes import mailbox
+from vehicle.sensors.sensors import PARAMETER as SENSORS
+from vehicle.sensors.sensors import OwnSensors
 
 
 @dataclass(kw_only=True, eq=False)
 class AutomaticChanges:
-    """The four checks of one tick, each right after what it judges."""
+    """The five checks of one tick, each right after what it judges."""
 
     tick: TickRecord
     outbox: Outbox
@@ -36,13 +40,13 @@ class AutomaticChanges:
     guard: BearingsGuard
     law: ControlLaw
     own_behaviors: OwnBehaviors
+    own_sensors: OwnSensors
 
     def check_estimators(self) -> None:
         """Change to the shadow estimator, or back from it, when that is due."""
-        navigation, flying = self.navigation, self.modes.mode in FLYING
+        navigation = self.navigation
         for external in navigation.externals:
-            for line in external.news(flying):
-                self.outbox.say(line)
+            self._tell_news(external)
         if not (navigation.measured or navigation.externals):
             return
         change = self.rescue.check(self.tick.stamp_ns)
@@ -72,10 +76,7 @@ class AutomaticChanges:
         law = self.law.external
         if law is None:
             return
-        if law.becomes_ready():
-            self.outbox.say(f"law {law.name} is ready")
-        if law.ticks and self.modes.mode not in FLYING:
-            self.outbox.say(law.summary())
+        self._tell_news(law)
         if law.failure:
             flies = "took over" if law.flown else "flies on"
             line = f"law {law.name} disengaged, {GEOMETRIC} {flies}: {law.failure}"
@@ -90,11 +91,22 @@ class AutomaticChanges:
         behavior = self.own_behaviors.external
         if behavior is None:
             return
-        if behavior.becomes_ready():
-            self.outbox.say(f"behavior {behavior.name} is ready")
-        if behavior.ticks and self.modes.mode not in FLYING:
-            self.outbox.say(behavior.summary())
+        self._tell_news(behavior)
         if behavior.failure:
             line = f"behavior {behavior.name} disengaged: {behavior.failure}"
             self.outbox.say(line, mailbox.WARN)
-            self.configuration.apply_own({PARAMETER: NO_PLUGIN})
+            self.configuration.apply_own({BEHAVIOR: NO_PLUGIN})
+
+    def check_sensors(self) -> None:
+        """Report when a sensor of the user's own is ready; disengage one that failed."""
+        for sensor in self.own_sensors.externals:
+            self._tell_news(sensor)
+            if sensor.failure:
+                line = f"sensor {sensor.name} disengaged: {sensor.failure}"
+                self.outbox.say(line, mailbox.WARN)
+                self.configuration.apply_own({SENSORS: self.own_sensors.without(sensor)})
+
+    def _tell_news(self, plugin: External) -> None:
+        """Report that it was loaded, and after a landing how it answered."""
+        for line in plugin.news(self.modes.mode in FLYING):
+            self.outbox.say(line)

@@ -200,7 +200,7 @@ class CommandHandler:
             armed=modes.mode is Mode.ARMED,
             airborne=self.ground.airborne,
         )
-        self.outbox.say(f"{command.name} by {command.requester}")
+        self.outbox.say(f"{command.name.replace('_', ' ')} by {command.requester}")
 
     def _emergency(self, command: mailbox.Emergency) -> None:
         modes = self.modes

@@ -22,6 +22,7 @@ from vehicle.flight.modes import FLYING
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.parameters import VehicleParameters, check_hover, check_pairs
 from vehicle.safety.ground_contact import GroundContact
+from vehicle.sensors.sensors import OwnSensors
 from vehicle_link.parameters.change import ParameterChange
 
 ROUNDING = 1e-9
@@ -70,6 +71,7 @@ class Configuration:
     mass: FlownMass
     behaviors: BehaviorMachine
     own_behaviors: OwnBehaviors
+    own_sensors: OwnSensors
     navigation: Navigation
     guard: BearingsGuard
     imu_calibrator: ImuCalibrator
@@ -95,6 +97,7 @@ class Configuration:
         flying = self.modes.mode in FLYING
         self.law.check(checked, flying)
         self.own_behaviors.check(checked, flying)
+        self.own_sensors.check(checked, flying)
         self.mass.check(checked, flying)
         self.guard.check(checked, flying)
         return checked | self.navigation.check(checked, self.tick.state, flying)
@@ -130,6 +133,7 @@ class Configuration:
         self.mass.follow(p.mass, p.model.mass, self.modes.mode in FLYING)
         self.law.configure(p.control, p.model)
         self.own_behaviors.configure(p.behavior.plugin)
+        self.own_sensors.configure(p.estimation.sensors)
         self.model.fly_on(self.mass.mass if self.mass.used else p.model.mass)
         self.behaviors.set_model(self.law.model)
         if p.beacons.layout != self._layout:
@@ -138,8 +142,8 @@ class Configuration:
         self.navigation.configure(p.estimation)
         self.guard.configure()
         self.imu_calibrator.configure(p.imu)
-        externals = (self.law.external, self.own_behaviors.external, *self.navigation.externals)
-        for plugin in externals:
+        chosen = (self.law.external, self.own_behaviors.external)
+        for plugin in (*chosen, *self.own_sensors.externals, *self.navigation.externals):
             if plugin is not None:
                 plugin.give(dict(getattr(p.plugins, plugin.name, ())))
         self.tick.status["parameter_revision"] = self.store.revision

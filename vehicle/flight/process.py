@@ -170,12 +170,14 @@ def _connect(
 
 
 def load_trajectories(stack: FlightStack, folder: Path) -> None:
-    """Load the user's trajectory files at start-up, never in flight."""
-    from control.trajectories.library import load_folder
+    """Load the user's trajectory files, and packages', at start-up, never in flight."""
+    from control.trajectories.library import GROUP, files_of, load_files
+    from quadrotor.packaged_files import packaged_files
 
-    if not folder.is_dir():
+    files = [*(files_of(folder) if folder.is_dir() else ()), *packaged_files(GROUP).items()]
+    if not files:
         return
-    trajectories, refused = load_folder(folder)
+    trajectories, refused = load_files(files)
     stack.behaviors.set_trajectories(trajectories)
     for line in refused:
         say(line)

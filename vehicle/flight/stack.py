@@ -46,6 +46,7 @@ from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
+from vehicle.sensors.sensors import OwnSensors
 
 LONGEST_STEP = 0.05
 """Longest step, in s, of laws and behaviors, also after a longer gap between samples."""
@@ -88,6 +89,7 @@ class FlightStack:
         self.law = ControlLaw(p.control, p.model, Laws(plugins, waits))
         self.mass, self.behaviors = FlownMass(p.mass, p.model.mass), BehaviorMachine(p.behavior)
         self.own_behaviors = OwnBehaviors(plugins, waits, self.behaviors.outside, p.behavior.plugin)
+        self.own_sensors = OwnSensors(plugins, waits, p.estimation.sensors)
         self.supervisor = Supervisor(p.safety)
         self.imu_calibrator = ImuCalibrator(p.imu)
         self.near_hovering, self.ground = NearHovering(p.near_hovering), GroundContact()
@@ -139,6 +141,7 @@ class FlightStack:
             mass=self.mass,
             behaviors=self.behaviors,
             own_behaviors=self.own_behaviors,
+            own_sensors=self.own_sensors,
             navigation=self.navigation,
             guard=self.guard,
             imu_calibrator=self.imu_calibrator,
@@ -154,6 +157,7 @@ class FlightStack:
             guard=self.guard,
             law=self.law,
             own_behaviors=self.own_behaviors,
+            own_sensors=self.own_sensors,
         )
         commands = CommandHandler(
             parameters=p,
@@ -213,6 +217,12 @@ class FlightStack:
 
         airborne = self.ground.airborne
         self.navigation.step(tick.imu, since, tick.state, tick.estimate)
+        if self.own_sensors.externals:
+            flying, now_ns = modes.mode in FLYING, tick.stamp_ns
+            self.own_sensors.step(
+                now_ns, since, tick.imu, tick.state, sample.pressure, flying, self.navigation
+            )
+            self._changes.check_sensors()
         self._changes.check_estimators()
         self.model.step(sample, since, dt)
         pose_age = self.navigation.measurement_age(self._tick.stamp_ns)
@@ -288,6 +298,7 @@ class FlightStack:
         """End the processes of plugins."""
         self.law.close()
         self.own_behaviors.close()
+        self.own_sensors.close()
         self.navigation.close()
 
     # ------------------------------------------------------------------ outputs

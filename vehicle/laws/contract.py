@@ -10,6 +10,7 @@ import numpy as np
 from quadrotor.records import Record
 from vehicle.plugins import host
 from vehicle.plugins.contract import (
+    FMU,
     Array,
     Contract,
     Field,
@@ -83,7 +84,7 @@ def step(law: Law, x: Input, out: Record) -> None:
     out["time"], out["thrust"], out["torque_b"] = x.time, thrust, torque_b
 
 
-LAW = Contract("law", INPUT_TYPE, OUTPUT_TYPE, step, (".py", host.FMU))
+LAW = Contract("law", INPUT_TYPE, OUTPUT_TYPE, step, (".py", FMU))
 
 
 def load(source: str | Path) -> Law:

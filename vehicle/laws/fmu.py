@@ -15,13 +15,18 @@ from typing import Any
 import numpy as np
 
 from quadrotor.errors import RefusedError, UsageError
+from quadrotor.parameters import Parameters, ParameterValue
 from vehicle.laws.contract import INPUT, OUTPUT, Array, Field, Input, names_of
+from vehicle.plugins.fmu_parameters import declared_by
 
 EXTRA = "scripts/setup fmu, or pip install 'quadlab[fmu]'"
 
 
 class FmuLaw:
     """A law whose step is one of an FMU; it is instantiated again by each reset.
+
+    Attributes:
+        parameters: its tunable parameters, with the FMU's names but for signs.
 
     Raises UsageError for a file that is not such a law, with what it has and what it needs.
     """
@@ -59,6 +64,9 @@ class FmuLaw:
                 f"has {', '.join(outputs) or 'none'}"
             )
         self._thrust, self._torque = found["thrust"], found["torque_b"]
+        own, self._tunable = declared_by(path)
+        self.parameters = own or Parameters()
+        self._started: dict[str, ParameterValue] = dict(self.parameters)
         self._instance: Any = None
         self.reset()
 
@@ -79,6 +87,7 @@ class FmuLaw:
         fmi3 = self._description.fmiVersion.startswith("3")
         self._set = fmu.setFloat64 if fmi3 else fmu.setReal
         self._get = fmu.getFloat64 if fmi3 else fmu.getReal
+        self._written = dict(self._started)
         self._time = 0.0
 
     def step(self, x: Input) -> tuple[float, Array]:
@@ -86,6 +95,8 @@ class FmuLaw:
         for field, references in self._inputs:
             value = getattr(x, field.name)
             self._set(references, [value] if field.size == 1 else value.tolist())
+        if self._tunable and vars(self.parameters) != self._written:
+            self._tune()
         status = self._instance.doStep(self._time, x.dt)
         if isinstance(status, tuple) and status[1]:
             raise RefusedError(f"{self._name} ended its simulation at {self._time:.3f} s")
@@ -98,6 +109,14 @@ class FmuLaw:
         if self._instance is not None:
             self._instance.freeInstance()
             self._instance = None
+
+    def _tune(self) -> None:
+        """Set the parameters that have changed."""
+        for name, value in self.parameters:
+            if value != self._written[name]:
+                reference, kind = self._tunable[name]
+                getattr(self._instance, f"set{kind}")([reference], [value])
+                self._written[name] = value
 
     def _read(self, references: list[int], size: int) -> list[float]:
         if len(references) == size:

@@ -194,7 +194,7 @@ class OnboardFiles:
             ) from None
         try:
             if not stat.S_ISREG(os.fstat(file).st_mode):
-                raise RefusedError(f"{name} is no file")
+                raise RefusedError(f"{name} is not a file")
             yield file
         except OSError as error:
             raise StorageError(f"cannot read {name}: {error.strerror}") from error

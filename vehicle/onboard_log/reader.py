@@ -48,7 +48,7 @@ class OnboardReader:
         start_ns, end_ns = int(request.start_ns), int(request.end_ns)
         if not 0 <= end_ns - start_ns <= LONGEST_NS:
             raise RefusedError(
-                f"from {start_ns} to {end_ns} ns is no stretch of the log; allowed are up to "
+                f"from {start_ns} to {end_ns} ns is not a part of the log; allowed are up to "
                 f"{LONGEST_NS // 10**9} s"
             )
         count = len(request.columns)

@@ -14,6 +14,8 @@ import numpy.typing as npt
 from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
+KINDS = ("law", "estimator", "behavior", "sensor")
+FMU = ".fmu"
 
 
 class Field(NamedTuple):

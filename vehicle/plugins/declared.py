@@ -1,22 +1,27 @@
 """Parameters of a plugin's own: read from its file without running it, before a tree is made.
 
-A file declares them as an experiment does, by a class of `quadrotor.parameters.Parameters` whose
-bounds and units are written as literals. The vehicle shows them as `plugins.NAME.FIELD`, and the
-plugin's process sets them on the attribute `parameters` of the plugin.
+A file, or the module that an entry point names, declares them as an experiment does, by a class of
+`quadrotor.parameters.Parameters` whose bounds and units are written as literals; an FMU has them in
+its description. The vehicle shows them as `plugins.NAME.FIELD`, and the plugin's process sets them
+on the attribute `parameters` of the plugin.
 """
 
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from pydantic import create_model
 
-from quadrotor.errors import UsageError
+from quadrotor.errors import StorageError, UsageError
+from quadrotor.packaged_files import packaged_files
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.python_file import line_of, read_source
+from vehicle.plugins.contract import FMU, KINDS
+from vehicle.plugins.fmu_parameters import declared_by
 
 TYPES = {"float": float, "int": int, "bool": bool, "str": str}
 _offered = Parameters()
@@ -28,29 +33,40 @@ def offered() -> Parameters:
 
 
 def offer(folder: Path | None) -> list[str]:
-    """Make the parameters that the files of a folder declare part of the trees made from now on.
+    """Make the parameters that the files of a folder, and packages, declare part of the trees made
+    from now on.
 
     Returns a line for each file whose parameters cannot be read; it may still run without them.
     """
     global _offered  # noqa: PLW0603 - like the registry of estimators, one for each process
     found: dict[str, Any] = {}
     refused = []
-    for path in sorted(folder.glob("*.py")) if folder is not None and folder.is_dir() else ():
+    for name, path in _sources(folder):
         try:
-            own = declared(path)
-        except UsageError as error:
+            own = declared_by(path)[0] if path.suffix == FMU else declared(path)
+        except (UsageError, StorageError) as error:
             refused.append(str(error))
             continue
-        if own is not None:
-            found[path.stem] = (type(own), own)
+        if own is not None and name.isidentifier():
+            found.setdefault(name, (type(own), own))
     _offered = create_model("PluginParameters", __base__=Parameters, **found)()
     return refused
+
+
+def _sources(folder: Path | None) -> Iterator[tuple[str, Path]]:
+    """Yield the names and files of all plugins; a file of the folder before a package's."""
+    if folder is not None and folder.is_dir():
+        for path in sorted(folder.iterdir()):
+            if path.suffix in (".py", FMU):
+                yield path.stem, path
+    for kind in KINDS:
+        yield from packaged_files(f"quadlab.{kind}s").items()
 
 
 def declared(path: Path) -> Parameters | None:
     """Return the parameters that a file declares, None when it has none. Raises UsageError."""
     source = read_source(path)
-    if not path.stem.isidentifier() or "Parameters" not in source:
+    if "Parameters" not in source:
         return None
     try:
         body = ast.parse(source, str(path)).body

@@ -42,6 +42,7 @@ class External:
         self._asked = math.nan
         self.ticks = self.missed = self._in_a_row = 0
         self._share = self._squares = 0.0
+        self._was_flying = self._is_told = False
         self._values: Mapping[str, ParameterValue] = {}
         self._given: Mapping[str, ParameterValue] = {}
 
@@ -54,6 +55,18 @@ class External:
         except RefusedError as error:
             self.failure = str(error)
         return self.is_ready
+
+    def news(self, flying: bool) -> list[str]:
+        """Return lines about what has just happened: it was loaded, it landed."""
+        self.becomes_ready()
+        kind = self._contract.kind
+        lines = [f"{kind} {self.name} is ready"] if self.is_ready > self._is_told else []
+        self._is_told = self.is_ready
+        if flying != self._was_flying:
+            self._was_flying = flying
+            has_flown, line = self.ticks and not flying, self.summary()
+            lines += [line] if has_flown else []
+        return lines
 
     def summary(self) -> str:
         """Return a line about the flight, and begin to count again."""

@@ -21,7 +21,7 @@ import numpy as np
 from quadrotor.errors import QuadlabError, RefusedError, UsageError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.python_file import call_user_code, run_file
-from vehicle.plugins.contract import Contract, as_attributes
+from vehicle.plugins.contract import FMU, Contract, as_attributes
 
 READY = b"ready"
 """First message of the process: the plugin is loaded."""
@@ -31,7 +31,6 @@ LARGEST, LONGEST = 2048, 1 << 16
 """Bytes of a reason, and of any message to the plugin."""
 MEMORY = 1 << 30
 """Bytes of data that a plugin may hold."""
-FMU = ".fmu"
 VALUES = b"="
 """Begins a message with values of the plugin's own parameters, in JSON; never as long as an
 input."""

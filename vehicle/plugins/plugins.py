@@ -9,12 +9,11 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from quadrotor.errors import QuadlabError, RefusedError
-from vehicle.plugins.contract import Contract
+from vehicle.plugins.contract import KINDS, Contract
 from vehicle.plugins.links import Link, NoLink, ProcessLink
 
 TESTS = "test_"
 """Files that begin so are tests of plugins."""
-KINDS = ("law", "estimator", "behavior")
 
 
 class Plugins:

@@ -6,12 +6,13 @@ import itertools
 import logging
 import threading
 import time
+import uuid
 from typing import Any
 
 import zenoh
 
-from quadrotor.errors import LinkError, NoAnswerError, UnreachableError
-from vehicle_link.messages import Message, decode, encode
+from quadrotor.errors import LinkError, NoAnswerError, RefusedError, UnreachableError
+from vehicle_link.messages import Message, decode, encode, new
 from vehicle_link.transport.rmw_keys import attachment
 
 log = logging.getLogger(__name__)
@@ -84,6 +85,32 @@ class ServiceClient:
         return wait_for_match(
             self._session.declare_querier(self._key, target=zenoh.QueryTarget.ALL_COMPLETE), timeout
         )
+
+    def ask(
+        self, requester: str, *, timeout: float = TIMEOUT, tries: int = 1, **fields: Any
+    ) -> Message:
+        """Return the answer to a request with these fields, if it was accepted.
+
+        Args:
+            timeout: s for each try.
+            tries: a lost answer is requested again, with the same request id.
+
+        Raises RefusedError with the reason, or as `call` does.
+        """
+        request = new(f"{self._type}_Request", requester=requester, **fields)
+        if not getattr(request, "request_id", "set"):
+            request.request_id = uuid.uuid4().hex
+        for left in reversed(range(tries)):
+            try:
+                response = self.call(request, timeout)
+                break
+            except LinkError:
+                if not left:
+                    raise
+        if not response.accepted:
+            service = self._name.rpartition("/")[2]
+            raise RefusedError(str(response.reason) or f"{service} was refused without a reason")
+        return response
 
     def call(self, request: Message, timeout: float = TIMEOUT) -> Message:
         """Return the response; blocks for at most `timeout` seconds.

@@ -40,7 +40,6 @@ class Qos:
 
 RELIABLE = Qos()
 SENSOR_DATA = Qos(reliable=False, depth=5)
-LATCHED = Qos(latched=True, depth=1)
 
 
 @dataclass(frozen=True, slots=True)

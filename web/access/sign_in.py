@@ -71,7 +71,7 @@ class SignIn:
             self.report("warn", f"a sign-in link that was {what} came from {address}")
         if was_used:
             return Refusal(401, "This sign-in link has been used; each one signs in one browser.")
-        return Refusal(401, "This sign-in link is not valid (any more).")
+        return Refusal(401, "This sign-in link is no longer valid.")
 
     async def by_password(self, name: str, password: str, address: str) -> Session | Refusal:
         """Sign in by password. The name is converted to lower case without blanks around it."""

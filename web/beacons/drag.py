@@ -1,15 +1,16 @@
-"""Beacons dragged in the 3D view.
+"""Drags and clicks in the 3D view, and the beacons that are dragged in it.
 
-viser never receives a drag: the pump removes an operator's drag of a handle from the browser's
-messages (`drag_of`) and passes it to this module. The pointer's line of sight is intersected with
-the beacons' plane, so that a beacon stays in it whatever the view. Positions are passed on at
-10 Hz, always including the last one. A handle moves only with the confirmed layout.
+viser never receives a drag or a click: the pump removes those of an operator from the browser's
+messages (`drag_of`, `click_of`) and passes them to whoever shows the handle. For a beacon the
+pointer's line of sight is intersected with the beacons' plane, so that it stays in it whatever the
+view. Positions are passed on at 10 Hz, always including the last one. A handle moves only with the
+confirmed layout.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -36,6 +37,14 @@ class Drag(NamedTuple):
     who: str
 
 
+class Click(NamedTuple):
+    """A click beside all handles: a line of sight from `eye` (m, world) through `through`."""
+
+    eye: Point
+    through: Point
+    who: str
+
+
 class _DragMessage(msgspec.Struct, tag_field="type", tag=MESSAGE):
     """Drag message of viser's client; its other fields are not needed."""
 
@@ -46,10 +55,32 @@ class _DragMessage(msgspec.Struct, tag_field="type", tag=MESSAGE):
     owner: Literal[""] = ""
 
 
+class _ClickMessage(msgspec.Struct, tag_field="type", tag="ScenePointerMessage"):
+    """Click message of viser's client; its other fields are not needed."""
+
+    event_type: Literal["click"]
+    ray_origin: Point
+    ray_direction: Point
+
+
 _decode = msgspec.msgpack.Decoder(_DragMessage).decode
+_decode_click = msgspec.msgpack.Decoder(_ClickMessage).decode
 
 
-def drag_of(frame: bytes, names: frozenset[str], eye: Point | None, who: str) -> Drag | None:
+def click_of(frame: bytes, who: str) -> Click | None:
+    """Return a browser's message as a click in the scene; None for any other message."""
+    try:
+        message = _decode_click(frame)
+    except msgspec.DecodeError:
+        return None
+    eye, ray = message.ray_origin, message.ray_direction
+    if not all(map(math.isfinite, (*eye, *ray))):
+        return None
+    x, y, z = (e + r for e, r in zip(eye, ray, strict=True))
+    return Click(eye, (x, y, z), who)
+
+
+def drag_of(frame: bytes, names: Container[str], eye: Point | None, who: str) -> Drag | None:
     """Return a browser's message as a drag of one of these nodes; None for any other message."""
     try:
         message = _decode(frame)

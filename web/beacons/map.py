@@ -10,13 +10,12 @@ from typing import Any
 from bearing_sim.beacons import Beacons
 from bearing_sim.observability import FieldOfView, bound_map
 from web.beacons.bound_image import Scale, legend, picture
+from web.view.lines import Box
 
 PERIOD = 0.2  # shortest time between two maps, in s, as when a beacon is dragged
 SPACING = 0.1  # shortest spacing, m
 MOST = 80  # largest number of points along a side
 NODE = "/bound"
-
-Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ RADIUS = 0.045  # m
 THINNEST = 0.01  # m, the height of a post on the ground
 
 
-class _Slot:
-    """Nodes of one beacon."""
+class Mark:
+    """Nodes of one marked point, such as a beacon: ball, post to the ground, label and handle."""
 
     def __init__(self, api: Any, name: str) -> None:
-        self.id: int | None = None
+        self.id: int | str | None = None
         self.frame = api.add_frame(name, show_axes=False, visible=False)
         self.ball = api.add_icosphere(f"{name}/ball", radius=RADIUS, color=SEEN, cast_shadow=False)
         self.post = api.add_cylinder(
@@ -40,7 +40,7 @@ class _Slot:
         self._handle: Any = None
         self._wanted: Any = None
 
-    def place(self, id: int, position: Point) -> None:
+    def place(self, id: int | str, position: Point) -> None:
         z = position[2]
         self.post.scale = (1.0, 1.0, max(abs(z), THINNEST))
         self.post.position = (0.0, 0.0, -0.5 * z)
@@ -49,6 +49,11 @@ class _Slot:
             self.id = id
             self.label.text = str(id)
         self.frame.visible = True
+
+    def tint(self, color: tuple[int, int, int]) -> None:
+        self.ball.color = color
+        if self._handle is not None:
+            self._handle.color = color
 
     def hide(self) -> None:
         self.id = None
@@ -69,8 +74,7 @@ class _Slot:
                 receive_shadow=False,
                 wxyz=turn,
             )
-            # This only makes the browser offer the drag: its messages end at the pump.
-            self._handle.on_drag("left")(_nothing)
+            self._handle.on_drag("left")(only_offered)
         self._handle.wxyz = turn
         self._handle.visible = shown
 
@@ -102,7 +106,7 @@ class BeaconMarks:
 
     def __init__(self, api: Any) -> None:
         self._api = api
-        self._slots: list[_Slot] = []
+        self._slots: list[Mark] = []
         self._handles_shown = False
         self._turn: Any = IDENTITY
         self.beacons: Beacons | None = None
@@ -116,7 +120,7 @@ class BeaconMarks:
             id: (x, y, z) for id, (x, y, z) in zip(beacons.ids.tolist(), rows, strict=True)
         }
         while len(self._slots) < len(self.places):
-            self._slots.append(_Slot(self._api, f"/beacons/{len(self._slots)}"))
+            self._slots.append(Mark(self._api, f"/beacons/{len(self._slots)}"))
         self._turn = turns_from_z(beacons.normal_w[None])[0]
         for slot, (id, position) in zip(self._slots, self.places.items(), strict=False):
             slot.place(id, position)
@@ -134,7 +138,7 @@ class BeaconMarks:
         """Return the names of the handles that are shown, and the beacon that each drags."""
         if not self._handles_shown:
             return {}
-        return {slot.handle_name: slot.id for slot in self._slots if slot.id is not None}
+        return {slot.handle_name: slot.id for slot in self._slots if isinstance(slot.id, int)}
 
     def light(self, ids: frozenset[int]) -> None:
         """Colour the visible beacons and grey the others."""
@@ -144,8 +148,10 @@ class BeaconMarks:
 
     def want(self, positions: dict[int, Point]) -> None:
         for slot in self._slots:
-            slot.want(positions.get(slot.id) if slot.id is not None else None)
+            slot.want(positions.get(slot.id) if isinstance(slot.id, int) else None)
 
 
-async def _nothing(_: Any) -> None:
-    pass
+async def only_offered(_: Any) -> None:
+    """Do nothing: a callback only makes the browser offer the drag or click, whose messages end at
+    the pump.
+    """

@@ -16,10 +16,11 @@ from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import stamp_of
 from web.beacons.drag import BeaconDrags, Drag
 from web.beacons.estimate import ONE_FRAME, Estimate, EstimateGhost, of_comparison, of_one_frame
-from web.beacons.map import BoundSlice, Box, MapRequest
+from web.beacons.map import BoundSlice, MapRequest
 from web.beacons.marks import BeaconMarks
 from web.beacons.sight_lines import RATE, PoseHistory, SightLines
 from web.live.latest import STALE, Live
+from web.view.lines import Box
 from web.view.server import ViewServer
 
 HIGHEST = 20.0  # m
@@ -78,7 +79,6 @@ class BeaconScene:
         self._lit: dict[int, float] = {}
         self._now = self._due = -math.inf
         self._drawn: Any = None  # the newest frame of bearings, once it is drawn
-        server.on_drag = self._dragged
         self.set_beacons(PAPER_BEACONS, self._sigma)
 
     def on_moved(self, react: Callable[[int, tuple[float, float, float], str], None]) -> None:
@@ -196,7 +196,7 @@ class BeaconScene:
         return MapRequest(beacons, self._sigma, self._sensor, self._volume, self.view.map_height)
 
     def _publish_handles(self) -> None:
-        self._server.draggable = frozenset(self._marks.handles)
+        self._server.offer(self._marks.handles, self._dragged)
 
     def _dragged(self, drag: Drag) -> None:
         id = self._marks.handles.get(drag.name)

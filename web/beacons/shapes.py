@@ -128,3 +128,37 @@ def on_plane(eye: Point, through: Point, point: Point, normal: Point) -> Point |
         return None
     x, y, z = (e + share * c for e, c in zip(eye, ray, strict=True))
     return (x, y, z)
+
+
+def along_axis(eye: Point, through: Point, place: Point, axis: int) -> Point | None:
+    """Return the point of the axis through `place` that is closest to a line of sight, seen from
+    `eye`; None where the line of sight is nearly parallel to it.
+    """
+    toward = [e - p for e, p in zip(eye, place, strict=True)]
+    toward[axis] = 0.0
+    length = math.sqrt(math.fsum(c * c for c in toward))
+    if length < 1e-6:
+        return None
+    x, y, z = (c / length for c in toward)
+    met = on_plane(eye, through, place, (x, y, z))
+    if met is None:
+        return None
+    moved = list(place)
+    moved[axis] = met[axis]
+    return (moved[0], moved[1], moved[2])
+
+
+def distance_to_ray(eye: Point, through: Point, point: Point) -> float:
+    """Return the distance of a point from the line of sight from `eye` through another, m."""
+    ray = np.subtract(through, eye)
+    away = np.subtract(point, eye)
+    return float(np.linalg.norm(np.cross(ray, away)) / np.linalg.norm(ray))
+
+
+def cones(radius: float = 0.06, start: float = 0.17, end: float = 0.32) -> Mesh:
+    """Return the handle that moves along z: two cones, which point up and down from a gap."""
+    vertices, faces = cone(20)
+    vertices = vertices * np.array([radius, radius, start - end], np.float32)
+    up = vertices + np.array([0.0, 0.0, end], np.float32)
+    down = up * np.array([1.0, 1.0, -1.0], np.float32)
+    return np.vstack([up, down]), np.vstack([faces, faces + len(up)]).astype(np.uint32)

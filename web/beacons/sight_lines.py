@@ -26,7 +26,7 @@ from web.beacons.shapes import (
     turns_from_z,
     wxyz_of,
 )
-from web.view.trails import line_color
+from web.view.lines import line_color
 
 RATE = 15.0  # largest rate, Hz
 HISTORY = 2.0  # s

@@ -9,6 +9,8 @@ from pydantic import Field, create_model
 
 from vehicle_link.commands import Command
 from web.body import Body
+from web.view.cameras import Camera
+from web.view.options import Signal
 
 
 class CommandBody(Body):
@@ -36,6 +38,20 @@ class InvitationBody(Body):
     role: Literal["operator", "viewer"] = "viewer"
 
 
-class FollowBody(Body):
-    view: str = Field(min_length=1, max_length=64)
-    follow: bool
+class CameraBody(Body):
+    view: str = Field(min_length=1, max_length=64, description="the page's own name of its view")
+    camera: Camera | None = None
+    shadows: bool | None = None
+
+
+class ViewBody(Body):
+    """Change of what the 3D view shows; omitted fields keep their values."""
+
+    flown: bool | None = Field(None, description="the path of the estimate")
+    reference: bool | None = Field(None, description="its path and present point")
+    truth: bool | None = Field(None, description="ghost of the simulator's or tracker's truth")
+    volume: bool | None = Field(None, description="flight volume")
+    ground: bool | None = Field(None, description="grid and axes")
+    error: bool | None = Field(None, description="vector from the estimate to the reference")
+    magnified: int | None = Field(None, ge=1, le=100, description="of the error vector")
+    color: Signal | None = Field(None, description="signal that colours the flown path")

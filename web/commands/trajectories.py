@@ -4,21 +4,21 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import numpy as np
 from fastapi import FastAPI
-from fastapi.concurrency import run_in_threadpool
 from pydantic import Field
 
-from control.behaviors.preview import Preview, preview
+from control.behaviors.preview import Preview
 from quadrotor.errors import JobTimeoutError, RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.plain_rotations import roll_pitch_yaw
-from vehicle_link.jobs import run
 from vehicle_link.messages import stamp_of
 from web.beacons.shapes import point_of, wxyz_of
 from web.body import Body
+from web.commands.previewer import Previewer
 from web.live.latest import Live
 from web.parameters.replica import PageParameters
 from web.requester import Operator
@@ -26,9 +26,8 @@ from web.view.scene import Scene
 
 FOLLOW = "follow_trajectory"
 HOVER = 1.0  # m, start height of a preview while the vehicle is on the ground
-TIME_LIMIT = 20.0  # s
-NICENESS = 0  # added to that of this process: a person waits for the answer
 Arguments = dict[str, ParameterValue]
+Start = tuple[float, float, float, float]
 
 
 class PreviewBody(Body):
@@ -40,28 +39,29 @@ class TrajectoryMonitor:
 
     def __init__(self, live: Live, replica: PageParameters, scene: Scene) -> None:
         self._live, self._replica, self._scene = live, replica, scene
-        self._busy = False
+        self._previewer = Previewer()
+        self._lock = asyncio.Lock()
         self._seen: tuple[Arguments, Preview] | None = None
-        self._started: Arguments | None = None
+        self._started: tuple[Arguments, float | None] | None = None  # and the duration, s
         self._began_ns: int | None = None
 
-    async def preview(self, arguments: Arguments) -> dict[str, Any]:
+    def stop(self) -> None:
+        self._previewer.stop()
+
+    async def preview(self, arguments: Arguments, start: Start | None = None) -> dict[str, Any]:
         """Draw a trajectory that would start here, and return its demands on the vehicle.
+
+        Args:
+            start: x, y, z (m) and yaw (rad) of another start.
 
         Raises ParameterError, RefusedError, JobError.
         """
-        if self._busy:
-            raise RefusedError("another preview is being computed; try again in a second")
-        self._busy = True
         battery = self._live.current("battery")
         voltage = None if battery is None else float(battery.voltage)
-        given = (self._here, arguments, self._replica.values(), voltage)
-
-        def compute() -> Preview:
-            return run(preview, *given, seconds=TIME_LIMIT, niceness=NICENESS)
-
+        given = (start or self.here, arguments, self._replica.values(), voltage)
         try:
-            found = await run_in_threadpool(compute)
+            async with self._lock:
+                found = await self._previewer.preview(*given)
         except JobTimeoutError:
             self._scene.plan(None)
             raise RefusedError(
@@ -71,15 +71,15 @@ class TrajectoryMonitor:
         except Exception:
             self._scene.plan(None)
             raise
-        finally:
-            self._busy = False
         self._seen = (arguments, found)
         self._scene.plan(np.asarray(found.points, np.float32), not found.refusal)
         return {"duration": found.duration, "speed": found.speed, "refusal": found.refusal}
 
     def started(self, arguments: Arguments) -> None:
         """Note that the vehicle has accepted this trajectory."""
-        self._started, self._began_ns = arguments, None
+        seen = self._seen
+        self._started = (arguments, seen[1].duration if seen and seen[0] == arguments else None)
+        self._began_ns = None
 
     def summary(self) -> dict[str, Any] | None:
         """Return the progress of the trajectory in flight, None if unknown or none."""
@@ -92,15 +92,19 @@ class TrajectoryMonitor:
             return None
         stamp_ns = stamp_of(status)
         self._began_ns = self._began_ns or stamp_ns
-        if self._seen is None or self._seen[0] != self._started:
+        arguments, duration = self._started
+        if duration is None:
             return None
-        duration = self._seen[1].duration
         elapsed = min(duration, 1e-9 * (stamp_ns - self._began_ns))
-        laps = self._started.get("laps")
+        laps = arguments.get("laps")
         return {"elapsed": round(elapsed, 1), "duration": round(duration, 1), "laps": laps}
 
+    def forget(self) -> None:
+        """Take the preview away."""
+        self._scene.plan(None)
+
     @property
-    def _here(self) -> tuple[float, float, float, float]:
+    def here(self) -> Start:
         """Return x, y, z (m) and yaw (rad) of the start of a preview."""
         status, reference = self._live.current("status"), self._live.current("reference")
         if reference is not None and status is not None and status.airborne:

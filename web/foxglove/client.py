@@ -53,7 +53,7 @@ class FoxgloveClient:
         if not 0 <= channel < len(CHANNELS):
             raise ValueError(f"there is no channel {channel}; allowed 0 to {len(CHANNELS) - 1}")
         if not 0 <= subscription < 2**32 or subscription in self._subscriptions:
-            raise ValueError(f"subscription {subscription} is taken or no number of 32 bits")
+            raise ValueError(f"subscription {subscription} is taken or not a 32-bit number")
         topic = CHANNELS[channel]
         if topic in self._numbers:
             raise ValueError(f"channel {channel} ({topic}) is subscribed already")

@@ -77,7 +77,7 @@ def parse_text(text: str) -> Asked:
         return _decoder.decode(text)
     except (msgspec.DecodeError, RecursionError) as error:
         raise ValueError(
-            f"{text!r:.60} is no request that is taken here ({error}); the specification is "
+            f"{text!r:.60} is not a supported request ({error}); the specification is "
             "foxglove/ws-protocol, and clients neither publish nor fetch assets"
         ) from error
 
@@ -86,7 +86,7 @@ def parse_call(data: bytes) -> Call:
     """Parse the binary call of a service. Raises ValueError."""
     if len(data) < _CALL.size or data[0] != 2:
         raise ValueError(
-            f"{len(data)} bytes are no call of a service, which begins with 02; "
+            f"{len(data)} bytes are not a service call, which begins with 02; "
             "clients do not publish here"
         )
     _, service, identity, length = _CALL.unpack_from(data)

@@ -55,7 +55,9 @@ async def _ask(
     if service == "emergency":
         action = str(fields["action"])
         if action not in ("land", "cut"):
-            raise RefusedError(f"emergency: {action!r:.40} is no action; allowed are land and cut")
+            raise RefusedError(
+                f"emergency: {action!r:.40} is not an action; allowed are land and cut"
+            )
         await context.emergency.press(action, requester, fields["request_id"])
         return new(f"{SERVICES[service]}_Response", accepted=True)
     if service == "mark" and not fields["id"]:

@@ -28,7 +28,8 @@ from vehicle_link.clock import wall_time
 from web.live.conversation import converse
 from web.live.latest import STALE, Live
 from web.signals import INDEX, SIGNALS, UNITS, snapshot, topics_for
-from web.signals.expression import Expression, Step, is_expression, parse
+from web.signals.expression import Expression, is_expression, parse
+from web.signals.functions import Step
 
 RATE = 25.0  # Hz
 MOST_SIGNALS = 96  # state table, four charts and the Beacons tab together

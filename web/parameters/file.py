@@ -52,11 +52,11 @@ def read_file(content: bytes) -> dict[str, Any]:
     try:
         text = content.decode()
         if _DEEP.search(text):
-            raise MeasurementError("this is no file of parameters: a name has 32 parts or more")
+            raise MeasurementError("this is not a parameter file: a name has 32 parts or more")
         read = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MeasurementError(
-            f"this is no TOML file of parameters ({error}); save one here as an example"
+            f"this is not a TOML file of parameters ({error}); save one here as an example"
         ) from None
     return dict(_flat(read, ""))
 

@@ -24,7 +24,8 @@ from vehicle_link.parameters.change import (
 from web.live.latest import Live
 from web.live.station import Station
 from web.parameters.replica import PageParameters
-from web.view.scene import Box, Scene
+from web.view.lines import Box
+from web.view.scene import Scene
 
 PERIOD = 0.5  # s between checks of the status
 ROUND = 2.0  # s between checks for the simulator, which starts and ends independently
@@ -80,6 +81,7 @@ class ParameterFollower:
                     await self._read(status)
             if (box := flight_volume(self._replica.value)) is not None:
                 self._scene.set_volume(box)
+            self._scene.mass = float(self._replica.value("model.mass") or 0.0)
 
     def show_beacons(self) -> None:
         """Show the beacons once the station's parameters are known, and whenever one changes."""

@@ -10,7 +10,7 @@ import base64
 import html
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
@@ -30,10 +30,16 @@ _STYLE = re.compile(r'<link rel="stylesheet" href="/(static|vendor)/([^"]+)">\n?
 _SERVED = re.compile(r'<(?:link rel="icon"|form id="plain-emergency"|script ).*\n')
 
 
-def export_page(log: Path, folder: Path, progress: Callable[[float], None]) -> list[Path]:
+def export_page(
+    log: Path, folder: Path, progress: Callable[[float], None], derived: Sequence[str] = ()
+) -> list[Path]:
     """Write `index.html` and `run.js` into a new or empty folder and return them.
 
-    Raises UsageError for a folder with something in it, LogFormatError or StorageError.
+    Args:
+        derived: expressions of signals that the page gets beside those of the log.
+
+    Raises UsageError for a folder with something in it or a wrong expression, LogFormatError or
+    StorageError.
     """
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -42,7 +48,7 @@ def export_page(log: Path, folder: Path, progress: Callable[[float], None]) -> l
             )
         build_replay(log, lambda share: progress(0.8 * share))
         replay = Replay(log)
-        texts = {"run.js": _run(replay, log.stem), "index.html": _page(log.stem)}
+        texts = {"run.js": _run(replay, log.stem, derived), "index.html": _page(log.stem)}
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
@@ -53,9 +59,13 @@ def export_page(log: Path, folder: Path, progress: Callable[[float], None]) -> l
     return [folder / "index.html", folder / "run.js"]
 
 
-def _run(replay: Replay, name: str) -> str:
+def _run(replay: Replay, name: str, derived: Sequence[str]) -> str:
     """Return the run as a script: description, track, and the columns that change."""
     described = replay.described()
+    for signal in replay.expressions(derived):
+        if "problem" in signal:
+            raise UsageError(f"--derive {signal['name']!r}: {signal['problem']}")
+        described["signals"].append(signal)
     topics = described["topics"].items()
     pictured = {topic for topic, about in topics if about["type"].endswith("CompressedImage")}
     kept, timed = [], set()

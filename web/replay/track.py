@@ -17,7 +17,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "state": (*POSITION, *ROTATION),
     "reference": REFERENCE,
     "truth": (*POSITION, *ROTATION),
-    "actuators": tuple(f"motor_references[{k}]" for k in range(4)),
+    "actuators": (*(f"motor_references[{k}]" for k in range(4)), "thrust"),
 }
 """Topic → its columns, in the order of a row; quaternions are (w, x, y, z), body to world."""
 WIDTH = sum(map(len, PARTS.values()))

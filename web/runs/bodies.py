@@ -15,9 +15,7 @@ Tag = Annotated[str, Field(min_length=1, max_length=80)]
 
 class NotesBody(Body):
     notes: str = Field(max_length=10_000)
-    seen: int | None = Field(
-        None, ge=0, description="version of the notes the writer had before the eyes"
-    )
+    seen: int | None = Field(None, ge=0, description="version of the notes that the writer saw")
 
 
 class RunsBody(Body):

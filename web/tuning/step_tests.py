@@ -76,7 +76,7 @@ class StepTests:
     async def start(self, plan: Plan, requester: str) -> None:
         """Start a test; return once the vehicle accepts. Raises RefusedError or LinkError."""
         if self.busy:
-            raise RefusedError("a step test is under way; wait for its end, or brake")
+            raise RefusedError("a step test is running; wait for its end, or brake")
         status = self._live.current("status")
         if status is None:
             raise LinkError("the vehicle's status is old or missing; a test needs the link")

@@ -2,8 +2,8 @@
 
 It passes viser's frames to the browser unchanged, and only camera messages back. The scene has no
 viser widgets, and other messages let a client change what everyone sees (set attributes of handles,
-drag nodes, request a public tunnel). An operator's drag of a beacon's handle does not reach viser
-either: it is passed to `ViewServer.on_drag`.
+drag nodes, request a public tunnel). An operator's drag of a handle, or click beside one, does not
+reach viser either: it is passed to the receiver that `ViewServer` has for it.
 
 Messages that viser's own client never sends to this scene (of other types, large ones, hundreds a
 second) come from another program: that connection is closed.
@@ -27,7 +27,7 @@ from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from web.access.roles import Role, Session
-from web.beacons.drag import drag_of
+from web.beacons.drag import click_of, drag_of
 from web.beacons.shapes import Point
 from web.theme import TOKENS
 from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
@@ -51,18 +51,22 @@ The client is one file with inline scripts, workers and WebAssembly; it may only
 server.
 """
 
-_INJECTION = f"""<script>document.hasFocus=()=>true</script>
+_INJECTION = f"""<script>document.hasFocus=()=>true
+for(const{{prototype:gl}}of[WebGLRenderingContext,WebGL2RenderingContext]){{
+const get=gl.getExtension;gl.getExtension=function(n){{
+return n==="WEBGL_debug_renderer_info"?null:get.call(this,n)}}}}</script>
 <style>{TOKENS}html,body,canvas[data-engine]{{background:var(--ground)!important}}
 [data-floating-window],.mantine-Paper-root[style*="position: fixed"]{{display:none!important}}
-.mantine-Notifications-root{{inset:auto auto 44px 12px!important;max-width:min(340px,100%)}}
+.mantine-Notifications-root{{inset:44px auto auto 12px!important;max-width:min(340px,100%)}}
 .mantine-Notification-root{{background:var(--raised)!important;border:1px solid!important}}
 .mantine-Notification-root *{{color:var(--text)!important}}
 @media(max-width:700px){{.mantine-Notification-description{{display:none}}}}</style>
 """
 """Script and style added to viser's client.
 
-The client reconnects only while its document has the focus, which an iframe does not have. Its
-control panel (server address, scene tree) is hidden.
+The client reconnects only while its document has the focus, which an iframe does not have. It may
+not learn the renderer's name, so that the page alone tells of software rendering. Its control panel
+(server address, scene tree) is hidden.
 """
 
 
@@ -88,7 +92,7 @@ def _read(frame: bytes | None) -> _Upward:
     try:
         return _decode(frame)
     except msgspec.DecodeError as error:
-        raise HostileError("that is no message of viser") from error
+        raise HostileError("this is not a message of viser") from error
 
 
 class Upstream:
@@ -117,11 +121,16 @@ class Upstream:
         if message.type not in IDLE:
             raise HostileError(f"the view takes no {message.type[:40]}")
         if self._session.role.may(Role.OPERATOR) and frame is not None:
-            names = self._server.draggable
-            drag = drag_of(frame, names, self._eye, self._session.label) if names else None
-            if drag is not None:
-                self._server.on_drag(drag)
+            self._use(frame, self._session.label)
         return False
+
+    def _use(self, frame: bytes, who: str) -> None:
+        takers, on_click = self._server.draggable, self._server.on_click
+        drag = drag_of(frame, takers, self._eye, who) if takers else None
+        if drag is not None:
+            takers[drag.name](drag)
+        elif on_click is not None and (click := click_of(frame, who)) is not None:
+            on_click(click)
 
     def _count(self) -> None:
         """Limit the rate by a bucket that RATE fills and each message empties by one."""

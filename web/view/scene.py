@@ -1,4 +1,4 @@
-"""3D scene: vehicle, ghost of the truth, trails, flight volume, ground; follow cameras.
+"""3D scene: vehicle, ghost of the truth, trails, error vector, flight volume, ground; cameras.
 
 Nodes are created once and then only moved, shown or hidden. At 30 Hz this is below 60 kB/s a client
 while flying, 12 kB/s on the ground while bearings arrive, and almost nothing otherwise. Unchanged
@@ -8,26 +8,28 @@ values are not sent. Beacons are drawn by `web.beacons.scene`.
 from __future__ import annotations
 
 import asyncio
+import math
 import time
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from quadrotor.vehicle_model import GRAVITY
 from web.beacons.scene import BeaconScene
-from web.beacons.shapes import point_of, wxyz_of
+from web.beacons.shapes import Point, point_of, wxyz_of
 from web.live.latest import Live
 from web.view.airframe import Airframe
+from web.view.cameras import Cameras
+from web.view.lines import PLANNED, REFUSED, Box, edges, line_color
+from web.view.options import ViewOptions, ramp
 from web.view.server import ViewServer
-from web.view.trails import Trail, line_color
+from web.view.trails import Color, Trail
 
 RATE, UNWATCHED = 30.0, 5.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
-PLANNED, REFUSED = (157, 120, 210), (214, 150, 40)
 PLAN_SHOWN = 60.0  # s, without being flown
 AXES = ((229, 115, 107), (100, 186, 132), (106, 156, 232))  # x, y, z: as on the page
 EDGES, DROP = (104, 120, 136), (120, 134, 148)
-Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class Scene:
@@ -36,11 +38,14 @@ class Scene:
     def __init__(self, server: ViewServer, live: Live) -> None:
         self._server = server
         self._live = live
-        self._following: set[str] = set()
+        self.cameras = Cameras(server)
+        self.options = ViewOptions()
+        self.mass = 0.0  # kg, of the vehicle's model; 0 while it is not known
         self._turning = False
         api = server.viser.scene
         api.set_up_direction("+z")
-        _add_room(api)
+        self._ground = _add_room(api)
+        self._volume: Any = None
         self._volume_box: Box | None = None
         self._vehicle = Airframe(api, "/vehicle")
         self._ghost = Airframe(api, "/truth", ghost=True)
@@ -66,16 +71,29 @@ class Scene:
             thickness_units="screen",
             visible=False,
         )
+        self._error = api.add_line_segments(
+            "/error",
+            np.zeros((1, 2, 3), np.float32),
+            line_color(REFUSED),
+            thickness=3.0,
+            thickness_units="screen",
+            visible=False,
+        )
         self.beacons = BeaconScene(server, live)
         server.viser.initial_camera.position = (-1.9, -2.3, 1.9)
         server.viser.initial_camera.look_at = (0.0, 0.0, 0.8)
 
-    def follow(self, view: str, wanted: bool) -> None:
-        """Let a page's camera follow the vehicle, or stop following it."""
-        if wanted:
-            self._following.add(view)
-        else:
-            self._following.discard(view)
+    def show(self, options: ViewOptions) -> None:
+        """Change what is drawn; a path with other colours starts anew."""
+        if options.color != self.options.color:
+            self._flown.clear()
+        self.options = options
+        for node in self._ground:
+            node.visible = options.ground
+        if self._volume is not None:
+            self._volume.visible = options.volume
+        self._flown.show(options.flown)
+        self._wanted.show(options.reference)
 
     def plan(self, points: np.ndarray[Any, Any] | None, feasible: bool = True) -> None:
         """Show a path that may be flown next, m, world, shape (N, 3), until it has been flown or
@@ -98,9 +116,10 @@ class Scene:
             return
         self._volume_box = box
         self.beacons.set_volume(box)
-        self._server.viser.scene.add_line_segments(
-            "/volume", _edges(box), line_color(EDGES), thickness=1.0, thickness_units="screen"
+        self._volume = self._server.viser.scene.add_line_segments(
+            "/volume", edges(box), line_color(EDGES), thickness=1.0, thickness_units="screen"
         )
+        self._volume.visible = self.options.volume
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -121,13 +140,17 @@ class Scene:
             point = point_of(reference.position)
             self._wanted.add(point, now)
             self._target.position = point
-        self._target.visible = reference is not None and self._airborne
+        shown = self.options
+        self._target.visible = reference is not None and self._airborne and shown.reference
+        self._error.visible = shown.error and None not in (state, reference) and self._airborne
+        if self._error.visible:
+            self._show_error(state, reference)
         truth = self._live.current("truth")
         if truth is not None:
             self._ghost.pose(
                 point_of(truth.pose.pose.position), wxyz_of(truth.pose.pose.orientation)
             )
-        self._ghost.frame.visible = truth is not None
+        self._ghost.frame.visible = truth is not None and shown.truth
         if self._plan.visible:
             status = self._live.current("status")
             if status is not None and status.behavior.lower() == "follow_trajectory":
@@ -135,6 +158,7 @@ class Scene:
             self._plan.visible = now < self._plan_until
         self._spin()
         self.beacons.update(now)
+        self.cameras.tell_new()
 
     @property
     def _airborne(self) -> bool:
@@ -143,14 +167,33 @@ class Scene:
 
     def _show_vehicle(self, state: Any, now: float) -> None:
         point = point_of(state.pose.pose.position)
-        self._vehicle.pose(point, wxyz_of(state.pose.pose.orientation))
+        turn = wxyz_of(state.pose.pose.orientation)
+        self._vehicle.pose(point, turn)
         self._vehicle.frame.visible = True
-        self._flown.add(point, now)
+        self._flown.add(point, now, self._color(state, point))
         self._drop.points = np.array([[(point[0], point[1], 0.0), point]], np.float32)
         self._drop.visible = point[2] > 0.05
-        if self._following:
-            for camera in self._server.clients_of(self._following).values():
-                _carry(camera.camera, point)
+        self.cameras.move(point, turn)
+
+    def _show_error(self, state: Any, reference: Any) -> None:
+        start = np.array(point_of(state.pose.pose.position))
+        error = np.array(point_of(reference.position)) - start
+        self._error.points = np.array([[start, start + self.options.magnified * error]], np.float32)
+
+    def _color(self, state: Any, point: Point) -> Color:
+        """Return the colour of the path here: that of the chosen signal, grey while unknown."""
+        if self.options.color == "none":
+            return ORANGE
+        if self.options.color == "speed":
+            velocity = point_of(state.twist.twist.linear)
+            return ramp("speed", math.hypot(*velocity))
+        source = "reference" if self.options.color == "error" else "actuators"
+        message = self._live.current(source)
+        if message is None or (source == "actuators" and self.mass <= 0.0):
+            return DROP
+        if source == "reference":
+            return ramp("error", math.dist(point, point_of(message.position)))
+        return ramp("thrust", message.thrust / (self.mass * GRAVITY))
 
     def _spin(self) -> None:
         status, actuators = self._live.current("status"), self._live.current("actuators")
@@ -163,17 +206,8 @@ class Scene:
             self._vehicle.spin([0.1 + float(r) * 0.0011 for r in actuators.motor_references])
 
 
-def _carry(camera: Any, point: Sequence[float]) -> None:
-    """Move a camera so that it looks at `point` from its present direction and distance."""
-    offset = camera.position - camera.look_at
-    target = np.asarray(point, float)
-    if np.linalg.norm(target - camera.look_at) > 0.002:
-        camera.position = target + offset
-        camera.look_at = target
-
-
-def _add_room(api: Any) -> None:
-    api.add_grid(
+def _add_room(api: Any) -> list[Any]:
+    grid = api.add_grid(
         "/ground",
         width=12.0,
         height=12.0,
@@ -192,7 +226,7 @@ def _add_room(api: Any) -> None:
     origin = np.zeros((3, 2, 3), np.float32)
     origin[:, 1] = 0.5 * np.eye(3)
     rgb = np.array([line_color(c) for c in AXES], np.uint8)
-    api.add_line_segments(
+    axes = api.add_line_segments(
         "/origin",
         origin,
         np.repeat(rgb[:, None, :], 2, axis=1),
@@ -200,15 +234,4 @@ def _add_room(api: Any) -> None:
         thickness_units="screen",
         position=(0.0, 0.0, 0.002),
     )
-
-
-def _edges(box: Box) -> Any:
-    """Return the 12 edges of a box, shape (12, 2, 3)."""
-    corners = np.array(np.meshgrid(*box, indexing="ij"), np.float32).reshape(3, 2, 2, 2)
-    edges = [
-        corners.swapaxes(1, axis + 1)[:, :, i, j].T
-        for axis in range(3)
-        for i in (0, 1)
-        for j in (0, 1)
-    ]
-    return np.stack(edges)
+    return [grid, axes]

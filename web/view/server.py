@@ -13,7 +13,7 @@ import http
 import io
 import secrets
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import viser
@@ -26,7 +26,7 @@ from web.view.frames import share_frames
 from web.view.wake import make_writes_safe
 
 if TYPE_CHECKING:
-    from web.beacons.drag import Drag
+    from web.beacons.drag import Click, Drag
 
 SECRET_HEADER = "X-Quadlab-Secret"
 VIEW_HEADER = "X-Quadlab-View"
@@ -37,13 +37,14 @@ class ViewServer:
     """Server of viser, which only the proxy can connect to.
 
     A connection needs `secret` in SECRET_HEADER; VIEW_HEADER names the page's view, so that
-    `clients_of(view)` finds the cameras to move. Operators may drag the nodes in `draggable`;
-    `on_drag` is called with their drags, on the event loop.
+    `clients_of(view)` finds the cameras to move. Operators may drag the nodes in `draggable`, whose
+    receivers are called with the drags; `on_click`, unless None, is called with their clicks beside
+    them. Both are called on the event loop.
     """
 
     def __init__(self) -> None:
-        self.draggable: frozenset[str] = frozenset()
-        self.on_drag: Callable[[Drag], None] = lambda _: None
+        self.draggable: dict[str, Callable[[Drag], None]] = {}
+        self.on_click: Callable[[Click], None] | None = None
         self.secret = secrets.token_urlsafe(24)
         share_frames()
         make_writes_safe()
@@ -72,6 +73,11 @@ class ViewServer:
             if view in views:
                 found[view] = client
         return found
+
+    def offer(self, names: Iterable[str], take: Callable[[Drag], None]) -> None:
+        """Let operators drag these nodes, in place of those that the same receiver had before."""
+        kept = {name: taker for name, taker in self.draggable.items() if taker != take}
+        self.draggable = kept | dict.fromkeys(names, take)
 
     @property
     def watched(self) -> bool:

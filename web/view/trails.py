@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from web.view.lines import line_color
+
 HEAD = 16  # segments
 CHUNK = 128  # segments
 CHUNKS = 5
@@ -26,6 +28,8 @@ LARGEST_STEP = 1.5  # m between two samples; more is a jump, drawn as a gap
 LONGEST_GAP = 0.5  # s without a sample; more is drawn as a gap
 
 Segments = npt.NDArray[np.float32]
+Color = tuple[int, int, int]
+PLAIN: Color = (255, 255, 255)
 
 
 @dataclass
@@ -34,17 +38,22 @@ class Piece:
 
     size: int
     segments: Segments = field(init=False)
+    colors: npt.NDArray[np.uint8] = field(init=False)
     count: int = 0
     first: float = 0.0  # s, time of its first point
 
     def __post_init__(self) -> None:
         self.segments = np.zeros((self.size, 2, 3), np.float32)
+        self.colors = np.zeros((self.size, 2, 3), np.uint8)
 
-    def append(self, start: Sequence[float], end: Sequence[float], now: float) -> None:
+    def append(
+        self, start: Sequence[float], end: Sequence[float], now: float, color: Color = PLAIN
+    ) -> None:
         if self.count == 0:
             self.first = now
         self.segments[self.count] = (start, end)
         self.segments[self.count + 1 :] = end
+        self.colors[self.count :] = color
         self.count += 1
 
     def take(self, other: Piece) -> None:
@@ -53,6 +62,7 @@ class Piece:
             self.first = other.first
         stop = self.count + other.count
         self.segments[self.count : stop] = other.segments[: other.count]
+        self.colors[self.count : stop] = other.colors[: other.count]
         self.segments[stop:] = other.segments[other.count - 1, 1]
         self.count = stop
         other.count = 0
@@ -68,7 +78,7 @@ class TrailRing:
         self._last: tuple[float, ...] | None = None
         self._last_time = 0.0
 
-    def add(self, point: Sequence[float], now: float) -> set[int]:
+    def add(self, point: Sequence[float], now: float, color: Color = PLAIN) -> set[int]:
         """Add a point; return the pieces that changed: chunk indices, and -1 for the head."""
         changed = self._expire(now)
         last, position = self._last, tuple(float(x) for x in point)
@@ -84,7 +94,7 @@ class TrailRing:
             return changed
         if self.head.count == HEAD:
             changed.add(self._store_head())
-        self.head.append(position if is_gap else last, position, now)
+        self.head.append(position if is_gap else last, position, now, color)
         self._last = position
         return changed | {-1}
 
@@ -114,24 +124,17 @@ class TrailRing:
         return changed
 
 
-def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Return the colour with which a viser line looks like this sRGB colour.
-
-    Lines look brighter than their colour. The exponent was found by eye next to the page's own
-    colours.
-    """
-    red, green, blue = (round(255.0 * (c / 255.0) ** 1.4) for c in color)
-    return (red, green, blue)
-
-
 class Trail:
-    """Trail drawn with reused line nodes; `color` is sRGB, 0 to 255."""
+    """Trail drawn with reused line nodes; `color` is sRGB, 0 to 255, of all that has no own."""
 
     def __init__(
         self, scene: Any, name: str, color: tuple[int, int, int], thickness: float
     ) -> None:
         self._ring = TrailRing()
         self._nodes: dict[int, Any] = {}
+        self._color = color
+        self._many = False  # colours, of which each segment then has its own
+        self._shown = True
         for index, piece in {-1: self._ring.head, **dict(enumerate(self._ring.chunks))}.items():
             self._nodes[index] = scene.add_line_segments(
                 f"{name}/{'head' if index < 0 else index}",
@@ -142,11 +145,21 @@ class Trail:
                 visible=False,
             )
 
-    def add(self, point: Sequence[float], now: float) -> None:
-        self._draw(self._ring.add(point, now))
+    def add(self, point: Sequence[float], now: float, color: Color | None = None) -> None:
+        color = color or self._color
+        self._many |= color != self._color
+        self._draw(self._ring.add(point, now, line_color(color)))
 
     def clear(self) -> None:
-        self._draw(self._ring.clear())
+        changed = self._ring.clear()
+        self._draw(changed)
+        self._many = False
+        for index in self._nodes:
+            self._nodes[index].colors = np.array(line_color(self._color), np.uint8)
+
+    def show(self, shown: bool) -> None:
+        self._shown = shown
+        self._draw(set(self._nodes))
 
     def _draw(self, changed: set[int]) -> None:
         for index in changed:
@@ -154,4 +167,6 @@ class Trail:
             node = self._nodes[index]
             if piece.count:
                 node.points = piece.segments
-            node.visible = piece.count > 0
+                if self._many:
+                    node.colors = piece.colors
+            node.visible = piece.count > 0 and self._shown

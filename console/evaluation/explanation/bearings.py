@@ -7,16 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from console.evaluation.explanation.finding import (
-    ATTITUDE,
     BLOCK,
-    POSITION,
-    TRACKED,
-    TRACKED_ATTITUDE,
     Finding,
     Parameters,
     Spans,
     Topics,
-    axes,
     blocks,
     flagged,
     has,
@@ -25,6 +20,7 @@ from console.evaluation.explanation.finding import (
     overlaps,
     within,
 )
+from flight_log.fields import ATTITUDE, POSITION, TRACKED, TRACKED_ATTITUDE, axes
 from quadrotor.plain_rotations import rotation_vectors_between
 
 BEACON_OFF = 1.0

@@ -7,17 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from console.evaluation.explanation.finding import (
-    ACCELERATION,
     BLOCK,
-    POSITION,
     SETTLING,
-    THRUSTS,
     Array,
     Finding,
     Parameters,
     Spans,
     Topics,
-    axes,
     blocks,
     distances,
     flagged,
@@ -31,6 +27,7 @@ from console.evaluation.explanation.finding import (
     tracker_of,
     within,
 )
+from flight_log.fields import FORCE, POSITION, THRUSTS, axes
 from quadrotor.constants import MOTORS
 
 WEAK_MOTOR = 0.06
@@ -80,7 +77,7 @@ def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
 
 def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
     """Find strong vibration of the accelerometer."""
-    if not has(topics, "imu", *ACCELERATION) or len(topics["imu"]) < 3:
+    if not has(topics, "imu", *FORCE) or len(topics["imu"]) < 3:
         return
     series = topics["imu"]
     period = float(np.median(np.diff(series.time)))
@@ -92,7 +89,7 @@ def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
     kernel = np.full(size, 1.0 / size)
     fast = [
         one - np.convolve(one, kernel, "same")
-        for one in (series.values(name).astype(float) for name in ACCELERATION)
+        for one in (series.values(name).astype(float) for name in FORCE)
     ]
     time, rms = blocks(series.time, np.stack(fast, axis=1), spans, rms_of)
     worst = rms.max(axis=1, initial=0.0)
@@ -105,7 +102,7 @@ def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
             end,
             f"The accelerometer vibrated with {most:.1f} m/s² rms above {VIBRATION_FROM:g} Hz "
             f"(limit {VIBRATION:g} m/s²).",
-            tuple(f"imu/{name}" for name in ACCELERATION),
+            tuple(f"imu/{name}" for name in FORCE),
             f"acceleration above {VIBRATION_FROM:g} Hz, rms",
             "m/s²",
             VIBRATION,

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from console.evaluation.explanation.finding import (
-    POSITION,
-    REFERENCE,
     ROLL_PITCH,
     SETTLING,
     Finding,
@@ -23,6 +21,7 @@ from console.evaluation.explanation.finding import (
     number,
     within,
 )
+from flight_log.fields import POSITION, REFERENCE
 
 OFF_REFERENCE = 0.25
 """Limit in m between estimate and reference."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flight_log.fields import ATTITUDE, MARKED, POSITION, TRACKED
 from flight_log.run import Series
 from quadrotor.parameters import ParameterValue
 
@@ -20,20 +21,7 @@ Topics = Mapping[str, Series]
 Parameters = Mapping[str, ParameterValue]
 Spans = list[tuple[float, float]]
 
-
-def axes(stem: str, names: str = "xyz") -> tuple[str, ...]:
-    return tuple(f"{stem}.{name}" for name in names)
-
-
-ACCELERATION = axes("linear_acceleration")
-POSITION = axes("pose.pose.position")
-ATTITUDE = axes("pose.pose.orientation", "wxyz")
 ROLL_PITCH = ATTITUDE[1:3]
-TRACKED, MARKED = axes("pose.position"), axes("point")
-TRACKED_ATTITUDE = axes("pose.orientation", "wxyz")
-REFERENCE = axes("position")
-THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
-
 BLOCK = 2.0
 """Time in s over which most figures are computed."""
 SETTLING = 2.0

@@ -5,6 +5,7 @@
 
 #define GUID "$guid"
 #define START {$start}
+#define SIZES {$sizes}
 
 enum {
 $places

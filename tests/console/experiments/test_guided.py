@@ -15,7 +15,7 @@ import pytest
 
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
-from console.experiment_running import judging
+from console.experiment_running import evaluation
 from console.experiment_running.evaluation import Evaluation, EvaluationJob, evaluate, judge
 from console.experiment_running.runner import ExperimentRunner
 from console.experiments.client import Client, Result, VehicleView
@@ -27,6 +27,7 @@ from console.runs.runs import RunManager
 from flight_log import read_attachments
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import JobError, LinkError, MeasurementError, RefusedError, StorageError
+from tests.support.clients import FakeClient
 from vehicle_link.messages import header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
 from vehicle_link.topics import SERVICES
@@ -54,17 +55,12 @@ class LocalNode:
         self.handlers[name] = answering(kind, handler) if kind else handler
 
     def client(self, name: str, kind: str, priority: str = "") -> Any:
-        return LocalClient(self, name)
+        def answer(request: Any) -> Any:
+            if name not in self.handlers:
+                raise LinkError(f"nobody serves {name}")
+            return self.handlers[name](request)
 
-
-class LocalClient:
-    def __init__(self, node: LocalNode, name: str) -> None:
-        self._node, self._name = node, name
-
-    def call(self, request: Any, timeout: float = 1.0) -> Any:
-        if self._name not in self._node.handlers:
-            raise LinkError(f"nobody serves {self._name}")
-        return self._node.handlers[self._name](request)
+        return FakeClient(name, kind, answer)
 
 
 class Vehicle:
@@ -271,7 +267,7 @@ class Scripted:
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
     """Yield a lab that judges without a process: passed, proposing a law of the motors."""
     result = Evaluation(Result("passed", {}), (), "", PROPOSED.model_dump_json())
-    monkeypatch.setattr(judging, "judge", lambda *_: result)
+    monkeypatch.setattr(evaluation, "judge", lambda *_: result)
     made = Lab(tmp_path)
     yield made
     made.close()

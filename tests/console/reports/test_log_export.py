@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import resource
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -105,6 +106,21 @@ def test_matlab_has_a_struct_a_topic_with_units(
     assert state["units"]["pose_pose_position_x"] == "m"
     assert content["run"]["experiment"] == "hover"
     assert content["status"]["mode"][150] == "armed"
+
+
+def test_octave_reads_the_structs_of_a_matlab_file(log: Path, tmp_path: Path) -> None:
+    if shutil.which("octave-cli") is None:
+        pytest.skip("octave-cli is not installed, on Debian: apt install octave")
+    [path] = export(log, tmp_path / "out", "mat").files
+    show = (
+        f"r = load('{path}'); printf('%.17g %d %s %s %s', r.state.pose_pose_position_y(11), "
+        "r.state.stamp_ns(1), r.state.units.pose_pose_position_y, r.run.experiment, "
+        "r.status.mode{151});"
+    )
+    words = ["octave-cli", "--quiet", "--eval", show]
+    said = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+    assert said.stdout.split()[1:] == [str(START), "m", "hover", "armed"], said.stderr
+    assert float(said.stdout.split()[0]) == 1.0 / 3.0
 
 
 def test_more_than_a_matlab_file_is_made_of_is_refused_before_it_is_held(

@@ -307,7 +307,7 @@ def test_the_command_writes_what_was_asked_for_and_refuses_the_rest(
     assert main(["log", "info", path, "--no-pdf"]) == 2
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 2
-    assert "none.mcap is no file" in said[0]
+    assert "none.mcap is not a file" in said[0]
     assert "--no-pdf (applied to quadlab log info)" in said[1]
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from flight_log.writer import FILLED_METADATA
 from quadrotor.errors import LinkError, RefusedError, StorageError
 from quadrotor.records import TICK
 from tests.flight_log.drop_outs import START_NS, Flight, flown, with_holes
+from tests.support.clients import FakeClient
 from tests.support.transfers import new_transfers
 from tests.waiting import free_port, until
 from vehicle.onboard_log.files import OnboardFiles
@@ -58,9 +59,9 @@ class Link:
         self.cut_at: int | None = None
         self.before_piece: Callable[[int], None] = lambda number: None
 
-    def client(self, name: str, _type: str, **_: Any) -> Any:
+    def client(self, name: str, srv_type: str, **_: Any) -> Any:
         answer = getattr(self.files, name.removeprefix("onboard_"))
-        return SimpleNamespace(call=lambda request, timeout: self._call(name, answer, request))
+        return FakeClient(name, srv_type, partial(self._call, name, answer))
 
     def _call(self, name: str, answer: Callable[[Any], Any], request: Any) -> Any:
         if name == "onboard_part" and request.length:

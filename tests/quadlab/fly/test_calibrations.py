@@ -148,22 +148,19 @@ def test_a_vehicle_that_moved_or_ran_its_motors_in_a_pose_is_refused(
         identify(Path(bench["log"]), "quad1", PLAIN, [Held(300.0, 301.0, "upright")], NOISE)
 
 
-def test_a_saturated_accelerometer_never_holds_a_pose(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["simulator.accelerometer_zz=0.5"], "(the accelerometer is saturated at 19."),
+        (["simulator.gyroscope_noise=5", "safety.gyro_deviation_max=10"], "it turns at"),
+    ],
+)
+def test_a_saturated_or_shaken_vehicle_never_holds_a_pose(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
 ) -> None:
-    words = "simulator.accelerometer_zz=0.5", "experiment.patience=5"
     with pytest.raises(IndexError):  # no report
-        fly(tmp_path, "accelerometer", *words)
-    assert "(the accelerometer is saturated at 19." in capsys.readouterr().err
-
-
-def test_a_shaken_vehicle_never_holds_a_pose(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = "simulator.gyroscope_noise=5", "experiment.patience=5"
-    with pytest.raises(IndexError):
-        fly(tmp_path, "accelerometer", *words, "safety.gyro_deviation_max=10")
-    assert "it turns at" in capsys.readouterr().err
+        fly(tmp_path, "accelerometer", "experiment.patience=5", *words)
+    assert told in capsys.readouterr().err
 
 
 # ---------------------------------------------------------------- motor bench

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.evaluation.inertia import RATES, THRUSTS, WANTED, estimate_inertia, read_inertia
+from console.evaluation.inertia import WANTED, estimate_inertia, read_inertia
 from console.evaluation.log_columns import read_columns, read_parameters
 from console.evaluation.mass import read_mass
 from console.experiments.catalogue import find
@@ -20,6 +20,7 @@ from console.experiments.client import Calibrating, ExperimentEndedError, Vehicl
 from console.experiments.figure_eight import FigureEight
 from console.experiments.inertia import InertiaExperiment
 from flight_log import LogWriter
+from flight_log.fields import THRUSTS, TURNING_B
 from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
@@ -180,7 +181,7 @@ def test_packets_that_were_lost_are_counted_and_do_not_spoil_it(turned: Turned) 
     state, actuators = columns["state"], columns["actuators"]
     kept = (state.time >= whole.time[0] - 0.01) & (state.time <= whole.time[-1])
     kept &= np.random.default_rng(1).random(len(state.time) // 5 + 1).repeat(5)[: len(kept)] > 0.1
-    rates = np.stack([state.values(name)[kept] for name in RATES], axis=1)
+    rates = np.stack([state.values(name)[kept] for name in TURNING_B], axis=1)
     thrusts = np.stack([actuators.values(name)[kept] for name in THRUSTS], axis=1)
     found = estimate_inertia(state.time[kept], rates, thrusts, whole.parameters)
     assert found.missing == pytest.approx(0.1, abs=0.03)

@@ -68,5 +68,5 @@ def test_a_place_on_earth_and_a_point_in_the_world_are_the_same() -> None:
     "words", ["", "1", "here,there", "91,0,0", "0,181,0", "nan,0,0", "1,2,inf"]
 )
 def test_what_is_no_place_is_refused_in_one_line(words: str) -> None:
-    with pytest.raises(UsageError, match=r"--origin .* is no place; give LATITUDE,LONGITUDE"):
+    with pytest.raises(UsageError, match=r"--origin .* is not a place; give LATITUDE,LONGITUDE"):
         parse_origin(words)

@@ -13,6 +13,7 @@ import pytest
 
 from quadlab.mavlink import link as link_module
 from quadlab.mavlink.dialect import mavlink
+from quadlab.mavlink.peer import BYTES_A_SECOND, Peer
 from quadrotor.errors import UsageError
 from tests.quadlab.mavlink.wired import Wired
 from vehicle_link.messages import new
@@ -312,7 +313,7 @@ def test_runs_are_downloaded_whole(wire: Callable[..., Wired], tmp_path: Path) -
     file.write_bytes(contents)
     run = type("Run", (), {"id": "run", "complete": True, "start_ns": 10**18})()
     catalogue = type("Runs", (), {"runs": lambda *_, **__: [run], "resolve": lambda *_: file})()
-    wired.gateway._logs._catalogue = catalogue
+    wired.logs._catalogue = catalogue
     ground.mav.log_request_list_send(1, 1, 0, 0xFFFF)
     entry = ground.until("LOG_ENTRY")
     assert (entry.size, entry.num_logs, entry.time_utc) == (1000, 1, 10**9)
@@ -374,21 +375,21 @@ def test_a_flood_is_dropped_before_it_is_parsed_and_others_are_served(
     loud.mav.system_time_send(0, 0)
     loud.turn()
     parsed: list[int] = []
-    parse = link_module.Peer.parse
+    parse = Peer.parse
 
-    def noted(peer: link_module.Peer, data: bytes) -> list[Any]:
+    def noted(peer: Peer, data: bytes) -> list[Any]:
         parsed.append(len(data))
         return parse(peer, data)
 
-    monkeypatch.setattr(link_module.Peer, "parse", noted)
+    monkeypatch.setattr(Peer, "parse", noted)
     began, sent = time.monotonic(), 0
-    while not any("more than 60 kB/s" in line for line in wired.lines) or sent < 5000:
+    while not any("more than 60 kB/s" in line for line in wired.lines) or sent < 2000:
         for _ in range(100):
             loud.mav.command_long_send(1, 1, 31_000, 0, 1, 0, 0, 0, 0, 0, 0)
         sent += 100
         loud.turn()
     passed = time.monotonic() - began
-    assert sum(parsed) < (1.1 + passed) * link_module.BYTES_A_SECOND
+    assert sum(parsed) < (1.1 + passed) * BYTES_A_SECOND
     assert sum("more than 60 kB/s" in line for line in wired.lines) == 1
     assert quiet.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 1) == ACCEPTED
 
@@ -416,6 +417,44 @@ def test_only_so_many_ground_stations_are_served(wire: Callable[..., Wired]) -> 
     grounds[0].until("HEARTBEAT")
     assert len(wired.link.peers) == link_module.MOST
     assert sum("one ground station too many" in line for line in wired.lines) == 1
+
+
+def test_over_tcp_a_message_may_come_in_pieces_and_a_closed_connection_gives_up_control(
+    wire: Callable[..., Wired],
+) -> None:
+    wired = wire(kind="tcpin")
+    ground = wired.ground()
+    whole = ground.mav.command_long_encode(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0).pack(ground.mav)
+    for piece in (whole[:7], whole[7:20], whole[20:]):
+        ground.write(piece)
+        ground.turn()
+    acknowledged = ground.until("COMMAND_ACK", lambda m: m.result == ACCEPTED)
+    assert acknowledged.command == ARM
+    assert ground.until("LOCAL_POSITION_NED").x == 2.0
+    ground.socket.close()
+    end = time.monotonic() + 10.0
+    while not wired.station.closed and time.monotonic() < end:
+        wired.gateway.turn(0.01)
+    assert len(wired.station.closed) == 1
+    assert wired.link.peers == []
+    assert any("has left" in line for line in wired.lines)
+
+
+def test_over_tcp_those_that_say_or_read_nothing_hold_no_place_and_nobody_up(
+    wire: Callable[..., Wired], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wired = wire(kind="tcpin")
+    silent = [wired.ground(100 + k) for k in range(link_module.MOST + 1)]
+    for ground in silent:
+        ground.turn()
+    assert len(wired.link.peers) == link_module.MOST
+    assert sum("one ground station too many" in line for line in wired.lines) == 1
+    for peer in wired.link.peers:
+        for _ in range(4000):  # nobody reads them
+            peer.send(mavlink.MAVLink_system_time_message(0, 0))
+    monkeypatch.setattr(link_module, "GONE", -1.0)
+    wired.gateway.turn(0.0)
+    assert wired.link.peers == []
 
 
 def test_a_ground_station_that_leaves_gives_up_control(
@@ -449,11 +488,11 @@ def test_unsigned_messages_are_refused_where_a_passphrase_is_set(
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["serial:/dev/ttyUSB0"], "is no connection; give udpin:ADDRESS:PORT"),
-        (["udpin:127.0.0.1:0"], "is no connection"),
+        (["serial:/dev/ttyUSB0"], "is not a connection; give udpin:ADDRESS:PORT"),
+        (["udpin:127.0.0.1:0"], "is not a connection"),
         (["udpin:0.0.0.0:14550"], "0.0.0.0 is not this computer, and MAVLink has no sign-in"),
         (["--passphrase", "nowhere"], "--passphrase nowhere cannot be read"),
-        (["--origin", "north"], "--origin north is no place"),
+        (["--origin", "north"], "--origin north is not a place"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(words: list[str], line: str) -> None:

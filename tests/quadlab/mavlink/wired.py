@@ -13,7 +13,8 @@ from typing import Any
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import parse_origin
 from quadlab.mavlink.gateway import Gateway
-from quadlab.mavlink.link import Link, Peer, parse_endpoint
+from quadlab.mavlink.link import Link, parse_endpoint
+from quadlab.mavlink.peer import Peer
 from quadlab.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterStore
@@ -126,6 +127,7 @@ class Wired:
         viewers: bool = False,
         passphrase: str = "",
         station: Station | None = None,
+        kind: str = "udpin",
     ) -> None:
         from console.catalogue.catalogue import Catalogue
         from quadlab.mavlink.logs import Logs
@@ -133,20 +135,22 @@ class Wired:
         self.station, self.lines = station or Station(), list[str]()
         self.events: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self.changes: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        self.kind = socket.SOCK_STREAM if kind == "tcpin" else socket.SOCK_DGRAM
+        with socket.socket(socket.AF_INET, self.kind) as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
 
         def open_link(has_left: Callable[[Peer], None]) -> Link:
-            endpoints = [parse_endpoint(f"udpin:127.0.0.1:{self.port}")]
+            endpoints = [parse_endpoint(f"{kind}:127.0.0.1:{self.port}")]
             self.link = Link(endpoints, passphrase, self.lines.append, has_left)
             return self.link
 
+        self.logs = Logs(Catalogue(data), "quad1")
         self.gateway = Gateway(
             open_link,
             Vehicle(self.station),
             self.station.connect,
-            Logs(Catalogue(data), "quad1"),
+            self.logs,
             self.station,
             self.changes,
             self.events,
@@ -169,7 +173,7 @@ class Ground:
         import hashlib
 
         self._wired = wired
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket = socket.socket(socket.AF_INET, wired.kind)
         self.socket.connect(("127.0.0.1", wired.port))
         self.socket.setblocking(False)
         self.mav = mavlink.MAVLink(self, system, 190)
@@ -188,7 +192,9 @@ class Ground:
         while True:
             try:
                 data = self.socket.recv(2048)
-            except (BlockingIOError, ConnectionRefusedError):
+            except (BlockingIOError, ConnectionError):
+                return
+            if not data:  # the gateway has closed the connection
                 return
             self.got += self.mav.parse_buffer(data) or []
 

@@ -13,21 +13,19 @@ from control.behaviors.machine import BehaviorMachine
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
 from quadrotor.checkout import ROOT
-from quadrotor.errors import QuadlabError, RefusedError, UsageError
+from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import ParameterStore
-from quadrotor.python_file import call_user_code
 from quadrotor.records import new_reference, new_state
+from tests.support.here_link import HereLink
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.behaviors.contract import BEHAVIOR, INPUT, OUTPUT, load
 from vehicle.behaviors.external import ExternalBehavior
 from vehicle.parameters import new_parameters
 from vehicle.plugins import declared
-from vehicle.plugins.contract import as_attributes
-from vehicle.plugins.host import set_values
 
 DT = 0.01
 DOCUMENT = (ROOT / "docs" / "extending" / "plugins.md").read_text()
-SECTION = DOCUMENT.partition("# A behavior of your own")[2]
+SECTION = DOCUMENT.partition("# A behavior of your own")[2].partition("# A sensor of your own")[0]
 SWAY = ROOT / "examples" / "behaviors" / "sway.py"
 STAY = """
 class behavior:
@@ -48,45 +46,13 @@ HARM = {
 }
 
 
-class HereLink:
-    """A link to a plugin in this process, which never answers once it has an attribute `stalls`."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._behavior = path, load(path)
-        self._answer: bytes | None = None
-        self._why: QuadlabError | None = None
-
-    def ready(self) -> bool:
-        return True
-
-    def send(self, data: bytes) -> None:
-        if len(data) != BEHAVIOR.inputs.itemsize:
-            set_values(self._behavior, data)
-            return
-        x = as_attributes(np.frombuffer(bytearray(data), BEHAVIOR.inputs))
-        out = np.zeros(1, BEHAVIOR.outputs)
-        try:
-            call_user_code(self._path, lambda: BEHAVIOR.step(self._behavior, x, out), RefusedError)
-        except QuadlabError as error:
-            self._why = error
-        self._answer = None if hasattr(self._behavior, "stalls") else out.tobytes()
-
-    def receive(self) -> bytes | None:
-        if self._why is not None:
-            raise self._why
-        answer, self._answer = self._answer, None
-        return answer
-
-    def close(self) -> None: ...
-
-
 class Bench:
     """A machine that hovers, and a plugin that is asked in each tick of `external`."""
 
     def __init__(self, path: Path) -> None:
         self.machine = BehaviorMachine(BehaviorParameters())
         self.state, self.reference, self.stamp_ns = new_state(), new_reference(), 0
-        self.plugin = ExternalBehavior("mine", HereLink(path), True, self.machine.outside)
+        self.plugin = ExternalBehavior("mine", HereLink(BEHAVIOR, path), True, self.machine.outside)
         self.machine.request("take_off", {}, self.state, True, True)
         while self.machine.name is not BehaviorName.HOVER:
             self.tick()

@@ -9,10 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from control.controller import GeometricController
 from control.geometric_law import apply_wrench
+from control.parameters import PluginBounds
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameters import ParameterValue
 from tests.support.lab import Lab, flight_parameters, refusal
+from tests.support.law_bench import LawBench
+from vehicle.laws.laws import Laws
 
 GOOD = """
 import numpy as np
@@ -44,23 +48,27 @@ class law:
         HARM
         return x.mass * (a @ R[:, 2]), torque
 """
-"""Law after Lee et al. 2010 without feed-forward of rates; it fails from 4.5 s of its time on."""
+"""Law after Lee et al. 2010 without feed-forward of rates."""
 HARM = {
     "raises": ("if x.time > 4.5: 1 / 0", "ZeroDivisionError: division by zero"),
-    "nan": ("if x.time > 4.5: torque[1] = np.nan", "not finite"),
-    "inf": ("if x.time > 4.5: a[2] = np.inf", "not finite"),
-    "stalls": ("if x.time > 4.5: import time; time.sleep(10)", "no answer in time"),
     "too strong": ("if x.time > 4.5: torque[0] = 2.0", "torque is 2.0"),
     "no thrust": ("if x.time > 4.5: a *= 0.0", "of the weight"),
     "creeps": ("if x.time > 4.5: torque[0] += 0.08 * (x.time - 4.5)", "position is 0.5"),
-    "memory": ("if x.time > 4.5: self.hoard = bytearray(3 << 29)", "MemoryError"),
-    "ends": ("if x.time > 4.5: raise SystemExit", "SystemExit"),
+}
+"""What a law does from 4.5 s of its time on, in flight."""
+AT_ONCE = {
+    "nan": ("if x.time > 0.041: torque[1] = np.nan", "not finite"),
+    "inf": ("if x.time > 0.041: a[2] = np.inf", "not finite"),
+    "stalls": ("if x.time > 0.041: import time; time.sleep(10)", "no answer in time to 1 inputs"),
+    "memory": ("if x.time > 0.041: self.hoard = bytearray(3 << 29)", "MemoryError"),
+    "ends": ("if x.time > 0.041: raise SystemExit", "SystemExit"),
     "crashes": (
-        "if x.time > 4.5: import os, signal; os.kill(os.getpid(), signal.SIGSEGV)",
+        "if x.time > 0.041: import os, signal; os.kill(os.getpid(), signal.SIGSEGV)",
         "killed by SIGSEGV",
     ),
-    "wrong shape": ("if x.time > 4.5: torque = np.zeros(7)", "ValueError"),
+    "wrong shape": ("if x.time > 0.041: torque = np.zeros(7)", "ValueError"),
 }
+"""What it does in tick 21, which needs no flight to be noticed."""
 
 
 @pytest.fixture
@@ -105,6 +113,23 @@ def test_a_law_of_a_file_hovers_where_it_should_and_nothing_is_compiled_in_its_f
     assert "law mine is ready" in lab.said
     assert re.search(r"law mine: 0 of \d+ inputs without an answer in time; its thrust", lab.said)
     assert "disengaged" not in lab.said
+
+
+@pytest.mark.parametrize("kind", AT_ONCE)
+def test_in_the_tick_in_which_a_law_fails_the_built_in_one_already_flies(
+    tmp_path: Path, kind: str
+) -> None:
+    harm, why = AT_ONCE[kind]
+    (tmp_path / "mine.py").write_text(good(harm))
+    law = Laws(tmp_path).start("mine", GeometricController(), PluginBounds())
+    bench = LawBench(law)
+    bench.ticks(21)
+    assert law.failure == ""
+    assert not bench.flies_built_in
+    bench.ticks(1)
+    assert why in law.failure
+    assert bench.flies_built_in
+    law.close()
 
 
 @pytest.mark.parametrize("kind", HARM)

@@ -12,6 +12,7 @@ import pytest
 from quadlab.fmu_export.description import export_fmu
 from quadlab.fmu_export.models import LAW
 from quadrotor.errors import UsageError
+from quadrotor.parameters import ParameterStore
 from tests.support.lab import Lab, flight_parameters
 from vehicle.laws.contract import hovering
 from vehicle.laws.fmu import FmuLaw
@@ -21,12 +22,12 @@ HERE = Path(__file__).parent
 MANIFEST = "modelDescription.xml"
 
 
-def exported(folder: Path, rename: str = "") -> Path:
+def exported(folder: Path, rename: str = "", fmi: int = 2) -> Path:
     """Return our own law as an FMU. Args: rename: "old=new", the name of a variable."""
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
     path = folder / "exported.fmu"
-    export_fmu(LAW, [], path)
+    export_fmu(LAW, [], path, fmi)
     old, _, new = rename.partition("=")
     return rewritten(path, lambda text: text.replace(f'name="{old}"', f'name="{new}"'))
 
@@ -74,7 +75,7 @@ def test_an_fmu_flies_the_vehicle(
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(str(path)) == []
-    lab = fly(path.stem).hovering(settling=4.0)
+    lab = fly(path.stem).hovering(settling=2.5)
     external = lab.stack.law.external
     assert external is not None, lab.said
     assert external.flown
@@ -99,6 +100,20 @@ def test_both_kinds_answer_the_numbers_of_the_law(
     assert thrust == pytest.approx(1.2 * (9.81 + 8.0 * 0.3))
     expected = [0.0154 * 60 * 0.8 / lift, 0.0154 * 60 * 0.4 / lift, 0.0]
     assert torque_b == pytest.approx(expected, rel=0.005, abs=5e-4)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_its_tunable_parameters_act_at_the_next_step_and_stay_after_a_reset(
+    tmp_path: Path, fmi: int
+) -> None:
+    law, x = FmuLaw(exported(tmp_path, fmi=fmi)), hovering(mass=1.2)
+    x.reference_position_w[2], x.flying = 1.1, 0.0  # so that no integral grows
+    gain = float(ParameterStore(law.parameters).get("control_position_kp_z"))
+    assert law.step(x)[0] == pytest.approx(1.2 * (9.81 + 0.1 * gain))
+    ParameterStore(law.parameters).set({"control_position_kp_z": 12.5})
+    for _ in range(2):
+        assert law.step(x)[0] == pytest.approx(1.2 * (9.81 + 1.25))
+        law.reset()
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,11 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from control.controller import GeometricController
-from control.parameters import ControlParameters
-from quadrotor.records import ACTUATORS, new_reference, new_state
-from quadrotor.vehicle_model import VehicleModel
 from tests.support.lab import Lab
+from tests.support.law_bench import LawBench
 from vehicle.laws.contract import INPUT, INPUT_TYPE, LAW, OUTPUT, OUTPUT_TYPE
 from vehicle.laws.external import ExternalLaw
 from vehicle.plugins.external import CONSECUTIVE
@@ -83,46 +80,44 @@ def test_a_program_that_falls_silent_is_replaced_in_that_tick(
     assert flown.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
 
 
-def test_packets_of_another_length_end_the_law(lab: Callable[[str], Lab]) -> None:
+@pytest.mark.parametrize(
+    ("packet", "why"),
+    [
+        (struct.pack("<3d", 0.0, 12.8, 0.0), "a packet of 24 bytes came, expected 40: 5 doubles"),
+        # stale: of no input that was sent
+        (struct.pack("<5d", 0.0, 12.8, 0.4, 0.4, 0.0), "no answer in time to 1 inputs in a row"),
+    ],
+)
+def test_packets_of_another_length_and_stale_ones_end_the_law_and_are_never_flown(
+    packet: bytes, why: str
+) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
-        flown = lab(f"127.0.0.1:{other.getsockname()[1]}")
-        port = int(flown.parameter("control.plugin.udp_port"))
-        other.sendto(struct.pack("<3d", 0.0, 12.8, 0.0), ("127.0.0.1", port))
-        flown.hovering(settling=0.5)
-    assert "a packet of 24 bytes came, expected 40: 5 doubles" in flown.said
-    assert flown.height == pytest.approx(1.0, abs=0.05)
-
-
-def test_a_stale_answer_is_never_flown(lab: Callable[[str], Lab]) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind(("127.0.0.1", 0))
-        flown = lab(f"127.0.0.1:{other.getsockname()[1]}")
-        port = int(flown.parameter("control.plugin.udp_port"))
-        other.sendto(struct.pack("<5d", 0.0, 12.8, 0.4, 0.4, 0.0), ("127.0.0.1", port))
-        flown.hovering(settling=0.5)
-    assert "no answer in time to 1 inputs in a row, 1 of 1 in all" in flown.said
-    assert flown.height == pytest.approx(1.0, abs=0.05)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("", 0))
+            port = free.getsockname()[1]
+        link = UdpLink(LAW, f"127.0.0.1:{other.getsockname()[1]}", port, waits=True)
+        law = ExternalLaw("udp", link, GeometricController(), waits=True)
+        bench = LawBench(law)
+        other.sendto(packet, ("127.0.0.1", port))
+        for _ in range(3):
+            bench.ticks(1)
+            assert bench.flies_built_in
+        assert why in law.failure
+        law.close()
 
 
 def test_in_real_time_a_silent_law_costs_no_tick_and_is_disengaged_after_25() -> None:
-    parameters, model = ControlParameters(), VehicleModel().record()
-    base = GeometricController()
-    state, reference = new_state(), new_reference()
-    mine, own = np.zeros(1, ACTUATORS), np.zeros(1, ACTUATORS)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         link = UdpLink(LAW, f"127.0.0.1:{other.getsockname()[1]}", 0, waits=False)
         law = ExternalLaw("udp", link, GeometricController(), waits=False)
-        for one in (base, law):
-            one.configure(parameters, model)
-        law.flown = True
-        assert law.becomes_ready()
+        bench = LawBench(law)
+        assert law.is_ready
         failures = []
         for _ in range(CONSECUTIVE + 2):
-            base.step(state, reference, False, 0.002, own)
-            law.step(state, reference, True, 0.002, mine)
-            assert mine.tobytes() == own.tobytes()
+            bench.ticks(1)
+            assert bench.flies_built_in
             failures.append(law.failure)
         assert len(other.recv(1024)) == INPUT_TYPE.itemsize
         law.close()

@@ -176,7 +176,7 @@ def test_a_log_torn_in_this_process_is_told_to_be_so(vehicle: Vehicle) -> None:
         ({"name": "other.mcap", "length": 10}, "there is no onboard log 'other.mcap'"),
         ({"name": "../secret.mcap", "length": 10}, "there is no onboard log '../secret.mcap'"),
         ({"name": "link.mcap", "length": 10}, "there is no onboard log 'link.mcap'"),
-        ({"name": "folder.mcap", "length": 10}, "folder.mcap is no file"),
+        ({"name": "folder.mcap", "length": 10}, "folder.mcap is not a file"),
         ({"name": "notes.txt", "length": 10}, "there is no onboard log 'notes.txt'"),
         ({"name": "", "length": 10}, "there is no onboard log ''"),
         ({"length": PART_BYTES + 1}, "2801 bytes at once are too many; allowed are 2800"),

@@ -184,4 +184,4 @@ def test_without_a_log_it_says_why(vehicle: Vehicle) -> None:
     vehicle.log.close()
     assert "delete old runs" in vehicle.ask(0, 10).reason
     assert "allowed are up to 120 s" in vehicle.ask(0, 70_000).reason
-    assert "no stretch" in vehicle.ask(10, 0).reason
+    assert "not a part" in vehicle.ask(10, 0).reason

@@ -307,30 +307,6 @@ def test_a_service_that_is_lost_while_it_works_may_have_carried_it_out(link: Lin
     leaving.join()
 
 
-def test_a_service_of_several_threads_answers_beside_a_request_that_is_held_up(link: Link) -> None:
-    entered, proceed = threading.Event(), threading.Event()
-
-    def emergency(request: Message) -> Message:
-        if request.request_id == "land":
-            entered.set()
-            proceed.wait(WAIT)
-        return _ok(request)
-
-    link.vehicle.serve("two", SERVICES["arm"], emergency, at_once=2)
-    client = link.web.client("two", SERVICES["arm"])
-    assert client.wait(WAIT)
-    answers: list[Message] = []
-    landing = new(REQUEST, request_id="land")
-    thread = threading.Thread(target=lambda: answers.append(client.call(landing, WAIT)))
-    thread.start()
-    assert entered.wait(WAIT)
-    assert client.call(new(REQUEST, request_id="cut"), WAIT).accepted
-    assert not answers
-    proceed.set()
-    thread.join(WAIT)
-    assert answers[0].accepted
-
-
 def test_a_question_on_its_way_while_its_service_closes_is_a_link_error(
     link: Link, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -346,25 +322,30 @@ def test_a_question_on_its_way_while_its_service_closes_is_a_link_error(
     leaving.close()
 
 
-def test_a_slow_service_does_not_delay_another(link: Link) -> None:
+@pytest.mark.parametrize("service", ["of_two", "of_one"])
+def test_a_request_that_is_held_up_delays_no_other(link: Link, service: str) -> None:
+    """Requests to the other threads of a service of several, and to another service."""
     entered, proceed = threading.Event(), threading.Event()
 
-    def blocks(request: Message) -> Message:
-        entered.set()
-        proceed.wait(WAIT)
+    def hold_up(request: Message) -> Message:
+        if request.request_id == "land":
+            entered.set()
+            proceed.wait(WAIT)
         return _ok(request)
 
-    link.vehicle.serve("blocks", SERVICES["arm"], blocks)
-    link.vehicle.serve("swift", SERVICES["arm"], _ok)
-    blocked = link.web.client("blocks", SERVICES["arm"])
-    swift = link.web.client("swift", SERVICES["arm"])
-    assert blocked.wait(WAIT)
-    assert swift.wait(WAIT)
+    several = service == "of_two"
+    link.vehicle.serve(service, SERVICES["arm"], hold_up, at_once=2 if several else 1)
+    link.vehicle.serve(f"beside_{service}", SERVICES["arm"], _ok)
+    held_up = link.web.client(service, SERVICES["arm"])
+    other = held_up if several else link.web.client(f"beside_{service}", SERVICES["arm"])
+    assert held_up.wait(WAIT)
+    assert other.wait(WAIT)
     answers: list[Message] = []
-    thread = threading.Thread(target=lambda: answers.append(blocked.call(new(REQUEST), WAIT)))
+    landing = new(REQUEST, request_id="land")
+    thread = threading.Thread(target=lambda: answers.append(held_up.call(landing, WAIT)))
     thread.start()
     assert entered.wait(WAIT)
-    assert swift.call(new(REQUEST, request_id="2")).accepted
+    assert other.call(new(REQUEST, request_id="cut"), WAIT).accepted
     assert not answers
     proceed.set()
     thread.join(WAIT)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from vehicle_link.transport.rmw_keys import (
-    LATCHED,
     RELIABLE,
     SENSOR_DATA,
     NodeIdentity,
@@ -72,7 +71,7 @@ def test_node_token_has_no_endpoint() -> None:
 def test_qos_is_written_as_ros_writes_it() -> None:
     assert RELIABLE.text == "::,10:,:,:,,"
     assert SENSOR_DATA.text == "2::,5:,:,:,,"
-    assert LATCHED.text == ":1:,1:,:,:,,"
+    assert Qos(latched=True, depth=1).text == ":1:,1:,:,:,,"
     assert Qos(depth=42).text == "::,:,:,:,,"
 
 

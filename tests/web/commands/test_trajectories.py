@@ -8,9 +8,11 @@ from typing import Any, cast
 
 import pytest
 
+from control.behaviors.preview import preview
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.messages import decode, encode, header, new
+from web.commands.previewer import Previewer
 from web.commands.trajectories import TrajectoryMonitor
 from web.live.latest import Live
 
@@ -39,7 +41,7 @@ def live() -> Live:
 @pytest.fixture
 def monitor(monkeypatch: pytest.MonkeyPatch, live: Live, scene: Scene) -> TrajectoryMonitor:
     """One that computes in this process."""
-    monkeypatch.setattr("web.commands.trajectories.run", lambda job, *given, **_: job(*given))
+    monkeypatch.setattr(Previewer, "compute", lambda _, *given: preview(*given))
     replica = SimpleNamespace(values=lambda: {"behavior.volume_x_max": 2.5})
     return TrajectoryMonitor(live, cast(Any, replica), cast(Any, scene))
 

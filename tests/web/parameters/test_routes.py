@@ -180,12 +180,12 @@ def test_a_file_is_only_compared_and_every_bad_line_says_why(
 @pytest.mark.parametrize(
     ("content", "text"),
     [
-        (b"kp: 4", "no TOML file"),
-        (b"\xff\xfe", "no TOML file"),
+        (b"kp: 4", "not a TOML file"),
+        (b"\xff\xfe", "not a TOML file"),
         (b"#" * 300_000, "too large"),
         (b"a." * 100_000 + b"a = 1", "32 parts"),
         (b'x = {"a b" . ' + b"'c' ." * 40_000 + b"d = 1}", "32 parts"),
-        (b"x = " + b"[" * 100_000, "no TOML file"),
+        (b"x = " + b"[" * 100_000, "not a TOML file"),
     ],
 )
 def test_what_is_no_file_of_parameters_is_refused(

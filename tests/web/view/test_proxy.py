@@ -55,7 +55,8 @@ def upstream() -> Callable[[Role], pump.Upstream]:
 
 class _NoServer(ViewServer):
     def __init__(self) -> None:
-        self.draggable = frozenset()
+        self.draggable = {}
+        self.on_click = None
 
 
 @pytest.mark.parametrize("role", list(Role))
@@ -302,7 +303,7 @@ def test_a_page_that_leaves_in_the_midst_of_frames_is_let_go() -> None:
         ) as viewer:
             url = f"ws://127.0.0.1:{viewer.sockets[0].getsockname()[1]}"
             server: Any = SimpleNamespace(
-                version="test", secret="secret", url=url, draggable=frozenset()
+                version="test", secret="secret", url=url, draggable={}, on_click=None
             )
             browser: Any = _Browser()
             task = asyncio.create_task(pump.pump(browser, server, Session("somebody", Role.VIEWER)))

@@ -16,7 +16,10 @@ from tests.support.clock import Clock
 from tests.support.narrowing import now
 from vehicle_link.messages import decode, encode, header, new
 from web.live.latest import Live
-from web.view.scene import RATE, Scene, _edges
+from web.view.lines import edges as edges_of
+from web.view.lines import line_color
+from web.view.options import RAMP, ViewOptions
+from web.view.scene import RATE, Scene
 from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 BUDGET = 100_000  # bytes a second and client
@@ -171,21 +174,21 @@ def test_the_camera_follows_only_the_page_that_asked(server: ViewServer, until: 
         for socket in (mine, other):
             socket.send(msgspec.msgpack.encode(camera))
         until(lambda: len(server.clients_of({"mine", "other"})) == 2)
-        scene.follow("mine", True)
+        scene.cameras.choose("mine", "follow")
         live.put("state", odometry(1.0, 0.5, 1.5))
         scene.update(0.0)
         clients = server.clients_of({"mine", "other"})
         np.testing.assert_allclose(clients["mine"].camera.look_at, (1.0, 0.5, 1.5))
         np.testing.assert_allclose(clients["mine"].camera.position, (-1.0, 0.5, 2.5))
         np.testing.assert_allclose(clients["other"].camera.look_at, (0.0, 0.0, 1.0))
-        scene.follow("mine", False)
+        scene.cameras.choose("mine", "free")
         live.put("state", odometry(2.0, 0.5, 1.5))
         scene.update(0.1)
         np.testing.assert_allclose(clients["mine"].camera.look_at, (1.0, 0.5, 1.5))
 
 
 def test_a_box_has_twelve_edges_along_the_axes() -> None:
-    edges = _edges(((-1.0, 2.0), (0.0, 1.0), (3.0, 7.0)))
+    edges = edges_of(((-1.0, 2.0), (0.0, 1.0), (3.0, 7.0)))
     assert edges.shape == (12, 2, 3)
     lengths = sorted(float(np.abs(b - a).sum()) for a, b in edges)
     assert lengths == [1.0] * 4 + [3.0] * 4 + [4.0] * 4
@@ -253,3 +256,34 @@ def test_a_planned_path_stays_until_it_has_been_flown(server: ViewServer) -> Non
     scene.update(at + 503.0)
     assert not plan.visible
     assert not scene.is_plan_shown
+
+
+def test_layers_are_hidden_and_the_error_is_drawn_magnified(server: ViewServer) -> None:
+    live = Live(decode)
+    scene = Scene(server, live)
+    scene.set_volume(((-3, 3), (-3, 3), (0, 3)))
+    scene.show(ViewOptions(truth=False, volume=False, ground=False, error=True, magnified=50))
+    fly(live, 0.0)
+    live.put("state", odometry(0.0, 0.0, 1.02))
+    scene.update(0.0)
+    handles = now(server.viser.scene._handle_from_node_name)
+    shown = {name: handles[name].visible for name in ("/truth", "/volume", "/ground", "/error")}
+    assert shown == {"/truth": False, "/volume": False, "/ground": False, "/error": True}
+    np.testing.assert_allclose(handles["/error"].points[0], [(0, 0, 1.02), (0, 0, 0.02)], atol=1e-5)
+
+
+def test_the_path_has_the_colours_of_the_chosen_signal_from_its_choice_on(
+    server: ViewServer,
+) -> None:
+    live = Live(decode, lambda: 0.0)
+    scene = Scene(server, live)
+    for k in range(4):
+        if k == 2:
+            scene.show(ViewOptions(color="error"))
+        x, y, z = fly(live, 0.1 * k)
+        live.put("state", odometry(x, y, z - 0.1))
+        scene.update(0.1 * k)
+    head = now(server.viser.scene._handle_from_node_name)["/flown/head"]
+    assert head.colors[0, 0].tolist() == list(line_color(RAMP[-1]))
+    scene.show(ViewOptions())
+    assert head.colors.shape == (3,)

@@ -87,7 +87,7 @@ export class Session {
     const onBearings = flags.includes("on_bearings") || source === "bearings";
     const filter = value("estimator"), gains = filter === "complementary" && this.presetInUse;
     setText(this.line, source === undefined ? "The vehicle's parameters have not been read yet" : `${status?.airborne === false ? "Estimate from" : "Flies on"} ${SOURCES[onBearings ? "bearings" : source]}`);
-    setText(this.detail, [filter && partsOf(filter)[0], gains === "default" ? "gains for the tracker" : gains && `${gains} gains`, flags.includes("fell_back") && "fell back automatically, the events say why"].filter(Boolean).join(" · "));
+    setText(this.detail, [filter && partsOf(filter)[0], gains === "default" ? "gains for the tracker" : gains && `${gains} gains`, flags.includes("fell_back") && "fell back automatically; see the events"].filter(Boolean).join(" · "));
     this.detail.classList.toggle("amber", flags.includes("fell_back") && !isStale);
     this.way.hidden = source !== "poses";
     this.back.hidden = source === undefined || source === "poses";

@@ -5,7 +5,7 @@ import { moment } from "../runs/labels.js";
 
 // What each is for and what it needs, beside what the station says of it.
 export const CALIBRATIONS = {
-  gyroscope: { label: "Gyroscope", gives: "its drift at rest; found at each start of the vehicle, too", needs: "on the ground and still, motors off" },
+  gyroscope: { label: "Gyroscope", gives: "its bias at rest; also measured at each start of the vehicle", needs: "on the ground and still, motors off" },
   accelerometer: { label: "Accelerometer", gives: "its scale, axes and bias", needs: "the vehicle in your hands, motors off; with the tracker any poses, without it its six faces" },
   motor_bench: { label: "Motor bench", gives: "the law of motor and propeller, torque ratio, time constant", needs: "the vehicle fixed on a force/torque sensor; one motor turns, up to full speed" },
   mass: { label: "Mass", gives: "the mass, from a flight", needs: "free room to fly, as for hover" },

@@ -50,7 +50,7 @@ export class CalibrationResult {
     this.accept.classList.toggle("caution", Boolean(record) && !record.good);
     this.accept.textContent = record && !record.good ? "Accept anyway" : "Accept";
     this.repeat.disabled = Boolean(blockedReason);
-    this.repeat.title = blockedReason || "hold for 0.8 s: the same again, with the options below";
+    this.repeat.title = blockedReason || "hold for 0.8 s: run it again with the options below";
     const kept = decision === "accepted" && record ? history?.find((one) => one.name === record.name && one.run_id === status.run_id) : null;
     const before = record && history?.find((one) => one.name === record.name && one !== kept);
     const key = JSON.stringify([this.id, decision, status.phase, status.reason, kept?.stamp_ns, before?.stamp_ns, Boolean(record)]);

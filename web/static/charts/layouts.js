@@ -50,8 +50,8 @@ export function checked(given, signals) {
 
 function parsed(text) {
   let given;
-  try { given = JSON.parse(text); } catch { throw new Error("this is no JSON file"); }
-  if (given?.format !== FORMAT) throw new Error(`this is no file of ${FORMAT.split(",")[0]}`);
+  try { given = JSON.parse(text); } catch { throw new Error("this is not a JSON file"); }
+  if (given?.format !== FORMAT) throw new Error(`this is not a file of ${FORMAT.split(",")[0]}`);
   return given;
 }
 

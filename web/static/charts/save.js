@@ -2,6 +2,7 @@
 
 import { element } from "../core/dom.js";
 import { font, paint } from "../core/theme.js";
+import { documentOf, recorded } from "./svg.js";
 
 /** @typedef {{ names: string[], times: ArrayLike<number>, columns: ArrayLike<number>[] }} Group signals of the same instants */
 
@@ -47,30 +48,48 @@ export async function saveNumbers(chart) {
   save(new Blob([csvOf(chart.xName, groups)], { type: "text/csv" }), `${fileName(chart)}.csv`);
 }
 
-// With the names of its lines above it.
+// A canvas with the names of the lines, on which what the chart shows is then drawn at `at`.
 /** @param {any} chart */
-export function savePicture(chart) {
+function sheet(chart) {
   const { canvas } = chart.uplot.ctx, ratio = devicePixelRatio, margin = 10 * ratio, row = 16 * ratio;
   const picture = element("canvas", { width: canvas.width + 2 * margin, height: canvas.height + row + 2 * margin });
   const context = /** @type {CanvasRenderingContext2D} */ (picture.getContext("2d"));
-  context.fillStyle = paint("var(--panel)");
-  context.fillRect(0, 0, picture.width, picture.height);
-  context.font = font(ratio);
-  context.textBaseline = "middle";
-  let x = margin;
-  for (const { label, stroke, dash, name } of chart.lines.filter((/** @type {any} */ line) => line.label)) {
-    const text = `${label}${chart.signal(name).unit ? `, ${chart.signal(name).unit}` : ""}`;
-    context.strokeStyle = paint(stroke);
-    context.lineWidth = 2 * ratio;
-    context.setLineDash((dash ?? []).map((/** @type {number} */ length) => length * ratio));
-    context.beginPath();
-    context.moveTo(x, margin + row / 2);
-    context.lineTo(x + 20 * ratio, margin + row / 2);
-    context.stroke();
-    context.fillStyle = paint("var(--text)");
-    context.fillText(text, x + 25 * ratio, margin + row / 2);
-    x += context.measureText(text).width + 40 * ratio;
-  }
-  context.drawImage(canvas, margin, margin + row);
+  const drawNames = () => {
+    context.fillStyle = paint("var(--panel)");
+    context.fillRect(0, 0, picture.width, picture.height);
+    context.font = font(ratio);
+    context.textBaseline = "middle";
+    let x = margin;
+    for (const { label, stroke, dash, name } of chart.lines.filter((/** @type {any} */ line) => line.label)) {
+      const text = `${label}${chart.signal(name).unit ? `, ${chart.signal(name).unit}` : ""}`;
+      context.strokeStyle = paint(stroke);
+      context.lineWidth = 2 * ratio;
+      context.setLineDash((dash ?? []).map((/** @type {number} */ length) => length * ratio));
+      context.beginPath();
+      context.moveTo(x, margin + row / 2);
+      context.lineTo(x + 20 * ratio, margin + row / 2);
+      context.stroke();
+      context.fillStyle = paint("var(--text)");
+      context.fillText(text, x + 25 * ratio, margin + row / 2);
+      x += context.measureText(text).width + 40 * ratio;
+    }
+  };
+  return { canvas, picture, context, drawNames, at: [margin, margin + row], ratio };
+}
+
+/** @param {any} chart */
+export function savePicture(chart) {
+  const { canvas, picture, context, drawNames, at: [x, y] } = sheet(chart);
+  drawNames();
+  context.drawImage(canvas, x, y);
   picture.toBlob((blob) => { if (blob) save(blob, `${fileName(chart)}.png`); });
+}
+
+/** @param {any} chart */
+export async function saveDrawing(chart) {
+  const { uplot } = chart, { picture, context, drawNames, at: [x, y], ratio } = sheet(chart);
+  const names = await recorded(context, drawNames);
+  const plot = await recorded(uplot.ctx, () => { uplot.redraw(); return new Promise((done) => { setTimeout(done); }); });
+  const parts = [...names, `<g transform="translate(${x} ${y})">`, ...plot, "</g>"];
+  save(new Blob([documentOf(parts, picture.width, picture.height, ratio)], { type: "image/svg+xml" }), `${fileName(chart)}.svg`);
 }

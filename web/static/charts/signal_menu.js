@@ -121,7 +121,7 @@ export class ChartMenu {
   rest(signals, isAll) {
     const make = () => groups(signals).map((members) => this.group(members));
     if (isAll) return element("div", {}, ...make());
-    return this.section("all else in the message", signals.filter(({ name }) => this.chart.names.includes(name))
+    return this.section("other numbers of the message", signals.filter(({ name }) => this.chart.names.includes(name))
       .length, make);
   }
 

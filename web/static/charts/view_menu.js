@@ -2,7 +2,7 @@
 
 import { element } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
-import { saveNumbers, savePicture } from "./save.js";
+import { saveDrawing, saveNumbers, savePicture } from "./save.js";
 
 const VIEWS = [
   ["time", "Over time", "values over time"],
@@ -30,6 +30,7 @@ export function viewMenu(chart, view, choose, changed = () => {}, views = VIEWS)
     ...(views.length < 2 ? [] : [element("div", { className: "views", role: "group", ariaLabel: "view" }, ...views.map(([name, label, title]) => act(label, title, () => { if (name !== view) choose(name); }, { ariaPressed: String(name === view), name })))]),
     ...(isPlain ? [box("Statistics", "hasFigures")] : []), ...(view === "time" && views.length > 1 ? [box("Event lines", "hasEvents")] : []),
     element("div", { className: "tools" }, act("Save PNG", "what is drawn, as a picture", () => savePicture(chart)),
+      act("Save SVG", "what is drawn, as lines and text", () => saveDrawing(chart)),
       act("Save CSV", "the numbers of what is shown", () => saveNumbers(chart))));
   place.addEventListener("keydown", (event) => { if (event.key === "Escape") { open(false); button.focus(); event.stopPropagation(); } });
   chart.place.append(place);

@@ -108,7 +108,7 @@ class Page {
     place.append(choose);
     $("tools").append(element("label", {}, "aligned at", this.event), place, toggle("Difference", "each run less the first one", "hasDifference"),
       toggle("One chart per run", "small charts with one scale", "isSplit"),
-      element("button", { title: "the whole time again (double click in a chart)", onclick: () => charts.range.reset() }, "Whole time"));
+      element("button", { title: "show the whole time (double-click a chart)", onclick: () => charts.range.reset() }, "Whole time"));
   }
 
   // The view in the address, so that it can be passed on.

@@ -29,6 +29,7 @@ import { tabs } from "./tabs.js";
 import { Tune } from "../tune/tune.js";
 import { addVehicleStrip } from "../core/vehicle_strip.js";
 import { View } from "./scene_view.js";
+import { DraftBar } from "../view/draft.js";
 import { $, showNote } from "../core/dom.js";
 
 async function start() {
@@ -51,7 +52,8 @@ async function start() {
   new ExperimentSection($("experiment"), events, fly, isOperator, ages);
   const gains = new Gains(events, isOperator);
   new StatusBar(events, fly, isOperator, { ages, timeout, telemetry, gains, vehicle: session.vehicle });
-  new View(events, timeout);
+  new View(events, timeout, { fly, isOperator });
+  new DraftBar($("draw"), { events, fly, label: session.label, isOperator });
   addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
   new StateTable($("table"), telemetry, description, ages);
   const charts = new Charts($("charts"), telemetry, description, events);

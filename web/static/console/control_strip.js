@@ -34,7 +34,7 @@ export class ControlStrip {
     else line.append(element("b", {}, `${holder} has control`));
     if (asking && holder === me) {
       this.left = element("span", { className: "left" });
-      line.append(element("span", { className: "asks" }, `${asking} asks for it`), this.left, button("Give", "give", `let ${asking} command`), button("Keep", "keep", "go on commanding"));
+      line.append(element("span", { className: "asks" }, `${asking} asks for it`), this.left, button("Give", "give", `let ${asking} command`), button("Keep", "keep", "keep control"));
     } else if (asking && holder) {
       this.left = element("span", { className: "left" });
       line.append(element("span", { className: "asks" }, asking === me ? "asked; yours in at most" : `${asking} has asked`), ...(asking === me ? [this.left] : []));

@@ -1,4 +1,4 @@
-// The 3D view: viser in an iframe, flags over it, the follow switch.
+// The 3D view: viser in an iframe, flags over it, its camera and layers.
 
 import { request } from "../core/api.js";
 import { $, element, hide } from "../core/dom.js";
@@ -7,12 +7,15 @@ import { listenInside } from "../core/keys.js";
 import { themeFrame } from "../core/theme.js";
 import { here } from "../core/vehicle_path.js";
 import { isAlone, landing } from "../core/control_authority.js";
+import { Quality } from "../view/quality.js";
+import { ViewTools } from "../view/tools.js";
 
 const LOST = 0.8; // s
 
 
 export class View {
-  constructor(events, timeout) {
+  // fly: says what was refused.
+  constructor(events, timeout, { fly, isOperator }) {
     this.timeout = timeout;
     this.name = crypto.randomUUID?.() ?? String(Math.random());
     const scheme = location.protocol === "https:" ? "wss" : "ws";
@@ -20,10 +23,21 @@ export class View {
     $("scene").src = `${here("/viser/")}?websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
     listenInside($("scene"));
     themeFrame($("scene"));
-    $("follow").addEventListener("click", () => this.follow($("follow").getAttribute("aria-pressed") !== "true"));
-    events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
+    const full = element("input", { type: "checkbox", onchange: () => this.quality.choose(full.checked) });
+    this.quality = new Quality($("scene"), $("quality"), (shadows) => this.ask({ shadows }));
+    const tools = new ViewTools(document.querySelector("#view .overlay.bottom"), {
+      camera: "free", isEnabled: isOperator, note: "Layers are shared by all pages; grid 0.5 m",
+      more: [element("label", { title: "shadows and all pixels, however slow it is; in this browser only" }, full, "Full quality")],
+      onCamera: (camera) => this.look(camera),
+      onView: (change) => request("PUT", "/api/view", change).catch((error) => { tools.show(this.shows); fly.refuse(error.message); }),
+    });
+    this.camera = tools.camera;
+    events.addEventListener("open", () => this.look(this.camera.value));
+    const show = ({ view }) => { this.shows = view; tools.show(view); };
+    events.on("hello", show);
+    events.on("view", show);
     events.on("summary", ({ age }) => {
-      if (age) hide($("truth-key"), !(age.truth !== null && age.truth < 1));
+      if (age) hide($("truth-key"), !(age.truth !== null && age.truth < 1) || !this.shows?.truth);
       hide($("planned-key"), !events.summary.planned); // a message has only what changed
       this.flags(events);
     });
@@ -31,10 +45,11 @@ export class View {
     setInterval(() => this.flags(events), 500); // also while nothing arrives
   }
 
-  async follow(wanted) {
+  look(camera) { return this.ask({ camera }); }
+
+  async ask(change) {
     try {
-      await request("POST", "/api/view/follow", { view: this.name, follow: wanted });
-      $("follow").setAttribute("aria-pressed", String(wanted));
+      await request("POST", "/api/view/camera", { view: this.name, ...change });
     } catch { /* the strip on top says that web is away; asked again when it is back */ }
   }
 

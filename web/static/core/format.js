@@ -60,3 +60,7 @@ export function exact(value) {
 
 /** @param {string | null | undefined} name */
 export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replaceAll("_", " ") : NONE);
+
+// A refusal without the name of what was refused, where that stands beside it.
+/** @param {string} text */
+export const reasonOf = (text) => text.replace(/^[a-z_]+ refused: /, "");

@@ -35,7 +35,7 @@ get("/api/session").then(({ label, role, vehicle, vehicles }) => {
 
 setInterval(() => {
   const { status, emergency_land: chosen } = events.summary, age = events.age("status"), hasContact = events.connected && age <= 1;
-  const text = !events.connected ? "no connection to this page's server; reconnecting. Presses are sent all the same" : !hasContact ? "no data from the vehicle; commands are tried all the same" : `${words(status.mode)}${landing(status) ? `: ${landing(status)}` : `, ${words(status.behavior)}`}`;
+  const text = !events.connected ? "no connection to this page's server; reconnecting. The buttons still send" : !hasContact ? "no data from the vehicle; commands are still sent" : `${words(status.mode)}${landing(status) ? `: ${landing(status)}` : `, ${words(status.behavior)}`}`;
   setText($("state"), ours + text);
   $("state").className = !hasContact ? "" : isAlone(status) ? "landing alone" : landing(status) ? "landing" : "";
   if (pressed(chosen)) setText($("emergency-land").lastElementChild, pressed(chosen));

@@ -5,9 +5,9 @@
 
 import { element, setText } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
-import { seconds, words } from "../core/format.js";
+import { reasonOf, seconds, words } from "../core/format.js";
 
-const SOON = 400; // ms without an answer that nobody need hear of
+const SOON = 400; // ms without an answer, after which it is told how long
 const UNKNOWN = 10_000; // ms from the press: what is not shown by then is not known
 const GOOD = 4000, BAD = 60_000; // ms a notice stays at most
 const READ = 3000; // ms bad news stays at least
@@ -40,19 +40,21 @@ export class CommandNotice {
     this.clear();
     const status = this.status, asked = { label, shows: status && shows?.(status) ? null : shows, pressed: performance.now(), problem: "" };
     this.asked = asked;
+    this.show(`${label || "Command"}: sent`, "pending", Infinity); // at once: the press was heard
     try {
       await act();
     } catch (error) {
       if (this.asked !== asked) return false; // shown by the vehicle meanwhile, or a newer command
       if (isOpen(error) && asked.shows) asked.problem = error.message;
       else if (isOpen(error) && shows) this.unknown(label);
-      else this.refuse(`${label ? `${label}: ` : ""}${error.message}`, error.status === NOBODY);
+      else this.refuse(label ? `${label}: ${reasonOf(error.message)}` : error.message, error.status === NOBODY);
       this.isArming = label === "arm";
       return false;
     }
     if (this.asked === asked) {
-      this.asked = null;
       if (label) this.say(`${label}: accepted`);
+      else this.clear();
+      this.asked = null;
     }
     return true;
   }
@@ -126,8 +128,7 @@ export class CommandNotice {
     } else if (waited > UNKNOWN && problem) {
       this.unknown(label);
     } else if (waited > SOON) {
-      if (this.place.hidden) this.show(`${label || "Command"}: sent, no answer yet`, "pending", Infinity);
-      const ago = `, ${seconds(Math.round(waited / 100) / 10)}`;
+      const ago = `, no answer yet, ${seconds(Math.round(waited / 100) / 10)}`;
       setText(this.since, ago);
     }
   }

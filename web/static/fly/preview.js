@@ -3,17 +3,15 @@
 
 import { request } from "../core/api.js";
 import { setIfChanged, setText } from "../core/dom.js";
-import { duration, fixed } from "../core/format.js";
+import { duration, fixed, reasonOf } from "../core/format.js";
 
 const PAUSE = 400; // ms of typing or pointing
-const KEPT = 20_000; // ms: the vehicle may be elsewhere by then
 const HINT = "Point at a trajectory, or change a field, to see its path in the 3D view.";
 
 export class Preview {
   // valuesOf(behavior): {values, problem} of its fields.
   constructor(note, valuesOf) {
     this.note = note; this.valuesOf = valuesOf;
-    this.shown = { arguments: "", at: -Infinity };
     setText(note, HINT);
   }
 
@@ -26,24 +24,16 @@ export class Preview {
     row.addEventListener("pointerleave", () => clearTimeout(this.timer));
   }
 
-  // One question at a time, the newest last.
+  // What the newest question found.
   async ask() {
-    const { label } = this.behavior, { values, problem } = this.valuesOf(this.behavior), asked = JSON.stringify(values);
+    const { label } = this.behavior, { values, problem } = this.valuesOf(this.behavior), asked = this.asked = Symbol(label);
     if (problem) { this.say(problem, "warn"); return; }
     if (values.trajectory === "file") { this.say(`${label}: the vehicle checks its own files when they are started.`); return; }
     if ("waypoints" in values && !values.waypoints) { this.say(`${label}: enter points to see the path.`); return; }
-    if (this.isAsking || asked === this.shown.arguments && performance.now() - this.shown.at < KEPT) return;
-    this.isAsking = true;
-    try {
-      const { duration: lasts, speed, refusal } = await request("POST", "/api/trajectories/preview", { arguments: values });
-      this.shown = { arguments: asked, at: performance.now() };
-      this.say(refusal ? `${label}: ${refusal.replace(/^follow_trajectory refused: /, "")}` : `${label}: ${duration(lasts)}, up to ${fixed(speed, 2)} m/s; the vehicle can fly it.`, refusal ? "warn" : "good");
-    } catch (error) {
-      this.shown.arguments = "";
-      this.say(`${label}: ${error.message}`, "warn");
-    } finally { this.isAsking = false; }
-    const newest = this.valuesOf(this.behavior);
-    if (!newest.problem && JSON.stringify(newest.values) !== asked) this.ask();
+    const found = await request("POST", "/api/trajectories/preview", { arguments: values }).catch((error) => ({ refusal: error.message }));
+    if (asked !== this.asked) return;
+    const { duration: lasts, speed, refusal } = found;
+    this.say(refusal ? `${label}: ${reasonOf(refusal)}` : `${label}: ${duration(lasts)}, up to ${fixed(speed, 2)} m/s; the vehicle can fly it.`, refusal ? "warn" : "good");
   }
 
   say(text, tone = "") {

@@ -169,7 +169,7 @@ export class GainRow {
     this.reason.hidden = !reason;
     const limit = this.description.flight_step, steps = Math.ceil(Math.abs(refused - this.confirmed) / limit);
     const walks = limit && reason.includes("in flight") && steps > 1
-      ? [" ", element("button", { className: "link", onclick: () => this.sender.set(refused, true) }, `Go there in ${steps} steps`)] : [];
+      ? [" ", element("button", { className: "link", onclick: () => this.sender.set(refused, true) }, `Apply in ${steps} steps`)] : [];
     this.reason.replaceChildren(reason, ...walks);
   }
 

@@ -9,8 +9,8 @@ const BINS = [["< 50 µs", "below 50 µs"], ["< 100", "below 100 µs"], ["< 200"
 const FRESH = 10; // s for which growth is told
 const COUNTS = [
   ["overruns", "Overruns", "ticks that took longer than one period"],
-  ["missed_frames", "Missed frames", "periods without a sample of the microcontroller"],
-  ["damaged_frames", "Damaged frames", "pieces of bytes on the serial ports that were no frames"],
+  ["missed_frames", "Missed frames", "periods without a sample from the microcontroller"],
+  ["damaged_frames", "Damaged frames", "pieces of data on the serial ports that were not frames"],
 ];
 
 export class LoopPanel {

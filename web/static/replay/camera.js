@@ -9,6 +9,19 @@ export class Camera {
 
   reset() { Object.assign(this, { target: [0, 0, 0.8], turn: -2.26, rise: 0.36, distance: 3.4 }); }
 
+  // Where the vehicle is seen from; from there it can be turned and zoomed.
+  choose(look) {
+    if (look === "top") Object.assign(this, { turn: -Math.PI / 2, rise: 1.55, distance: 4.5 });
+    else if (look === "side") Object.assign(this, { turn: -Math.PI / 2, rise: 0.12, distance: 3.2 });
+    else if (this.distance < 0.4) this.reset();
+  }
+
+  // In the vehicle, looking along its nose; the horizon stays level.
+  sitOn({ position }, turn) {
+    const ahead = [turn[0], turn[3], turn[6]];
+    Object.assign(this, { turn: Math.atan2(-ahead[1], -ahead[0]), rise: Math.asin(Math.max(-1, Math.min(1, -ahead[2]))), distance: 0.1, target: position.map((c, i) => c + 0.26 * ahead[i]) });
+  }
+
   // Once a drawing, before `project`.
   prepare(width, height) {
     const { turn, rise, distance, target } = this;

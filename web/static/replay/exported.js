@@ -1,11 +1,14 @@
 // What an exported page has in place of core/api.js: the answers about one run, from run.js beside it.
 // `quadlab log export RUN --format page` puts it there (web/replay/export.py).
 
-import { pack, unpack } from "../replay/packed.js"; // also from where core/api.js is
+import { figuresOf } from "../charts/figures.js"; // paths that also hold where core/api.js is
+import { pack, unpack } from "../replay/packed.js";
 
 /** @type {{description: any, track: string, windows: string[]}} */
 const recorded = /** @type {any} */ (globalThis).quadlabRun;
 const GONE = "an exported page has no server: open the run in quadlab for this";
+const UNKNOWN = "an exported page computes no new signals: export it again with --derive";
+const MOST = 20_000; // samples of a topic that are all here; of more, the least and greatest of stretches
 const bytes = (text) => Uint8Array.from(atob(text), (one) => one.charCodeAt(0)).buffer;
 
 const columns = new Map(), times = new Map(); // by signal; by topic
@@ -62,6 +65,12 @@ function newest(name, t) {
   return [Number.isFinite(value) ? value : null, t - list[k]];
 }
 
+// Of a topic that is not here with every sample, no mean is known.
+function statistics(name, start, end) {
+  const list = timesOf(name), found = figuresOf(columns.get(name) ?? [], before(list, start), before(list, end));
+  return recorded.description.topics[topics.get(name)]?.count > MOST ? { ...found, mean: null, rms: null } : found;
+}
+
 /** @param {string} path @returns {Promise<any>} */
 export async function get(path) {
   const { pathname, searchParams } = new URL(path, "http://run/"), names = searchParams.getAll("signal");
@@ -69,6 +78,8 @@ export async function get(path) {
   if (pathname === "/api/runs" || pathname === "/api/replay") return [];
   if (/^\/api\/replay\/[^/]+$/.test(pathname)) return recorded.description;
   if (pathname.endsWith("/at")) return Object.fromEntries(names.map((name) => [name, newest(name, Number(searchParams.get("t")))]));
+  if (pathname.endsWith("/statistics")) return Object.fromEntries(names.map((name) => [name, statistics(name, Number(searchParams.get("start")), Number(searchParams.get("end")))]));
+  if (pathname.endsWith("/expressions")) return searchParams.getAll("text").map((text) => recorded.description.signals.find(({ name }) => name === text) ?? { name: text, problem: UNKNOWN });
   throw new Error(GONE);
 }
 

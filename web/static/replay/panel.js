@@ -85,7 +85,7 @@ export class ReplayPanel extends EventTarget {
       const note = change ? `was ${exact(change.old)}, ${stamp(change.t, 1)}${change.who ? ` by ${change.who}` : ""}` : "";
       return element("tr", { className: change ? "changed" : "", title: note }, element("td", {}, name, ...(note ? [element("small", {}, note)] : [])), element("td", {}, exact(value)));
     })));
-    if (!names.length) this.values.replaceChildren(element("caption", { className: "empty" }, only ? "Nothing was changed up to here." : "No parameter of this name in the log."));
+    if (!names.length) this.values.replaceChildren(element("caption", { className: "empty" }, only ? "No changes up to here." : "No parameter of this name in the log."));
   }
 }
 

@@ -5,6 +5,8 @@ import { unpack } from "./packed.js";
 
 const POLL = 250; // ms between two questions while the server reads the log
 const WIDTH_OF = { position: 3, rotation: 4 };
+const THRUST = 4; // column of the actuators, N
+const GRAVITY = 9.81; // m/s²
 
 export class Run {
   place; track;
@@ -71,6 +73,17 @@ export class Run {
     if (k < 0 || k >= count) return null;
     const i = k * width + this.place.actuators;
     return Number.isNaN(rows[i]) ? null : Array.from(rows.subarray(i, i + 4));
+  }
+
+  // What colours the path at a row of the track; null where unknown.
+  signal(name, k) {
+    const { rate, width, rows } = this.track, row = k * width, read = (part, c) => rows[row + this.place[part] + c];
+    const position = (part, at = 0) => [0, 1, 2].map((c) => rows[row + at * width + this.place[part] + c]);
+    const apart = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
+    const { "model.mass": mass = 0 } = this.description.parameters;
+    const value = name === "error" ? apart(position("state"), position("reference"))
+      : name === "speed" ? (k ? rate * apart(position("state"), position("state", -1)) : NaN) : read("actuators", THRUST) / (mass * GRAVITY);
+    return Number.isFinite(value) ? value : null;
   }
 
   // What a changing text (`status/flags`) was at t.

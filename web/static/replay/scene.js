@@ -3,6 +3,8 @@
 
 import { element } from "../core/dom.js";
 import { font, onTheme, paint } from "../core/theme.js";
+import { colorOf } from "../view/path_color.js";
+import { SHOWN, ViewTools } from "../view/tools.js";
 import { Camera, handle } from "./camera.js";
 
 const ARM = 0.25, ROTOR = 0.125, AXIS = 0.18; // m
@@ -20,14 +22,20 @@ export class ReplayScene {
     this.clock = clock;
     this.runs = [];
     this.camera = new Camera();
-    this.following = true;
+    this.view = { ...SHOWN };
+    this.look = "follow";
     this.canvas = element("canvas", { tabIndex: 0, ariaLabel: "3D view: drag to turn, Shift and drag to move, wheel or + and − to zoom" });
     this.canvas.setAttribute("role", "img");
-    this.follow = element("button", { ariaPressed: "true", title: "keep the vehicle centred", onclick: () => this.setFollowing(!this.following) }, "Follow");
     const reset = element("button", { title: "return to the initial view", onclick: () => { this.camera.reset(); this.draw(); } }, "Reset view");
     const key = (name, words) => element("span", { className: `key ${name}` }, words);
     this.truthKey = key("truth", "truth");
-    place.append(this.canvas, element("div", { className: "overlay bottom" }, this.follow, reset, key("flown", "flown"), key("wanted", "reference"), this.truthKey));
+    const overlay = element("div", { className: "overlay bottom" }, reset, this.truthKey);
+    const tools = new ViewTools(overlay, {
+      camera: this.look, note: "Grid 0.5 m",
+      onCamera: (look) => { this.look = look; this.camera.choose(look); this.draw(); },
+      onView: (change) => { tools.show(Object.assign(this.view, change)); this.hasTruth(); this.draw(); },
+    });
+    place.append(this.canvas, overlay);
     // By the processor: few lines, and an emulated GPU is slow.
     this.pen = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d", { willReadFrequently: true }));
     this.color = colors();
@@ -40,11 +48,11 @@ export class ReplayScene {
   setRuns(runs) {
     this.runs = runs;
     for (const run of runs) run.path ??= thinned(run);
-    this.truthKey.hidden = !runs.some((run) => "truth" in run.description.topics);
+    this.hasTruth();
     this.draw();
   }
 
-  setFollowing(on) { this.following = on; this.follow.setAttribute("aria-pressed", String(on)); this.draw(); }
+  hasTruth() { this.truthKey.hidden = !this.view.truth || !this.runs.some((run) => "truth" in run.description.topics); }
 
   resize() {
     const ratio = Math.min(2, devicePixelRatio || 1);
@@ -60,14 +68,15 @@ export class ReplayScene {
     if (!this.width || !this.runs.length) return;
     const { pen, camera, clock } = this, lead = this.runs[0];
     const pose = lead.pose("state", clock.t) ?? lead.pose("truth", clock.t);
-    if (this.following && pose) camera.target = pose.position;
+    if (this.look !== "free" && pose) camera.target = pose.position;
+    if (this.look === "first" && pose) camera.sitOn(pose, rotation(pose.rotation));
     camera.prepare(this.width, this.height);
     pen.globalAlpha = 1;
     pen.setLineDash([]);
     pen.fillStyle = this.color.ground;
     pen.fillRect(0, 0, this.width, this.height);
-    this.ground();
-    this.volume(lead.description.volume);
+    if (this.view.ground) this.ground();
+    if (this.view.volume) this.volume(lead.description.volume);
     this.beacons(lead.beacons(clock.t));
     for (const run of [...this.runs].reverse()) this.run(run, run === lead ? FULL.lead : FULL.other);
     pen.globalAlpha = 1;
@@ -78,19 +87,32 @@ export class ReplayScene {
     const t = this.clock.t + run.shift, { pen } = this;
     pen.globalAlpha = 0.28 * alpha;
     pen.setLineDash(dash);
-    this.line(run.path, this.color.flown, 1);
+    if (this.view.flown) this.line(run.path, this.color.flown, 1);
     pen.globalAlpha = alpha;
-    this.line(trail(run, "reference", t), this.color.wanted, 1.2);
-    this.line(trail(run, "state", t), this.color.flown, 2.2);
-    const truth = run.pose("truth", t), pose = run.pose("state", t), wanted = run.pose("reference", t);
+    if (this.view.reference) this.line(trail(run, "reference", t), this.color.wanted, 1.2);
+    if (this.view.flown) this.flown(run, t);
+    const truth = this.view.truth && run.pose("truth", t), pose = run.pose("state", t), wanted = run.pose("reference", t);
     if (truth) { pen.globalAlpha = 0.45 * alpha; this.frame(truth, this.color.truth, null); }
     pen.globalAlpha = alpha;
-    if (wanted) this.dot(wanted.position, this.color.wanted, 3.5);
+    if (wanted && this.view.reference) this.dot(wanted.position, this.color.wanted, 3.5);
     if (!pose) return;
+    if (wanted && this.view.error) this.line([pose.position, pose.position.map((c, i) => c + this.view.magnified * (wanted.position[i] - c))], this.color.x, 3);
     const [x, y, z] = pose.position;
+    if (this.look === "first" && run === this.runs[0]) return;
     if (z > 0.05) { pen.setLineDash([2, 3]); this.line([[x, y, 0], [x, y, z]], this.color.dim, 1); }
     pen.setLineDash(dash.length ? [3, 2] : []);
     this.vehicle(pose, run.motors(t), t);
+  }
+
+  // The path of the last seconds, its parts in the colours of the chosen signal.
+  flown(run, t) {
+    const { color } = this.view, points = trail(run, "state", t);
+    if (color === "none") { this.line(points, this.color.flown, 2.2); return; }
+    const values = rowsOf(run, t).map((k) => run.signal(color, k));
+    for (let k = 1; k < points.length; k++) {
+      const value = values[Math.min(k, values.length - 1)];
+      this.line(points.slice(k - 1, k + 1), value === null ? this.color.dim : colorOf(color, value), 2.2);
+    }
   }
 
   vehicle(pose, motors, t) {
@@ -195,11 +217,15 @@ function thinned(run) {
   return found;
 }
 
+// The rows of the track that the path of the last seconds shows.
+function rowsOf({ track: { rate, count } }, t) {
+  const last = Math.min(count - 1, Math.floor(t * rate)), step = Math.max(1, Math.floor(rate / 25)), found = [];
+  for (let k = Math.max(0, last - TRAIL * rate | 0); k <= last; k += step) found.push(k);
+  return found;
+}
+
 function trail(run, part, t) {
-  const { rate, count } = run.track, last = Math.min(count - 1, Math.floor(t * rate)), found = [];
-  const step = Math.max(1, Math.floor(rate / 25));
-  for (let k = Math.max(0, last - TRAIL * rate | 0); k <= last; k += step) found.push(point(run, part, k));
-  const now = run.pose(part, t);
+  const found = rowsOf(run, t).map((k) => point(run, part, k)), now = run.pose(part, t);
   if (now) found.push(now.position);
   return found;
 }

@@ -41,7 +41,7 @@ export class Onboard {
     try {
       const { vehicle, free_bytes: free, logs } = await get("/api/onboard");
       this.note.textContent = logs.length
-        ? `What ${vehicle} logged itself, every tick; ${bytes(free)} are free on board. Runs are filled from these without asking.`
+        ? `Logs written on board ${vehicle}, with every tick; ${bytes(free)} free on board. Runs are completed from them automatically.`
         : `${vehicle} has no logs; it writes one from arming to disarming.`;
       this.show(logs);
     } catch (error) { this.note.textContent = error.message; this.show([]); }

@@ -28,9 +28,9 @@ export class Gauge {
     const taken = used + deleted + replays, all = taken + free, share = all ? taken / all : 0;
     this.fill.style.width = `${(100 * share).toFixed(1)}%`;
     const isLow = free < warn;
-    const left = lasts === null ? "" : lasts === 0 ? " · no recording any more" : ` · recording lasts ${lasting(lasts)}`;
+    const left = lasts === null ? "" : lasts === 0 ? " · too full to record" : ` · room for ${lasting(lasts)} of recording`;
     this.text.textContent = `${isLow ? "Disk nearly full: " : ""}${bytes(used)} in runs · ${bytes(free)} free${left}`;
-    this.bar.ariaLabel = `${Math.round(100 * share)} % of the room is taken by runs`;
+    this.bar.ariaLabel = `runs use ${Math.round(100 * share)} % of the disk space they may use`;
     this.place.classList.toggle("warn", isLow);
     this.place.title = `${bytes(deleted)} more in the trash, ${bytes(replays)} in prepared replays. Warning below ${bytes(warn)} free, no recording below ${bytes(keep)}; the time is at the rate of ${recording ? "the present recording" : "the newest runs"}.`;
   }

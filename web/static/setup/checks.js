@@ -54,7 +54,7 @@ function browserChecks() {
     check("secure context", secure, secure ? "yes" : "no", "yes", "open the page by https, or on the station's own computer"),
     check("gamepad", pads, pads ? "supported" : "not supported", "supported", "use another browser, or the keyboard", "warn"),
     check("3D graphics", Boolean(graphics), graphics || "no WebGL 2", "WebGL 2", "switch on the graphics acceleration in the browser's settings", "warn"),
-    check("window", innerWidth >= 1024 && innerHeight >= 640, `${innerWidth} × ${innerHeight}`, "1024 × 700 or more to fly", "make the window larger; to watch it is large enough", "warn"),
+    check("window", innerWidth >= 1024 && innerHeight >= 640, `${innerWidth} × ${innerHeight}`, "1024 × 700 or more to fly", "make the window larger to fly; it is large enough to watch", "warn"),
   ];
 }
 

@@ -66,7 +66,7 @@ export class Fields extends EventTarget {
     const changed = Object.fromEntries(this.inputs.filter(({ input }) => input.classList.contains("draft")).map(({ name }) => [name, all[name]]));
     if (!Object.keys(changed).length) return;
     const wrong = this.inputs.find(({ name }) => name in changed && !Number.isFinite(changed[name]));
-    if (wrong) { this.refuse(`${wrong.input.ariaLabel}: ${wrong.input.value || "nothing"} is no number`); return; }
+    if (wrong) { this.refuse(`${wrong.input.ariaLabel}: ${wrong.input.value || "nothing"} is not a number`); return; }
     try {
       await this.parameters.set(changed);
       this.discard();

@@ -11,7 +11,7 @@ const PERIOD = 10_000; // ms
 const pathOf = (name) => `/api/users/${encodeURIComponent(name)}`;
 
 // The choice of a user's role; act(request, said) sends it.
-export const roleSelect = ({ name, role }, act) => element("select", { ariaLabel: `role of ${name}`, title: "changing the role signs the user out", onchange: ({ target }) => act(() => request("PUT", `${pathOf(name)}/role`, { role: target.value }), `${name} is ${target.value} now`) }, ...optionsOf(ROLES, role));
+export const roleSelect = ({ name, role }, act) => element("select", { ariaLabel: `role of ${name}`, title: "changing the role signs the user out", onchange: ({ target }) => act(() => request("PUT", `${pathOf(name)}/role`, { role: target.value }), `${name} is now ${target.value}`) }, ...optionsOf(ROLES, role));
 
 export const endButton = ({ name, sessions }, act, text) => element("button", { disabled: !sessions, title: "sign this user out everywhere now", ariaLabel: `end the sessions of ${name}`, onclick: () => act(() => request("POST", `${pathOf(name)}/end_sessions`), `${name} is signed out`) }, text);
 
@@ -76,7 +76,7 @@ export class UserSection {
       const wanted = { name: name.value, password: password.value, ...(role.disabled ? {} : { role: role.value }) };
       password.value = "";
       let made;
-      const done = await this.act(async () => { made = await request("POST", "/api/users", wanted); }, () => `${made.name} is added as ${made.role}`);
+      const done = await this.act(async () => { made = await request("POST", "/api/users", wanted); }, () => `${made.name} was added as ${made.role}`);
       if (done && name.value === wanted.name) name.value = ""; // unless the next one is being typed
     });
     return form;
@@ -88,7 +88,7 @@ export class UserSection {
     if (hasAccounts && !this.newRole.disabled) return; // somebody may have chosen one
     this.newRole.disabled = !hasAccounts;
     this.newRole.value = hasAccounts ? "operator" : "admin";
-    this.newRole.title = hasAccounts ? "" : "the first account is an admin's";
+    this.newRole.title = hasAccounts ? "" : "the first account becomes an admin";
   }
 
   invitations() {

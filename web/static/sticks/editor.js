@@ -76,7 +76,7 @@ export class StickEditor {
   detect(name) {
     this.wanted = name;
     this.rest = name && this.pad ? { axes: [...this.pad.axes], buttons: this.pad.buttons.map((_, i) => isPressed(this.pad, i)) } : null;
-    this.hint.textContent = name ? `${FUNCTIONS[name][1]}. Esc: leave it.` : "";
+    this.hint.textContent = name ? `${FUNCTIONS[name][1]}. Esc: skip it.` : "";
     for (const row of this.rows) row.set.setAttribute("aria-pressed", String(row.name === name));
   }
 

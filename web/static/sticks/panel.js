@@ -2,12 +2,13 @@
 // move the vehicle and if not why, how fast full stick is, and the round trip to the station.
 
 import { flightButton } from "../core/flight_button.js";
-import { $, element, hide, setText } from "../core/dom.js";
+import { $, element, hide, setIfChanged, setText } from "../core/dom.js";
 import { fixed, words } from "../core/format.js";
 import { StickEditor } from "./editor.js";
 import { presetOf } from "./mapping.js";
 import { OBEYING, commanded, limits } from "./meaning.js";
 import { Sticks } from "./sticks.js";
+import { TouchPads } from "./touch.js";
 import { landing } from "../core/control_authority.js";
 
 const REACH = 15; // px from the centre of a pad to full stick
@@ -39,12 +40,16 @@ class StickPanel {
     this.source = element("span", { className: "source" });
     this.trip = element("output", { className: "trip", title: "from this page to the station and back: median, and the time 95 % stay below" });
     this.velocity = flightButton(element("button", { title: "start the behaviour velocity: the sticks command the velocity while their button is held", onclick: () => fly.start("velocity") }, "Velocity"));
+    this.said = element("p");
+    this.begin = flightButton(element("button", { title: "the pads command the velocity while a finger is on them", onclick: () => fly.start("velocity") }, "Velocity"));
+    this.touch = new TouchPads(this.sticks.touch, [this.said, this.begin]);
+    const open = element("button", { className: "link", hidden: !navigator.maxTouchPoints, onclick: () => this.touch.open(true) }, "Touch sticks");
     this.setUp = element("button", { className: "link", title: "assign the gamepad's sticks and buttons", onclick: () => this.editor.toggle() }, "Set up pad");
     place.append(
       element("span", { className: "pads", ariaHidden: "true" }, ...this.pads.map(({ box }) => box)),
       element("div", { className: "words" }, this.note, this.limits),
       this.velocity,
-      element("div", { className: "foot" }, this.source, this.trip, this.setUp));
+      element("div", { className: "foot" }, this.source, this.trip, open, this.setUp));
     this.ticks = 0;
     this.sticks.clock.addEventListener("message", () => this.tick());
   }
@@ -53,7 +58,7 @@ class StickPanel {
   // the same takes a tenth of a core more.
   tick() {
     const { on, held, pad } = this.sticks, was = this.moves;
-    this.moves = Boolean(on || held || pad);
+    this.moves = Boolean(on || held || pad || this.touch.isOpen);
     if (this.moves || was || this.ticks++ % IDLE === 0) this.draw();
   }
 
@@ -66,6 +71,11 @@ class StickPanel {
     this.place.classList.toggle("on", sticks.on);
     this.place.classList.toggle("refused", !sticks.on && Boolean(sticks.dropped || sticks.held));
     setText(this.note, this.words());
+    if (this.touch.isOpen) {
+      this.touch.draw(sticks.on);
+      setText(this.said, this.note.textContent);
+      setIfChanged(this.begin, "disabled", this.behavior === "velocity" || !this.isFlying);
+    }
     setText(this.limits, limits(this.behavior, this.limit, this.holds));
     setText(this.source, this.sourceText());
     const trip = sticks.on ? sticks.link.trip : null, late = sticks.on && sticks.link.overdue > 250;
@@ -94,11 +104,12 @@ class StickPanel {
       if (!this.status) return "On, but no data from the vehicle.";
       if (landing(this.status)) return `On, but ${landing(this.status)}.`;
       if (OBEYING[this.behavior]) return `On: ${commanded(this.behavior, sticks.sent, this.limit, this.holds)}.`;
-      return this.isFlying ? `On, but ${words(this.behavior)} does not use the sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but sticks work only in flight: arm and take off first.";
+      return this.isFlying ? `On, but ${words(this.behavior)} ignores the sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but sticks work only in flight: arm and take off first.";
     }
     if (sticks.held && sticks.why) return /release|press/.test(sticks.why) ? `Off: ${sticks.why}.` : `Off: ${this.reason(sticks.why)}. ${this.step}`;
     if (sticks.editing) return "Off while the pad is being set up.";
     if (sticks.pad && !sticks.mapping) return "This pad is not known: set it up first.";
+    if (this.touch.isOpen) return sticks.dropped ? `Dropped: ${this.reason(sticks.dropped)}. ${this.step}` : OBEYING[this.behavior] ? "Touch a pad to fly; lift your fingers to brake." : "Press Velocity in flight, then touch a pad.";
     if (document.activeElement?.tagName === "IFRAME") return "W A S D and the arrows move the 3D view's camera now: click here to fly by keyboard.";
     if (!window.isSecureContext) return `A gamepad works over https or on this computer only. ${this.keys}`;
     if (sticks.dropped) return `Dropped: ${this.reason(sticks.dropped)}. ${this.step}`;
@@ -126,7 +137,7 @@ class StickPanel {
 
   sourceText() {
     const { pad, mapping } = this.sticks;
-    if (!pad) return "keyboard";
+    if (!pad) return this.touch.isOpen ? "touch" : "keyboard";
     return `${pad.id.replace(/\s*\((?:STANDARD GAMEPAD|Vendor).*$/i, "") || "pad"}${mapping ? ` · ${presetOf(mapping) || "own mapping"}` : ""}`;
   }
 }

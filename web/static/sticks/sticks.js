@@ -1,4 +1,4 @@
-// Gamepad or keyboard → /ws/stick at 50 Hz while the dead-man button is held. It counts from a
+// Gamepad, keyboard or fingers → /ws/stick at 50 Hz while the dead-man button is held. It counts from a
 // press with all sticks centred, and after any drop (blur, hidden tab, page left or stalled, pad
 // unplugged, answers late, refused) only when it was released and pressed again. Quadlab web,
 // the station and the vehicle have watchdogs of their own.
@@ -6,6 +6,7 @@
 import { StickKeys } from "./keyboard.js";
 import { StickLink } from "./socket.js";
 import { mappingOf, readPad } from "./mapping.js";
+import { TouchSticks } from "./touch.js";
 
 const STALLED = 250; // ms between two ticks
 const LATE = 500; // ms a frame may wait for its answer
@@ -25,6 +26,7 @@ export class Sticks {
   constructor(emergency) {
     this.emergency = emergency;
     this.keys = new StickKeys();
+    this.touch = new TouchSticks();
     this.link = null; // made at the first sign of use
     this.on = false;
     this.why = "release the button first"; // while held and not on; "" once it was released
@@ -51,6 +53,7 @@ export class Sticks {
 
   drop(cause) {
     this.keys.clear();
+    this.touch.clear();
     this.cutSince = null;
     if (this.on) {
       this.link.send(CENTRE, false, cause);
@@ -80,12 +83,12 @@ export class Sticks {
     const keys = this.keys.step(dt), read = pad && this.mapping ? readPad(pad, this.mapping) : null;
     if (this.editing) this.landSeen = true; // pressed to be chosen: must be released first
     else if (read) this.watchEmergency(read);
-    const sum = (a, b) => Math.max(-1, Math.min(1, a + b));
+    const { touch } = this, sum = (...all) => all[0].map((_, i) => Math.max(-1, Math.min(1, all.reduce((total, one) => total + one[i], 0))));
+    const axes = sum(keys, touch.axes, read?.axes ?? CENTRE);
     return {
-      raw: keys.map((value, i) => sum(value, read?.raw[i] ?? 0)),
-      axes: keys.map((value, i) => sum(value, read?.axes[i] ?? 0)),
-      held: this.keys.deadMan || Boolean(read?.deadMan),
-      centred: !this.keys.moving && keys.every((value) => value === 0) && (read?.axes ?? CENTRE).every((value) => value === 0),
+      raw: sum(keys, touch.rawAxes, read?.raw ?? CENTRE), axes,
+      held: this.keys.deadMan || touch.deadMan || Boolean(read?.deadMan),
+      centred: !this.keys.moving && [keys, touch.axes, read?.axes ?? CENTRE].flat().every((value) => value === 0),
     };
   }
 

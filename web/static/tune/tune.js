@@ -142,7 +142,7 @@ export class Tune {
   get blockedReason() {
     const { status, control } = this.events.summary, holder = control?.holder ?? "";
     if (!this.isOperator) return "Viewers cannot run tests; ask an operator.";
-    if (BUSY.includes(this.status.phase)) return "A test is under way.";
+    if (BUSY.includes(this.status.phase)) return "A test is running.";
     if (!this.events.connected || !(this.events.age("status") < 1)) return "The vehicle's status is old; a test needs the link.";
     if (holder && holder !== this.session.label) return `${holder} has control; ask for it to fly a test.`;
     if (!status?.airborne) return "The vehicle is on the ground: take off first.";

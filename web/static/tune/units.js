@@ -19,8 +19,8 @@ export const FIGURES = [
   ["cross_yaw", "moved yaw", "largest error on an axis that was to stay"],
   ["peak_tilt", "peak tilt", "largest tilt of the body"],
   ["peak_motor", "peak motor", "largest motor reference, counts"],
-  ["peak_yaw_torque", "peak yaw torque", "largest torque asked for about the body's up"],
-  ["saturated", "saturated", "share of ticks in which the motors could not give what was asked"],
+  ["peak_yaw_torque", "peak yaw torque", "largest commanded torque about the body's z axis"],
+  ["saturated", "saturated", "share of ticks in which the motors saturated"],
 ];
 
 // { unit, digits, scale } of a figure of a test on this axis.

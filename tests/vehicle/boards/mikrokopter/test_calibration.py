@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from quadrotor.records import IMU_SAMPLE
+from quadrotor.records import IMU_SAMPLE, Record
 from vehicle.boards.board import RawSample
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
-from vehicle.calibration.imu import ImuCalibration, ImuCalibrator, calibrate
+from vehicle.calibration.imu import ImuCalibration, ImuCalibrator
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import MotorState
@@ -20,8 +20,14 @@ def raw(accelerometer: tuple[int, int, int], gyroscope: tuple[int, int, int]) ->
     return RawSample(7, accelerometer, gyroscope, 14.8, 96_000.0, MotorState.OFF)
 
 
+def calibrated(raw: RawSample, parameters: ImuCalibration) -> Record:
+    sample = np.zeros(1, IMU_SAMPLE)
+    ImuCalibrator(parameters).calibrate(raw, sample)
+    return sample
+
+
 def test_a_count_is_0_0039_g_and_0_586_deg_s() -> None:
-    sample = calibrate(raw((513, 512, 511), (512, 513, 511)), ImuCalibration().record())
+    sample = calibrated(raw((513, 512, 511), (512, 513, 511)), ImuCalibration())
     assert sample["stamp_ns"][0] == 7
     assert sample["specific_force_b"][0] == pytest.approx([0.0039 * 9.81, 0, -0.0039 * 9.81])
     degrees = np.degrees(sample["angular_velocity_b"][0])
@@ -39,9 +45,8 @@ def test_it_undoes_a_known_mounting_and_bias() -> None:
     values |= {
         f"accelerometer_bias_{axis}": b for axis, b in zip("xyz", bias.tolist(), strict=True)
     }
-    calibration = ImuCalibration(**values).record()
     x, y, z = counts.tolist()
-    sample = calibrate(raw((x, y, z), (512, 512, 512)), calibration)
+    sample = calibrated(raw((x, y, z), (512, 512, 512)), ImuCalibration(**values))
     assert sample["specific_force_b"][0] == pytest.approx(true, abs=0.0039 * 9.81)
 
 
@@ -65,11 +70,10 @@ def test_at_rest_the_specific_force_is_g_upwards() -> None:
     )
     simulated = SimulatedVehicle(parameters)
     mcu = Microcontroller(simulated.ports, 0)
-    calibration = ImuCalibration().record()
     samples = []
     for _ in range(1000):
         simulated.step()
-        samples += [calibrate(received, calibration) for received in mcu.receive()]
+        samples += [calibrated(received, ImuCalibration()) for received in mcu.receive()]
     forces = np.concatenate(samples)["specific_force_b"]
     rates = np.degrees(np.concatenate(samples)["angular_velocity_b"])
     noise = math.hypot(parameters.accelerometer_noise, 0.0039 * 9.81 / math.sqrt(12))

@@ -25,8 +25,8 @@ def is_gone(page: Any) -> None:
 def test_a_late_answer_is_pending_and_then_what_it_says(page: Any, look: Any, station: Any) -> None:
     station.answering.clear()
     station.refusal = "the motors are hot"
-    page.click(FIGURE_8)
-    look.has_class("#answer", "pending")
+    heard = "(button) => { button.click(); return document.getElementById('answer').className; }"
+    assert page.eval_on_selector(FIGURE_8, heard) == "pending", "it waits for no timer"
     look.text("#answer .running", r"[\d.]+ s")
     station.answering.set()
     look.text("#answer", "the motors are hot")

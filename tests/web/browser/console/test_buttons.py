@@ -91,11 +91,11 @@ def test_a_trajectory_tells_what_it_asks_before_it_starts(
     found = Preview([(0.0, 0.0, 1.0), (1.0, 0.0, 1.0)], 19.2, 0.634, "")
     laps: list[int] = []
 
-    def compute(_: Any, here: Any, arguments: Any, *more: Any, **limits: Any) -> Preview:
+    def compute(_: Any, here: Any, arguments: Any, *more: Any) -> Preview:
         laps.append(arguments["laps"])
         return found
 
-    monkeypatch.setattr("web.commands.trajectories.run", compute)
+    monkeypatch.setattr("web.commands.previewer.Previewer.compute", compute)
     row = "#behaviors .behavior:has(button:text-is('Circle'))"
     page.keyboard.press("Escape")  # the help of the first visit
     page.hover(row)

@@ -187,7 +187,7 @@ def test_the_emergency_page_works_without_its_events(
     still.route_web_socket("**/ws/events", lambda socket: socket.close())
     still.goto(f"{site.base}/kill")
     look = look_at(still)
-    look.text("#state", "no connection to this page's server.*sent all the same")
+    look.text("#state", "no connection to this page's server.*The buttons still send")
     assert still.locator("iframe, canvas").count() == 0
     still.click("#cut")
     look.text("#answer", "accepted, not yet shown")

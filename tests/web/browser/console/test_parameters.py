@@ -259,4 +259,4 @@ def test_a_refused_step_in_flight_can_be_walked(gains: Any, look: Any, station: 
           return [text, asked, row.box.value];
         }"""
     )
-    assert offered == ["Go there in 3 steps", [[15, False], [15, True]], "15"]
+    assert offered == ["Apply in 3 steps", [[15, False], [15, True]], "15"]

@@ -470,7 +470,7 @@ def test_the_panel_says_what_the_sticks_do_and_starts_velocity(
         Pad(page)
         page.evaluate(PILOT)
         look.text(
-            "#sticks .note", "^On, but hover does not use the sticks: start Velocity or Near hover"
+            "#sticks .note", "^On, but hover ignores the sticks: start Velocity or Near hover"
         )
         page.click("#sticks > button")
         until(lambda: bool(site.station.requests))

@@ -13,6 +13,7 @@ from web.replay.reader import Replay
 
 BOUND = 60_000  # ms
 AT = 5.0  # s
+SPEED = "speed [km/h] = 3.6*norm(state.velocity.x, state.velocity.y)"
 DRAWN = """canvas => {
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
   return new Set(new Uint32Array(data.buffer)).size;
@@ -28,7 +29,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def exported(log: Path) -> Path:
     folder = log.parent / "page"
-    assert main(["log", "export", str(log), "--format", "page", "--out", str(folder)]) == 0
+    words = ["log", "export", str(log), "--format", "page", "--out", str(folder)]
+    assert main([*words, "--derive", SPEED]) == 0
     return folder
 
 
@@ -48,6 +50,10 @@ def test_the_page_opens_from_disk_with_the_runs_values_and_moves(
     assert f"{z:.3f}".replace("-", "−") in row
     for canvas in ("#view canvas", "#chart-0 canvas"):
         assert page.locator(canvas).first.evaluate(DRAWN) > 3, f"{canvas} is empty"
+    page.click("#chart-0 button:text-is('Signals')")
+    page.click("#chart-0 .menu.signals summary:has-text('derived')")
+    assert page.locator("#chart-0 .menu.signals label:has-text('speed')").count() == 1
+    page.keyboard.press("Escape")
     box = page.locator("#line .bar").bounding_box()
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 0.5 * box["height"])
     page.wait_for_function(
@@ -68,4 +74,6 @@ def test_a_page_is_never_written_over_and_has_the_whole_flight(
     assert "is not empty; export into a new folder" in capsys.readouterr().err
     assert main([*words[:-1], str(log.parent / "b"), "--from", "2"]) == 2
     assert "leave out --topics, --from and --to" in capsys.readouterr().err
+    assert main([*words[:-1], str(log.parent / "b"), "--derive", "v = stat"]) == 2
+    assert "--derive 'v = stat': " in capsys.readouterr().err
     assert not (log.parent / "b").exists()

@@ -14,6 +14,8 @@ from web.static_files import STATIC
 
 MOST = 20
 """Most requests of the main page until it is ready, with websockets and the 3D view's frame."""
+HEAVIEST = 400_000
+"""Most bytes of the main page's files and answers as sent, without the 3D view's client."""
 
 RETURNS = re.DOTALL | re.MULTILINE
 ALONE = {"console/app.js", "emergency/kill.js"}
@@ -43,6 +45,8 @@ def test_the_main_page_is_ready_after_few_requests(
     site: Any, context: Any, admin: Any, counted: Any, look_at: Any
 ) -> None:
     context.add_cookies(site.cookies_of(admin))
+    answered: list[Any] = []
+    context.on("requestfinished", lambda one: answered.append(one))
     page, asked = counted(site.base)
     page.wait_for_selector("#land:enabled")
     look_at(page).text("#chart-0 .legend output >> nth=0", r"\d")
@@ -52,6 +56,9 @@ def test_the_main_page_is_ready_after_few_requests(
     files = [one for one in asked if "/static/" in one]
     assert sum(one.endswith("console/app.js") for one in files) == 1
     assert sum(one.endswith(".css") for one in files) == 1
+    weights = {one.url: one.sizes()["responseBodySize"] for one in answered}
+    assert next(weights[one] for one in files if one.endswith("app.js")) > 50_000  # not cached
+    assert sum(weights.values()) <= HEAVIEST, weights
     # The 3D view is blank here; it would be one more websocket.
     assert len(asked) + 1 <= MOST, "\n".join(asked)
 

@@ -258,7 +258,7 @@ def test_an_admin_adds_a_user_changes_the_role_and_deletes(
         page.fill("#users [name=name]", name)
         page.fill("#users [name=password]", WORDS)
         page.click("#users form button")
-        look.text("#users .note", f"{name} is added as {role}")
+        look.text("#users .note", f"{name} was added as {role}")
         look.value("#users [name=role]", "operator")
     assert page.is_enabled("#users [name=role]")
     row = "#users tbody tr:has-text('oleg')"

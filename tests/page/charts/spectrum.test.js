@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import "./browser.js";
-import { LiveSpectrogram, Spectrogram, colorOf } from "../../web/static/charts/spectrogram.js";
-import { FrequencyAxis, Spectra } from "../../web/static/charts/spectrum.js";
+import "../browser.js";
+import { LiveSpectrogram, Spectrogram, colorOf } from "../../../web/static/charts/spectrogram.js";
+import { FrequencyAxis, Spectra } from "../../../web/static/charts/spectrum.js";
 
 const FOUND = { frequency: [0, 1, 2, 3, 4], density: [0, 2, 8, 4, 1] };
 

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { extent, spread, stylesOf, trace } from "../../web/static/charts/lines.js";
+import { extent, spread, stylesOf, trace } from "../../../web/static/charts/lines.js";
 
 globalThis.Path2D = class {
   moves = [];

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import "./browser.js";
-import { LONGEST, SHORTEST, TimeAxis } from "../../web/static/charts/time_axis.js";
+import "../browser.js";
+import { LONGEST, SHORTEST, TimeAxis } from "../../../web/static/charts/time_axis.js";
 
 function made(context) {
   const clock = { ms: 0 };

@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 
-import "./browser.js";
+import "../browser.js";
 
-const { BUILT_IN, checked, Layouts } = await import("../../web/static/charts/layouts.js");
+const { BUILT_IN, checked, Layouts } = await import("../../../web/static/charts/layouts.js");
 
 const SIGNALS = new Map([["a", { unit: "m" }], ["b", { unit: "V" }]]);
 const layout = (...charts) => ({ window: 30, charts: charts.map((signals) => ({ signals, scales: {} })) });

@@ -1,0 +1,97 @@
+// Commanding in the 3D view: a draft is opened here, moved by the pointer in the view, and told in one bar.
+// Nothing is commanded before the bar's button is pressed.
+
+import { command, request } from "../core/api.js";
+import { element, hide, optionsOf, setIfChanged, setText } from "../core/dom.js";
+import { flightButton } from "../core/flight_button.js";
+import { icon } from "../icons/icons.js";
+import { noteOf, stepOf, titleOf } from "./draft_words.js";
+
+const TOOLS = [
+  ["target", "fly_to", "Target", "fly to a point: click the ground or drag it in the 3D view"],
+  ["waypoints", "waypoints", "Way-points", "each click on the ground adds a point; drag them in the 3D view"],
+  ["trajectory", "figure_eight", "Trajectory", "drag its start in the 3D view; laps and period are those on the Fly tab"],
+  ["volume", "volume", "Volume", "drag the faces of the flight volume in the 3D view"],
+];
+const SHAPES = ["figure_eight", "circle"];
+
+export class DraftBar {
+  // fly: the Fly tab, whose answers it shares; label: of the session.
+  constructor(place, { events, fly, label, isOperator }) {
+    this.events = events;
+    this.fly = fly;
+    this.label = label;
+    this.draft = null;
+    this.shapes = fly.behaviors.filter(({ fixed }) => SHAPES.includes(fixed?.trajectory));
+    this.shape = element("select", { ariaLabel: "trajectory", onchange: () => this.open("trajectory", this.draft?.points) }, ...optionsOf(this.shapes.map(({ fixed, label: name }) => [fixed.trajectory, name])));
+    this.buttons = TOOLS.map(([kind, picture, words, title]) => element("button", { title, onclick: () => this.open(kind) }, icon(picture), words));
+    this.tools = element("div", { className: "tools", hidden: !isOperator }, ...this.buttons);
+    this.title = element("b");
+    this.note = element("span", { role: "status" });
+    this.go = flightButton(element("button", { className: "go", onclick: () => this.press() }));
+    this.back = element("button", { title: "take the last way-point away", onclick: () => this.open("waypoints", this.draft.points.slice(0, -1)) }, "Undo point");
+    this.cancel = element("button", { onclick: () => this.close() }, "Cancel");
+    this.bar = element("div", { id: "draft", hidden: true }, this.title, this.shape, this.note, element("span", { className: "acts" }, this.back, this.go, this.cancel));
+    place.append(this.tools, this.bar);
+    this.isOperator = isOperator;
+    events.on("hello", ({ draft }) => this.show(draft ?? null));
+    events.on("draft", ({ draft }) => this.show(draft));
+    events.on("summary", () => this.draw());
+  }
+
+  get mine() { return this.draft?.by === this.label; }
+  get status() { return this.events.age("status") < 1 ? this.events.summary.status : null; }
+  get shaped() { return this.shapes.find(({ fixed }) => fixed.trajectory === (this.draft?.arguments.trajectory ?? this.shape.value)); }
+
+  async open(kind, points) {
+    let given = {};
+    if (kind === "trajectory") {
+      const { values, problem } = this.fly.valuesOf(this.shapes.find(({ fixed }) => fixed.trajectory === this.shape.value));
+      if (problem) { this.fly.refuse(problem); return; }
+      given = values;
+    }
+    for (const tool of this.buttons) tool.disabled = true; // at once: it was heard
+    try {
+      const { draft } = await request("PUT", "/api/draft", { kind, points, arguments: given });
+      this.show(draft);
+    } catch (error) { this.fly.refuse(error.message); }
+    for (const tool of this.buttons) tool.disabled = false;
+  }
+
+  close(isFlown = false) {
+    hide(this.bar, true);
+    request("DELETE", `/api/draft?flown=${isFlown}`).catch((error) => { this.fly.refuse(error.message); this.show(this.draft); });
+  }
+
+  async press() {
+    const draft = this.draft, { behavior, values, label, why } = stepOf(draft, this.status);
+    if (why) return;
+    this.go.disabled = true;
+    const act = behavior ? () => command("start_behavior", { name: behavior, arguments: values }) : () => request("PUT", "/api/parameters", { values });
+    const shows = behavior ? (status) => status.behavior?.toLowerCase() === behavior : null;
+    const isDone = await this.fly.attempt(act, behavior ? titleOf(draft, this.shaped?.label) : label, shows);
+    if (isDone && !(draft.kind === "trajectory" && behavior === "fly_to")) this.close(Boolean(behavior));
+  }
+
+  show(draft) {
+    this.draft = draft;
+    if (draft?.kind === "trajectory") this.shape.value = draft.arguments.trajectory;
+    hide(this.bar, !draft);
+    hide(this.tools, Boolean(draft && this.mine) || !this.isOperator);
+    this.draw();
+  }
+
+  draw() {
+    const { draft, mine } = this;
+    if (!draft) return;
+    const { label, why } = stepOf(draft, this.status);
+    setText(this.title, titleOf(draft, this.shaped?.label));
+    setText(this.note, mine ? `${noteOf(draft)}${why && !draft.refusal ? ` · ${why}` : ""}` : `prepared by ${draft.by}`);
+    setIfChanged(this.bar, "className", draft.refusal ? "refused" : "");
+    setText(this.go, label);
+    setIfChanged(this.go, "disabled", Boolean(why));
+    for (const own of [this.go, this.cancel]) hide(own, !mine);
+    hide(this.shape, !mine || draft.kind !== "trajectory");
+    hide(this.back, !mine || draft.kind !== "waypoints" || draft.points.length < 2);
+  }
+}

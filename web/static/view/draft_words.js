@@ -1,0 +1,53 @@
+// What a draft of the 3D view is, in words, and the command that its button sends.
+
+import { duration, fixed } from "../core/format.js";
+
+/**
+ * @typedef {[number, number, number]} Point
+ * @typedef {{ kind: string, points: Point[], by: string, arguments: Record<string, any>, away: number,
+ *   checked?: boolean, refusal?: string, duration?: number | null, speed?: number | null }} Draft
+ * @typedef {{ label: string, why: string, behavior?: string, values: Record<string, any> }} Step
+ */
+
+const THERE = 0.05; // m: a trajectory starts where the vehicle hovers
+const OWN_NAMES = /^(follow_trajectory|fly_to) refused: /;
+
+/** @param {Point} point */
+const place = (point) => `${point.map((c) => fixed(c, 2)).join(", ")} m`;
+/** @param {Point} point */
+const triple = (point) => point.map((c) => String(Number(c.toFixed(3)))).join(" ");
+
+// `label` is that of the trajectory.
+/** @param {Draft} draft @param {string} label */
+export function titleOf({ kind, points }, label) {
+  if (kind === "target") return `Target ${place(points[0])}`;
+  if (kind === "waypoints") return `${points.length} way-point${points.length > 1 ? "s" : ""}, the last at ${place(points[points.length - 1])}`;
+  if (kind === "trajectory") return `${label} from ${place(points[0])}`;
+  const [low, high] = points;
+  return `Volume ${["x", "y", "z"].map((axis, i) => `${axis} ${fixed(low[i], 2)} to ${fixed(high[i], 2)}`).join(", ")} m`;
+}
+
+/** @param {Draft} draft */
+export function noteOf({ kind, checked, refusal, duration: lasts, speed }) {
+  if (kind === "volume") return "Drag the faces.";
+  if (refusal) return refusal.replace(OWN_NAMES, "");
+  if (!checked || lasts === null || lasts === undefined) return "checking …";
+  return `${duration(lasts)}, up to ${fixed(speed ?? 0, 2)} m/s`;
+}
+
+// What the button does now; `why` it cannot, "" where it can.
+/** @param {Draft} draft @param {any} status of the vehicle, null while it is not heard @returns {Step} */
+export function stepOf(draft, status) {
+  const { kind, points, checked, refusal } = draft, [x, y, z] = points[0];
+  if (kind === "volume") {
+    const values = Object.fromEntries(["x", "y", "z"].flatMap((axis, i) => points.map((corner, k) => [`behavior.volume_${axis}_${k ? "max" : "min"}`, corner[i]])));
+    return { label: "Set volume", why: status ? "" : "no data from the vehicle", values };
+  }
+  const goes = kind === "target" || (kind === "trajectory" && draft.away > THERE);
+  const behavior = status?.behavior?.toLowerCase();
+  const why = !status ? "no data from the vehicle" : !status.airborne ? "take off first" : refusal ? "the vehicle cannot fly it"
+    : !checked ? "being checked" : !goes && behavior !== "hover" ? "wait until it hovers" : "";
+  if (goes) return { label: kind === "target" ? "Fly there" : "Fly to its start", why, behavior: "fly_to", values: { x, y, z } };
+  const values = kind === "trajectory" ? draft.arguments : { trajectory: "waypoints", waypoints: points.map(triple).join("; ") };
+  return { label: kind === "trajectory" ? "Fly it" : "Fly them", why, behavior: "follow_trajectory", values };
+}

@@ -1,0 +1,79 @@
+"""Cameras of the pages' 3D views, which move with the vehicle."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from web.beacons.shapes import Point, Quaternion, matrix_of
+from web.view.server import ViewServer
+
+Camera = Literal["free", "follow", "top", "side", "first"]
+OFFSETS = {"top": (0.0, -0.02, 4.5), "side": (0.0, -3.2, 0.4)}
+"""Where a camera is put, from the vehicle, m, world: x to the right, y or z up. From there it can
+be turned and zoomed while it follows."""
+EYE, AHEAD = (0.16, 0.0, 0.06), (2.0, 0.0, 0.06)
+"""Of the first-person camera, m, body axes. Its horizon stays level."""
+STILL = 0.002  # m
+
+
+class Cameras:
+    """Cameras by the name of the page's view; those that nobody chose are free."""
+
+    def __init__(self, server: ViewServer) -> None:
+        self._server = server
+        self._chosen: dict[str, Camera] = {}
+        self._unplaced: set[str] = set()
+        self._plain: dict[str, Any] = {}  # view without shadows → its client that was told
+
+    def choose(self, view: str, camera: Camera) -> None:
+        self._chosen.pop(view, None)
+        self._unplaced.discard(view)
+        if camera != "free":
+            self._chosen[view] = camera
+            self._unplaced.add(view)
+
+    def shade(self, view: str, shadows: bool) -> None:
+        """Draw one page's view with or without shadows."""
+        client = self._server.clients_of({view}).get(view)
+        if not shadows:
+            self._plain[view] = None
+        elif self._plain.pop(view, None) is not None and client is not None:
+            client.scene.configure_default_lights(cast_shadow=True)
+
+    def tell_new(self) -> None:
+        """Tell clients that connected since; to be called now and then."""
+        plain = self._server.clients_of(set(self._plain)) if self._plain else {}
+        for view, client in plain.items():
+            if self._plain[view] is not client:
+                self._plain[view] = client
+                client.scene.configure_default_lights(cast_shadow=False)
+
+    def move(self, position: Point, quaternion: Quaternion) -> None:
+        """Move the cameras with the vehicle's pose, body to world."""
+        if not self._chosen:
+            return
+        point = np.asarray(position, float)
+        for view, client in self._server.clients_of(set(self._chosen)).items():
+            camera, chosen = client.camera, self._chosen[view]
+            if chosen == "first":
+                turn = matrix_of(quaternion)
+                _put(camera, point + turn @ EYE, point + turn @ AHEAD)
+                continue
+            offset = camera.position - camera.look_at
+            if view in self._unplaced and chosen in OFFSETS:
+                offset = np.array(OFFSETS[chosen])
+                _put(camera, point + offset, point)
+            elif np.linalg.norm(point - camera.look_at) > STILL:
+                _put(camera, point + offset, point)
+            self._unplaced.discard(view)
+
+
+def _put(camera: Any, position: Any, look_at: Any) -> None:
+    if (
+        np.linalg.norm(position - camera.position) + np.linalg.norm(look_at - camera.look_at)
+        > STILL
+    ):
+        camera.position = position
+        camera.look_at = look_at
