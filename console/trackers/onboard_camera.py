@@ -26,7 +26,10 @@ from estimation.tags.detector import Picture, Tags
 from estimation.tags.intrinsics import load_intrinsics
 from estimation.tags.led_bearings import bearing_reader
 from estimation.tags.tag_bearings import Places
+from quadrotor.plain_rotations import Array
 from vehicle_link import topics
+from vehicle_link.clock import time_ns
+from vehicle_link.messages import decode
 from vehicle_link.parameters.messages import decode_change
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.topics import TOPICS
@@ -35,20 +38,25 @@ from vehicle_link.transport.publisher import Received
 
 FAR_OFF = 3.0
 """Largest deviation of beacons from their positions, pixels rms."""
+RECENT_NS = 1_000_000_000
+"""Age in ns beyond which the vehicle's estimated position is ignored."""
 
 
 class Beacons(Protocol):
-    """A source of the beacons' current positions."""
+    """A source of the positions of beacons and vehicle."""
 
     @property
     def places(self) -> Places: ...
+
+    @property
+    def position_w(self) -> Array | None: ...
 
     def close(self) -> None: ...
 
 
 class StationBeacons:
-    """The beacons' positions, requested from the station. Raises LinkError when it does
-    not answer.
+    """The beacons' positions, requested from the station, and the vehicle's estimated one. Raises
+    LinkError when it does not answer.
     """
 
     def __init__(self, session: Any, vehicle: str) -> None:
@@ -56,6 +64,8 @@ class StationBeacons:
         self._node.subscribe(
             "parameter_changes", TOPICS["parameter_changes"].type_name, self._changed
         )
+        self._state: Received | None = None
+        self._node.subscribe("state", TOPICS["state"].type_name, self._estimated)
         asked = ParameterClient(self._node, f"/{vehicle}/station")
         self._set(str(asked.values()[STATION_LAYOUT]))
 
@@ -63,8 +73,20 @@ class StationBeacons:
     def places(self) -> Places:
         return self._places
 
+    @property
+    def position_w(self) -> Array | None:
+        """Return the vehicle's estimated position (3,) m, None without a recent one."""
+        state = self._state
+        if state is None or time_ns() - state.received_ns > RECENT_NS:
+            return None
+        at = decode(state.payload, TOPICS["state"].type_name).pose.pose.position
+        return np.array((at.x, at.y, at.z))
+
     def close(self) -> None:
         self._node.close()
+
+    def _estimated(self, received: Received) -> None:
+        self._state = received
 
     def _changed(self, received: Received) -> None:
         change = decode_change(received.payload)
@@ -104,7 +126,8 @@ class OnboardCameraSource(TagSource):
 
     def _read(self, grey: Picture, taken_ns: int) -> Frame:
         self._left = math.nan
-        seen = self._reader.take(grey, taken_ns, self._beacons.places)
+        beacons = self._beacons
+        seen = self._reader.take(grey, taken_ns, beacons.places, beacons.position_w)
         self._left = self._reader.misfit(seen, self._beacons.places)
         doubt = (
             f"beacons are {self._left:.0f} pixels from their places in the layout, allowed "

@@ -116,7 +116,7 @@ def _pixels(H: Array, places: Array, lens: Intrinsics) -> Array:
 
 
 def _drawn(
-    cells: Array, over: Sequence[Array], down: Sequence[Array], shares: Sequence[float]
+    cells: Array | Picture, over: Sequence[Array], down: Sequence[Array], shares: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Return a blurred picture of cells, its slopes along u and v, and its change with the
     logarithm of the blur's variance.

@@ -8,7 +8,7 @@ the LEDs nor the camera need to be synchronised. Steady lights and reflections o
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,7 +66,7 @@ def find_lights(grey: Picture) -> list[Light]:
     lit = boxes[:, cv2.CC_STAT_AREA]
     begin, end = boxes[:, :2] - RIM, boxes[:, :2] + boxes[:, 2:4] + RIM
     # The part that is seen of a light at the edge has another centre.
-    is_whole = (begin >= 0).all(axis=1) & (end <= grey.shape[::-1]).all(axis=1)
+    is_whole = np.all((begin >= 0) & (end <= grey.shape[::-1]), axis=1)
     small = np.flatnonzero((lit >= SMALLEST) & (lit <= LARGEST) & is_whole)
     small = small[small > 0]  # 0 is the background
     if len(small) > MOST:
@@ -74,10 +74,10 @@ def find_lights(grey: Picture) -> list[Light]:
             f"{len(small)} lights are in the picture, allowed {MOST}: shorten the exposure until "
             "only the LEDs are bright"
         )
-    return [_light(grey, labels, k, begin[k], end[k]) for k in small]
+    return [_light(grey, labels, k, begin[k], end[k]) for k in small.tolist()]
 
 
-def _light(grey: Picture, labels: Array, label: int, begin: Array, end: Array) -> Light:
+def _light(grey: Picture, labels: Any, label: int, begin: Array, end: Array) -> Light:
     (left, top), (right, bottom) = begin, end
     seen = grey[top:bottom, left:right].astype(float)
     own = labels[top:bottom, left:right]

@@ -53,13 +53,20 @@ class BearingReader(ABC):
         self.doubt = ""
 
     @abstractmethod
-    def take(self, grey: Picture, taken_ns: int = 0, places_w: Places | None = None) -> Sighting:
+    def take(
+        self,
+        grey: Picture,
+        taken_ns: int = 0,
+        places_w: Places | None = None,
+        position_w: Array | None = None,
+    ) -> Sighting:
         """Return the beacons in a picture. Raises MeasurementError when the picture, a marker in it
         or the intrinsics are wrong.
 
         Args:
             taken_ns: its time, of any epoch.
             places_w: of the beacons, (3,) m each, as far as they are known.
+            position_w: (3,) m, of the vehicle by its estimate, if it is known.
         """
 
     def misfit(self, seen: Sighting, places_w: Places) -> float:
@@ -82,7 +89,13 @@ class TagBearings(BearingReader):
         assert markers.size is not None
         self._detector, self._size = TagDetector(lens, markers.family), markers.size
 
-    def take(self, grey: Picture, taken_ns: int = 0, places_w: Places | None = None) -> Sighting:
+    def take(
+        self,
+        grey: Picture,
+        taken_ns: int = 0,
+        places_w: Places | None = None,
+        position_w: Array | None = None,
+    ) -> Sighting:
         self.tags = {}
         self.tags = self._detector.tags(grey)
         return self.seen(self.tags)

@@ -69,16 +69,13 @@ class TagPose:
         return found
 
 
-def poses_of(
-    points_b: Array, pixels: Array, lens: Intrinsics, near: TagPose | None = None
-) -> list[TagPose]:
+def poses_of(points_b: Array, pixels: Array, lens: Intrinsics) -> list[TagPose]:
     """Return the poses that fit, smallest residual first: usually two for a flat target; none when
     the solver finds none in front of the camera.
 
     Args:
-        points_b: (N, 3) m, N >= 4; with `near` N >= 3.
+        points_b: (N, 3) m, N >= 4.
         pixels: (N, 2).
-        near: start of the only pose that is searched, instead of all.
     """
     import cv2
 
@@ -86,16 +83,11 @@ def poses_of(
     # OpenCV's solver of flat targets is wrong for points that are not about their middle.
     middle = points_b.mean(axis=0)
     points = points_b - middle
-    if near is None:
-        spread = np.linalg.svd(points, compute_uv=False)
-        method = cv2.SOLVEPNP_IPPE if spread[2] < FLAT * spread[0] else cv2.SOLVEPNP_SQPNP
-        _, turns, places, _ = cv2.solvePnPGeneric(points, pixels, K, distortion, flags=method)
-        starts = list(zip(turns, places, strict=True))
-    else:
-        place = near.position_c + near.R_cb @ middle
-        starts = [(rotation_log(near.R_cb)[:, None].copy(), place[:, None].copy())]
+    spread = np.linalg.svd(points, compute_uv=False)
+    method = cv2.SOLVEPNP_IPPE if spread[2] < FLAT * spread[0] else cv2.SOLVEPNP_SQPNP
+    _, turns, places, _ = cv2.solvePnPGeneric(points, pixels, K, distortion, flags=method)
     found = []
-    for start in starts:
+    for start in zip(turns, places, strict=True):
         turn, place = cv2.solvePnPRefineLM(points, pixels, K, distortion, *start)
         seen, _ = cv2.projectPoints(points, turn, place, K, distortion)
         residual = math.sqrt(float(((seen[:, 0] - pixels) ** 2).sum(axis=1).mean()))

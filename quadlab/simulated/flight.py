@@ -74,7 +74,8 @@ class SimulatedFlight(SimulatedGuide):
         self._tracker = SimulatedTracker(parameters.tracker)
         self._bearings: BearingEmulator | OnboardCamera = BearingEmulator(parameters.bearings)
         if parameters.camera.enabled:
-            self._bearings = OnboardCamera(parameters.bearings, parameters.camera)
+            estimated_w = self.stack.state["position_w"][0]
+            self._bearings = OnboardCamera(parameters.bearings, parameters.camera, estimated_w)
         self._beacons = KnownBeacons(parse_layout(parameters.beacons.layout))
         self._sender = CommandSender(self.stack.modes, self._board)
         self._complained_ns = -WARN_NS

@@ -42,12 +42,20 @@ DISC = np.hypot(_ACROSS, _ACROSS[:, None]) < 0.5 * LED_SIZE
 class OnboardCamera:
     """A camera that replaces a `bearing_sim.BearingEmulator`.
 
+    Args:
+        estimated_w: the vehicle's estimated position, a view that shows its current value.
+
     Attributes:
         lens: of the camera.
         pictures: number taken; unread: number of those without a bearing.
     """
 
-    def __init__(self, bearings: BearingParameters, camera: CameraParameters) -> None:
+    def __init__(
+        self,
+        bearings: BearingParameters,
+        camera: CameraParameters,
+        estimated_w: Array | None = None,
+    ) -> None:
         self.parameters, self._camera = bearings, camera
         p, self._text = bearings, ""
         focal = 0.5 * WIDTH / math.tan(0.5 * math.radians(camera.field_of_view))
@@ -67,6 +75,7 @@ class OnboardCamera:
         size = None if self._leds else camera.tag_size
         markers = BeaconMarkers(size=size, leds=self._leds, camera=mount, sigma=camera.sigma)
         self._reader, self._prints = bearing_reader(markers, self.lens), TagDetector(self.lens)
+        self._estimated_w = estimated_w
         self._R_bc, self._lens_b = mount.axes_b, np.array(mount.position)
         self._random = np.random.default_rng(p.seed)
         self._grid, self._track = InstantGrid(), PoseTrack()
@@ -147,7 +156,7 @@ class OnboardCamera:
         try:
             beacons = self.beacons
             places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
-            seen = self._reader.take(grey, stamp_ns, places)
+            seen = self._reader.take(grey, stamp_ns, places, self._estimated_w)
         except MeasurementError:  # withheld, as in the tracker process
             self.unread += 1
             return

@@ -16,13 +16,9 @@ import pytest
 from bearing_sim import BearingParameters
 from console.trackers.camera_figures import figures_text
 from console.trackers.camera_view import CameraView
-from console.trackers.onboard_camera import (
-    BearingsTracker,
-    OnboardCameraSource,
-    Places,
-    StationBeacons,
-)
+from console.trackers.onboard_camera import BearingsTracker, OnboardCameraSource, StationBeacons
 from console.trackers.source import Frame
+from estimation.tags.tag_bearings import Places
 from quadlab.commands.processes import check_tracker
 from quadlab.commands.tracker import Tracker
 from quadlab.simulated.onboard_camera import OnboardCamera
@@ -50,6 +46,7 @@ PICTURES, RATE = 120, 4.0
 class Notification:
     def __init__(self, places: Places) -> None:
         self.places = places
+        self.position_w: Array | None = None
 
     def close(self) -> None: ...
 
