@@ -21,7 +21,7 @@ from benchmarks.harness import CHROMIUM
 from quadrotor.checkout import ROOT
 from web.replay.export import export_page
 
-WINDOW = {"width": 1000, "height": 640}
+WINDOW = 1000, 640
 TIMES = (*np.arange(1.0, 10.0, 0.3), *np.arange(10.0, 78.5, 1.5))
 """Instants of the frames in s: take-off and hand-over slowly, the rest of the flight quickly."""
 SHOWN = "t => Math.abs(Number(document.querySelector('main').dataset.shown) - t) < 0.2"
@@ -36,12 +36,17 @@ def frames(page_file: Path) -> list[Image.Image]:
     found = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport=WINDOW, color_scheme="light", reduced_motion="reduce")
+        page = browser.new_page(
+            viewport={"width": WINDOW[0], "height": WINDOW[1]},
+            color_scheme="light",
+            reduced_motion="reduce",
+        )
         page.set_default_timeout(60_000)
         page.goto(page_file.as_uri())
         page.wait_for_selector("main[data-shown]")
         duration = page.evaluate("globalThis.quadlabRun.description.duration")
         bar = page.locator("#line .bar").bounding_box()
+        assert bar is not None
         for time in TIMES:
             x = bar["x"] + bar["width"] * time / duration
             page.mouse.click(x, bar["y"] + bar["height"] / 2)

@@ -39,7 +39,7 @@ def wrapped_help() -> Iterator[None]:
             one.description = " ".join((one.description or "").split())
         return found
 
-    docstring_parser.parse_from_object = joined
+    docstring_parser.parse_from_object = joined  # type: ignore[assignment]  # names of parameters
     try:
         yield
     finally:

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 
 from console.evaluation.explanation.explain import explain, explain_log
-from console.evaluation.explanation.finding import (
-    ACCELERATION,
+from console.evaluation.explanation.finding import Finding
+from console.reports.report import write_report
+from flight_log.fields import (
     ATTITUDE,
+    FORCE,
     MARKED,
     POSITION,
     REFERENCE,
     THRUSTS,
     TRACKED,
     TRACKED_ATTITUDE,
-    Finding,
 )
-from console.reports.report import write_report
 from flight_log.run import Series
 from quadlab.__main__ import main
 from web.replay.build import build_replay
@@ -32,7 +32,7 @@ END = 40.0
 TIMES = {rate: np.arange(0.0, END, 1.0 / rate) for rate in (2, 10, 50, 100, 500)}
 THRUST = 3.2
 COLUMNS = {
-    "imu": ACCELERATION,
+    "imu": FORCE,
     "state": (*POSITION, *ATTITUDE),
     "tracker_pose": (*TRACKED, *TRACKED_ATTITUDE),
     "tracker_position": MARKED,
