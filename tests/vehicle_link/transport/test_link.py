@@ -322,8 +322,8 @@ def test_a_question_on_its_way_while_its_service_closes_is_a_link_error(
     leaving.close()
 
 
-@pytest.mark.parametrize("is_one", [True, False])
-def test_a_request_that_is_held_up_delays_no_other(link: Link, is_one: bool) -> None:
+@pytest.mark.parametrize("service", ["of_two", "of_one"])
+def test_a_request_that_is_held_up_delays_no_other(link: Link, service: str) -> None:
     """Requests to the other threads of a service of several, and to another service."""
     entered, proceed = threading.Event(), threading.Event()
 
@@ -333,10 +333,11 @@ def test_a_request_that_is_held_up_delays_no_other(link: Link, is_one: bool) -> 
             proceed.wait(WAIT)
         return _ok(request)
 
-    link.vehicle.serve("held_up", SERVICES["arm"], hold_up, at_once=2 if is_one else 1)
-    link.vehicle.serve("swift", SERVICES["arm"], _ok)
-    held_up = link.web.client("held_up", SERVICES["arm"])
-    other = held_up if is_one else link.web.client("swift", SERVICES["arm"])
+    several = service == "of_two"
+    link.vehicle.serve(service, SERVICES["arm"], hold_up, at_once=2 if several else 1)
+    link.vehicle.serve(f"beside_{service}", SERVICES["arm"], _ok)
+    held_up = link.web.client(service, SERVICES["arm"])
+    other = held_up if several else link.web.client(f"beside_{service}", SERVICES["arm"])
     assert held_up.wait(WAIT)
     assert other.wait(WAIT)
     answers: list[Message] = []
