@@ -71,6 +71,7 @@ class Drafts:
         if not is_sound(points) or (body.kind == "volume" and len(points) != 2):
             raise OutOfBoundsError("a draft's points are within 15 m of the origin; a volume has 2")
         self._edit(Draft(body.kind, points, by, body.arguments))
+        self._tell()
         return self.summary()
 
     def close(self, *, flown: bool = False) -> None:
