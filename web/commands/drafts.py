@@ -110,7 +110,7 @@ class Drafts:
                 judged = None
                 continue
             key = (draft, tuple(round(c, 2) for c in self._monitor.here))
-            if key == judged and loop.time() < due:
+            if self._found.get("checked") and key == judged and loop.time() < due:
                 continue
             found = await self._judge(draft)
             if draft is self._draft:
