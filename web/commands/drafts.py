@@ -71,6 +71,7 @@ class Drafts:
         if not is_sound(points) or (body.kind == "volume" and len(points) != 2):
             raise OutOfBoundsError("a draft's points are within 15 m of the origin; a volume has 2")
         self._edit(Draft(body.kind, points, by, body.arguments))
+        self._tell()
         return self.summary()
 
     def close(self, *, flown: bool = False) -> None:
@@ -109,7 +110,7 @@ class Drafts:
                 judged = None
                 continue
             key = (draft, tuple(round(c, 2) for c in self._monitor.here))
-            if key == judged and loop.time() < due:
+            if self._found.get("checked") and key == judged and loop.time() < due:
                 continue
             found = await self._judge(draft)
             if draft is self._draft:

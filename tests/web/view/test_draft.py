@@ -139,7 +139,7 @@ def test_a_draft_that_the_vehicle_could_not_fly_says_why_and_one_that_it_could_i
     assert now(desk.plans)[-1]
     desk.open("target", points=[(4.0, 0.0, 1.0)])
     assert "x = 4.00 m is outside the flight volume" in desk.judged()["refusal"]
-    assert not now(desk.plans)[-1]
+    assert now(desk.plans)[-1] is False
     desk.open("waypoints", points=[(1.0, 0.0, 1.0), (1.0, 1.0, 1.2)])
     assert desk.judged()["refusal"] == ""
     arguments = {"trajectory": "circle", "laps": 1, "period": 8.0, "radius": 0.5}

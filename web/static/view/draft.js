@@ -52,8 +52,8 @@ export class DraftBar {
     }
     for (const tool of this.buttons) tool.disabled = true; // at once: it was heard
     try {
-      const { draft } = await request("PUT", "/api/draft", { kind, points, arguments: given });
-      this.show(draft);
+      // What is shown comes as events, in their order: the answer may be older.
+      await request("PUT", "/api/draft", { kind, points, arguments: given });
     } catch (error) { this.fly.refuse(error.message); }
     for (const tool of this.buttons) tool.disabled = false;
   }
