@@ -1,4 +1,4 @@
-"""What the link between flight stack and board did, as counts."""
+"""Counters of the link between flight stack and board."""
 
 from __future__ import annotations
 

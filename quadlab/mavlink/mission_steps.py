@@ -1,4 +1,4 @@
-"""What a mission asks for, as behaviors: an optional take-off, up to twelve way-points in a row,
+"""The steps of a mission as behaviors: an optional take-off, up to twelve way-points in a row,
 and an optional landing.
 
 The way-points are flown as one path of least snap (follow_trajectory, waypoints), which the vehicle

@@ -32,7 +32,7 @@ UP: Point = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Draft:
-    """What an operator prepares.
+    """A command that an operator prepares.
 
     Attributes:
         points: m, world. Of a volume the lowest and the highest corner, of a trajectory its start.

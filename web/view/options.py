@@ -18,7 +18,7 @@ RAMP = ((64, 120, 200), (64, 192, 160), (230, 190, 80), (229, 90, 80))
 
 @dataclass(frozen=True)
 class ViewOptions:
-    """What the 3D view shows of the flight, the same for all pages.
+    """The options of the 3D view, the same for all pages.
 
     Attributes:
         error: the vector from the estimate to the reference, `magnified`.

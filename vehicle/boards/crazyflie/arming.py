@@ -1,4 +1,4 @@
-"""Why a Crazyflie that answers must not be armed."""
+"""Reasons why a Crazyflie that answers must not be armed."""
 
 from __future__ import annotations
 
