@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from quadrotor.vehicle_model import GRAVITY
+from quadrotor.constants import GRAVITY
 from web.beacons.scene import BeaconScene
 from web.beacons.shapes import Point, point_of, wxyz_of
 from web.live.latest import Live

@@ -581,7 +581,7 @@ def test_a_log_that_lacks_something_is_told_what(
 def test_what_is_no_log_or_a_torn_one_is_refused(
     capsys: pytest.CaptureFixture[str], log: Path, tmp_path: Path
 ) -> None:
-    assert "no file" in complaint(capsys, ["replay", str(tmp_path / "no.mcap")], 1)
+    assert "is not a file" in complaint(capsys, ["replay", str(tmp_path / "no.mcap")], 1)
     assert "a folder" in complaint(capsys, ["replay", str(tmp_path)], 1)
     text = tmp_path / "text.mcap"
     text.write_text("t,x,y\n")

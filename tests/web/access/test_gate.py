@@ -137,7 +137,7 @@ def test_a_wrong_link_says_what_to_do(site: Any) -> None:
     with site.browser() as stranger:
         answer = stranger.get("/", params={"token": "wrong"})
     assert answer.status_code == 401
-    assert "not valid" in answer.text
+    assert "no longer valid" in answer.text
     assert "Open the newest link" in answer.text
     assert not answer.cookies
 

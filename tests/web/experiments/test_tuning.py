@@ -128,7 +128,7 @@ def test_gains_changed_in_flight_are_marked(bench: Bench) -> None:
     before = bench.status["id"]
     assert bench.admin.post("/api/tuning/run", json=body).status_code == 200
     again = bench.admin.post("/api/tuning/run", json=body)
-    assert (again.status_code, "under way" in again.text) == (409, True)
+    assert (again.status_code, "is running" in again.text) == (409, True)
     changed = bench.admin.put("/api/parameters", json={"values": {KP: 5.0}})
     assert changed.status_code == 200, changed.text
     bench.until(lambda: bench.ended(before))

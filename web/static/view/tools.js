@@ -17,7 +17,7 @@ export class ViewTools {
    */
   constructor(place, { camera, onCamera, onView, isEnabled = true, note = "", more = [] }) {
     const disabled = !isEnabled;
-    this.camera = element("select", { ariaLabel: "camera", title: "how the camera moves with the vehicle", onchange: () => onCamera(this.camera.value) }, ...optionsOf(CAMERAS, camera));
+    this.camera = element("select", { id: "view-camera", ariaLabel: "camera", title: "how the camera moves with the vehicle", onchange: () => onCamera(this.camera.value) }, ...optionsOf(CAMERAS, camera));
     this.boxes = new Map(LAYERS.map(([name]) => {
       const box = element("input", { type: "checkbox", disabled, onchange: () => onView({ [name]: box.checked }) });
       box.dataset.layer = name;

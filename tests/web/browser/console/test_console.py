@@ -19,7 +19,7 @@ def test_a_link_signs_in_once(context: Any, site: Any, page: Any) -> None:
     stranger = context.browser.new_context()
     late = stranger.new_page()
     late.goto(f"{site.base}/?token=used")
-    assert "not valid" in late.inner_text("h1")
+    assert "no longer valid" in late.inner_text("h1")
     assert "newest link" in late.inner_text("main")
     stranger.close()
 

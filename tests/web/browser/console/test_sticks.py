@@ -350,7 +350,7 @@ def test_a_pad_of_an_unknown_kind_is_set_up_by_moving_it_and_remembered(
 ) -> None:
     pad, look = Pad(flown, "Radio transmitter (Vendor: 1209)", ""), look_at(flown)
     look.text("#sticks .note", "not known: set it up")
-    flown.click("#sticks .foot button")
+    flown.click("#sticks .foot button:not([hidden])")
     for name, axis, value in (("Forward", 5, -1.0), ("Up", 2, 1.0)):
         flown.click(f'button[aria-label="move the stick for {name}"]')
         look.text("#stick-editor .hint", "Push the stick")

@@ -263,7 +263,7 @@ def test_an_admin_adds_a_user_changes_the_role_and_deletes(
     assert page.is_enabled("#users [name=role]")
     row = "#users tbody tr:has-text('oleg')"
     page.select_option(f"{row} select", "viewer")
-    look.text("#users .note", "oleg is viewer now")
+    look.text("#users .note", "oleg is now viewer")
     page.click(f"{row} button[aria-label='delete oleg']")
     page.click(f"{row} button[aria-label='really delete oleg']")
     look.text("#users .note", "oleg is deleted")
