@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import gc
 import os
@@ -58,13 +57,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """Make each of several processes a separate session.
 
     Linux shares the processors between sessions, and niceness counts within one: a low-priority job
-    then makes room for the test that waits for it, and not for all other tests. A laboratory's
-    processes have sessions of their own and come first: while it waits, it works for nothing.
+    then makes room for the test that waits for it, and not for all other tests.
     """
     if hasattr(config, "workerinput"):
         os.setsid()
-        with contextlib.suppress(OSError):  # a kernel without groups shares between processes
-            Path("/proc/self/autogroup").write_text("5")
         gc.disable()  # until the tests are collected, because all of them stay
 
 
