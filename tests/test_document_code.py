@@ -1,5 +1,5 @@
-"""What the documents tell people to type: commands are parsed, Python is compiled, what is quick
-runs."""
+"""Tests of all that documents tell people to type: commands are parsed, Python is compiled, what is
+quick runs."""
 
 from __future__ import annotations
 

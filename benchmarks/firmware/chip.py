@@ -31,7 +31,7 @@ def missing() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """What reaches the chip during one of its periods."""
+    """The input of the chip during one of its periods."""
 
     counts: tuple[int, ...]  # of the converter's channels, for the next period
     silent: int  # bits of the motor controllers that do not answer
@@ -40,7 +40,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What left the chip during one of its periods, and what it did.
+    """The output of the chip during one of its periods, and its load.
 
     Attributes:
         passed: periods that passed since the last; 1 unless one took too long.

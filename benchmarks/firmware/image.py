@@ -23,7 +23,7 @@ _FRAME = 34
 
 
 class PressureRange:
-    """What the readings of the analog pressure sensor mean, and how the image moves their range."""
+    """Meaning of the analog pressure sensor's readings, and how the image moves their range."""
 
     def __init__(self) -> None:
         self.coarse, self.fine = 199, 127
@@ -47,7 +47,7 @@ class PressureRange:
 
 @dataclass(slots=True)
 class Judgement:
-    """How a run on the chip compared with the Python firmware.
+    """Comparison of a run on the chip with the Python firmware.
 
     Attributes:
         periods: periods run.
