@@ -73,9 +73,9 @@ def timeline_blocks(log: RunLog) -> list[Block]:
         for start, end, name in log.spans("status", "behavior")
     ]
     if behaviors:
-        spans = ("from, s", "to, s", "behaviour")
+        spans = ("from, s", "to, s", "behavior")
         is_long = len(behaviors) > 20
-        blocks.append(Table("Behaviours", spans, behaviors, "14r 14r 72l", is_long))
+        blocks.append(Table("Behaviors", spans, behaviors, "14r 14r 72l", is_long))
     if not rows:
         return [*blocks, Text("This log has no events, marks or changes of parameters.")]
     title = f"Events, marks and changes of parameters ({len(rows)})"

@@ -253,7 +253,7 @@ def _need(log: RunLog, *topics: str) -> None:
 
 
 def _around(time: Array, log: RunLog, behavior: str) -> npt.NDArray[np.bool_]:
-    """Return the interval of that behaviour plus a second at both ends; all, if there is none."""
+    """Return the interval of that behavior plus a second at both ends; all, if there is none."""
     spans = [one for one in log.spans("status", "behavior") if one[2] == behavior]
     if not spans:
         return np.ones(len(time), bool)

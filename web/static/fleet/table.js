@@ -6,7 +6,7 @@ import { duration, fixed, NONE, seconds, words } from "../core/format.js";
 import { stateOf } from "../core/vehicle_strip.js";
 
 const COLUMNS = [
-  ["vehicle", ""], ["state", ""], ["mode", ""], ["behaviour", ""], ["link", "state of the link and age of the newest telemetry at the station"], ["battery", ""],
+  ["vehicle", ""], ["state", ""], ["mode", ""], ["behavior", ""], ["link", "state of the link and age of the newest telemetry at the station"], ["battery", ""],
   ["height", "above the floor, m"], ["control", "who commands"], ["recording", ""], ["alarms", ""], ["emergency", "the newest emergency of this vehicle"], ["", ""],
 ];
 const OLD = 1; // s

@@ -1,4 +1,4 @@
-// The Fly tab: behaviours with their arguments, recording, and the answer to the last command.
+// The Fly tab: behaviors with their arguments, recording, and the answer to the last command.
 
 import { command } from "../core/api.js";
 import { CommandNotice } from "./command_notice.js";
@@ -24,7 +24,7 @@ export class Fly {
     this.events = events;
     this.behaviors = behaviors;
     this.forms = new Map();
-    this.started = null; // {name, values}: the last behaviour this page started
+    this.started = null; // {name, values}: the last behavior this page started
     this.isOperator = isOperator;
     this.notice = new CommandNotice($("answer"), events);
     this.preview = new Preview($("plan"), (behavior) => this.valuesOf(behavior));
@@ -60,7 +60,7 @@ export class Fly {
     return row;
   }
 
-  // which: a behaviour of the list, or the name of one.
+  // which: a behavior of the list, or the name of one.
   start(which) {
     const behavior = typeof which === "string" ? this.behaviors.find(({ name }) => name === which) : which;
     const { name, label } = behavior, { values, problem } = this.valuesOf(behavior);
@@ -71,7 +71,7 @@ export class Fly {
     }, label, (status) => status.behavior?.toLowerCase() === name);
   }
 
-  // {values, problem} of a behaviour's fields.
+  // {values, problem} of a behavior's fields.
   valuesOf(behavior) {
     const values = { ...behavior.fixed };
     for (const [field, input] of this.forms.get(behavior)) {

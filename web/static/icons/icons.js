@@ -19,7 +19,7 @@ const PATHS = {
   runs: "M7.5 5H17M7.5 10H17M7.5 15H17M3 5h1M3 10h1M3 15h1",
   setup: `M10 2.5v2.5M10 15v2.5M2.5 10H5M15 10h2.5M4.7 4.7l1.8 1.8M13.5 13.5l1.8 1.8M15.3 4.7l-1.8 1.8M6.5 13.5l-1.8 1.8${ring(10, 10, 5)}${ring(10, 10, 1.5)}`,
   fleet: "M3 3h5v5H3zM12 3h5v5h-5zM3 12h5v5H3zM12 12h5v5h-5z",
-  // behaviours; those of follow_trajectory by their trajectory
+  // behaviors; those of follow_trajectory by their trajectory
   take_off: "M10 13V3M6 7l4-4 4 4M4 17h12",
   land: "M10 3v10M6 9l4 4 4-4M4 17h12",
   fly_to: `M10 18c-3-3.5-5-6.5-5-9.5a5 5 0 0 1 10 0c0 3-2 6-5 9.5z${ring(10, 8.5, 1.5)}`,

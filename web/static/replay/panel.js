@@ -94,7 +94,7 @@ function lines({ description: { events, marks, changes, spans } }) {
     ...events.map(({ t, text, warn }) => ({ t, text: warn ? `⚠ ${text}` : text, kind: warn ? "warn" : "event" })),
     ...marks.map(({ t, text, who }) => ({ t, text: `▼ ${text || "mark"}${who ? ` (${who})` : ""}`, kind: "mark" })),
     ...changes.map(({ t, name, old, new: value, who }) => ({ t, text: `${name}: ${exact(old)} → ${exact(value)}${who ? `, ${who}` : ""}`, kind: "change" })),
-    ...spans.behavior.map(({ from, text }) => ({ t: from, text: `behaviour ${text.replaceAll("_", " ")}`, kind: "behavior" })),
+    ...spans.behavior.map(({ from, text }) => ({ t: from, text: `behavior ${text.replaceAll("_", " ")}`, kind: "behavior" })),
   ];
 }
 

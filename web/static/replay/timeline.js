@@ -1,4 +1,4 @@
-// The time line: behaviours and modes as stretches with their names, marks, events and parameter
+// The time line: behaviors and modes as stretches with their names, marks, events and parameter
 // changes where they happened, and the bar that is dragged. A second run lies below; it is dragged
 // against the first.
 
@@ -45,7 +45,7 @@ export class TimeLine extends EventTarget {
   lane(run, k) {
     const { spans, marks, events, changes } = run.description;
     const lane = (kind, ...children) => element("div", { className: `lane ${kind}${k ? " second" : ""}` }, ...children);
-    const stretches = lane("behavior", ...spans.behavior.slice(0, MOST).map((one) => this.stretch(run, one, "behaviour")));
+    const stretches = lane("behavior", ...spans.behavior.slice(0, MOST).map((one) => this.stretch(run, one, "behavior")));
     const modes = lane("mode", ...spans.mode.slice(0, MOST).map((one) => this.stretch(run, one, "mode")));
     const ticks = lane("ticks",
       ...events.slice(0, MOST).map((one) => this.tick(run, one.t, `event${one.warn ? " warn" : ""}`, one.text)),

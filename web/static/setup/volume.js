@@ -15,7 +15,7 @@ export class VolumeSection {
     this.top = drawing("from above", "x", "y");
     this.side = drawing("from the side", "x", "z");
     drawings.append(this.top.figure, this.side.figure);
-    place.append(element("p", { className: "hint" }, "No behaviour leaves this volume. A lower limit above its upper one is refused."), element("div", { className: "volume" }, left, drawings));
+    place.append(element("p", { className: "hint" }, "No behavior leaves this volume. A lower limit above its upper one is refused."), element("div", { className: "volume" }, left, drawings));
     this.fields = new Fields(left, parameters, LABELS);
     this.fields.addEventListener("draft", () => this.draw());
     this.draw();

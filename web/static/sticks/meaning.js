@@ -1,4 +1,4 @@
-// What the sticks' axes do in the behaviours that obey them, in words. `limit(name)` is the
+// What the sticks' axes do in the behaviors that obey them, in words. `limit(name)` is the
 // vehicle's behavior.joy_…, `holds` whether near-hovering holds the height: undefined when another
 // page started it.
 

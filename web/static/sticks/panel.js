@@ -39,7 +39,7 @@ class StickPanel {
     this.limits = element("p", { className: "limits" });
     this.source = element("span", { className: "source" });
     this.trip = element("output", { className: "trip", title: "from this page to the station and back: median, and the time 95 % stay below" });
-    this.velocity = flightButton(element("button", { title: "start the behaviour velocity: the sticks command the velocity while their button is held", onclick: () => fly.start("velocity") }, "Velocity"));
+    this.velocity = flightButton(element("button", { title: "start the behavior velocity: the sticks command the velocity while their button is held", onclick: () => fly.start("velocity") }, "Velocity"));
     this.said = element("p");
     this.begin = flightButton(element("button", { title: "the pads command the velocity while a finger is on them", onclick: () => fly.start("velocity") }, "Velocity"));
     this.touch = new TouchPads(this.sticks.touch, [this.said, this.begin]);

@@ -146,7 +146,7 @@ export class Tune {
     if (!this.events.connected || !(this.events.age("status") < 1)) return "The vehicle's status is old; a test needs the link.";
     if (holder && holder !== this.session.label) return `${holder} has control; ask for it to fly a test.`;
     if (!status?.airborne) return "The vehicle is on the ground: take off first.";
-    if (status.behavior !== "hover") return `The vehicle's behaviour is ${words(status.behavior)}; a test starts from hover.`;
+    if (status.behavior !== "hover") return `The vehicle's behavior is ${words(status.behavior)}; a test starts from hover.`;
     return this.wrong;
   }
 

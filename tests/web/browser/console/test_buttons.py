@@ -58,7 +58,7 @@ def test_a_short_press_says_to_keep_holding_and_does_nothing(
     look.text("#hold-hint", "^$")  # it disappears by itself
 
 
-def test_space_pauses_the_charts_and_does_not_start_the_focused_behaviour_again(
+def test_space_pauses_the_charts_and_does_not_start_the_focused_behavior_again(
     console: Any, station: Any, look: Any, until: Any
 ) -> None:
     hover = "#behaviors button:text-is('Hover')"

@@ -54,7 +54,7 @@ def test_a_test_begins_in_hover_only_and_the_page_says_why_not(
     seen.text(LINE, "on the ground: take off first")
     assert tab.is_disabled(RUN)
     vehicle.airborne, vehicle.behavior = True, "fly_to"
-    seen.text(LINE, "The vehicle's behaviour is fly to; a test starts from hover")
+    seen.text(LINE, "The vehicle's behavior is fly to; a test starts from hover")
     vehicle.behavior = "hover"
     tune_site.station.control("operator 9")
     seen.text(LINE, "operator 9 has control; ask for it")

@@ -231,7 +231,7 @@ def test_events_marks_and_changes_lead_to_their_moments(replay: Any, look_at: An
     look.text(".values tr:has-text('kp_xy') small", r"was 4, 0:08\.0 by anna")
 
 
-def test_the_time_line_names_behaviours_and_marks(replay: Any) -> None:
+def test_the_time_line_names_behaviors_and_marks(replay: Any) -> None:
     names = replay.locator("#line .behavior span").all_inner_texts()
     assert names == ["ground", "take off", "follow trajectory", "land", "ground"]
     assert replay.locator("#line .mark").inner_text() == "gust"
