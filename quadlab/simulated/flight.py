@@ -21,6 +21,7 @@ from estimation.estimator import Estimator
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.guide import REQUESTER, SimulatedGuide
 from quadlab.simulated.onboard_camera import OnboardCamera
+from quadlab.simulated.outside_cameras import OutsideCameras
 from quadlab.simulated.parameters import FlightParameters
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
@@ -71,7 +72,10 @@ class SimulatedFlight(SimulatedGuide):
         self._board = kind.connect(
             simulated.ports, options, parameters.simulator.imu_rate, lambda: simulated.stamp_ns
         )
-        self._tracker = SimulatedTracker(parameters.tracker)
+        self._tracker: SimulatedTracker | OutsideCameras = SimulatedTracker(parameters.tracker)
+        if parameters.outside_cameras.number:
+            outside = OutsideCameras(parameters.outside_cameras, parameters.tracker.seed)
+            self._tracker = outside
         self._bearings: BearingEmulator | OnboardCamera = BearingEmulator(parameters.bearings)
         if parameters.camera.enabled:
             estimated_w = self.stack.state["position_w"][0]
@@ -192,9 +196,13 @@ class SimulatedFlight(SimulatedGuide):
             seen = bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
             self.stack.measure(seen)
             self._solve(seen, now_ns)
-        if isinstance(self._bearings, OnboardCamera):
-            for stamp_ns, jpeg in self._bearings.shown():
-                self._log.picture(stamp_ns, jpeg, now_ns)
+        for cameras in (self._bearings, self._tracker):
+            if isinstance(cameras, OnboardCamera | OutsideCameras):
+                for topic, stamp_ns, jpeg in cameras.shown():
+                    self._log.picture(topic, stamp_ns, jpeg, now_ns)
+        if isinstance(self._tracker, OutsideCameras):
+            for line in self._tracker.said():
+                self.stack.say(f"tracker: {line}", mailbox.WARN)
         self._next_station_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
         for arrival_ns in (self._tracker.next_ns, self._bearings.next_ns):
             if arrival_ns is not None and arrival_ns < self._next_station_ns:
