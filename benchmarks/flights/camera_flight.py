@@ -6,14 +6,13 @@ import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Target
-from quadlab.simulated.outside_cameras import OutsideCameras
 
 SECONDS, LAPS = 10.0, 2
 STEPS = 5
 """Number of IMU periods between two checks of the flight."""
 COVERED_AT = 25.0
 """When the covered camera is covered, in s: in the first lap."""
-CAMERAS = {
+CAMERAS: dict[str, dict[str, float]] = {
     "one camera": {"number": 1},
     "two cameras": {"number": 2},
     "two, one covered half way": {"number": 2, "covered": 1, "covered_from": COVERED_AT},
@@ -22,10 +21,10 @@ CAMERAS = {
 
 def _flown(seed: int, estimator: str, cameras: dict[str, float]) -> dict[str, float | str]:
     settings = {f"outside_cameras.{name}": value for name, value in cameras.items()}
-    quiet = {"estimation.estimator": estimator, "outside_cameras.exposure": 0.0}
-    flight = WatchedFlight(seed, {**quiet, "outside_cameras.pictures": 0.0, **settings})
-    camera = flight._tracker
-    assert isinstance(camera, OutsideCameras)
+    quiet = {"outside_cameras.exposure": 0.0, "outside_cameras.pictures": 0.0}
+    flight = WatchedFlight(seed, {"estimation.estimator": estimator, **quiet, **settings})
+    camera = flight._outside
+    assert camera is not None
     flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
     flight.hover(1.0, 1.5)
     hover = []
