@@ -111,10 +111,10 @@ class Tracker:
             raise UsageError(
                 f"{len(cameras)} cameras; {self.system} reads at most {most}: start it with fewer"
             )
-        if self.rendered < 0 or (self.rendered and self.of_bearings):
+        if self.rendered < 0 or (self.rendered and (self.of_bearings or len(self.body) > 1)):
             raise UsageError(
-                f"--rendered {self.rendered} with {self.system}: it renders 1 to {most} cameras "
-                "of the system camera"
+                f"--rendered {self.rendered} with {self.system}: the system camera renders 1 to "
+                f"{most} cameras, and one vehicle"
             )
         if self.rendered:
             return

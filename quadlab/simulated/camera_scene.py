@@ -42,11 +42,12 @@ class Scene:
     """Renders what a camera at a place sees.
 
     Args:
-        seed: of the pictures' noise. exposure: s; tags in motion smear.
+        seed: of the pictures' noise. exposure: s; tags in motion smear. fine: rays per pixel along
+            each axis.
     """
 
-    def __init__(self, seed: int, exposure: float = 0.0) -> None:
-        self._camera = replace(CAMERA, exposure=exposure)
+    def __init__(self, seed: int, exposure: float = 0.0, fine: int = 4) -> None:
+        self._camera = replace(CAMERA, exposure=exposure, fine=fine)
         self._random = np.random.default_rng(seed)
         prints = TagDetector(LENS)
         self._pictures = {number: prints.picture(number) for number in TAGS}

@@ -69,6 +69,8 @@ CAMERAS = ("tracker", "camera", "--tags", "tags.toml", "--device")
         ([*CAMERAS, "0", "1", "--intrinsics", "a.yaml"], "1 files, but there are 2 cameras (0, 1)"),
         ([*CAMERAS, "1", "1", "--intrinsics", "a.yaml", "b.yaml"], "camera 1 is given twice"),
         ([*CAMERAS, *"01234", "--intrinsics", *"abcde"], "5 cameras; camera reads at most 4"),
+        (["up", "--tracker", "camera --rendered 5"], "5 cameras; camera reads at most 4"),
+        (["tracker", "onboard_camera", "--rendered", "1"], "the system camera one vehicle"),
         (["log", "inspect", "x.mcap"], "info"),
     ],
 )
