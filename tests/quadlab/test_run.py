@@ -15,7 +15,11 @@ import pytest
 import quadlab
 from flight_log import read_log
 from quadlab.run import Run
+from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import StorageError, UsageError
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import JUDGED_READING, TICK
+from tests.support.lab import flight_parameters
 from vehicle_link.messages import decode
 
 Z = "pose.pose.position.z"
@@ -61,6 +65,23 @@ def test_a_window_and_other_times_are_the_same_flight(run: Run) -> None:
     assert joined[Z] == pytest.approx(0.5 * (part[Z][:-1] + part[Z][1:]), abs=1e-12)
     assert joined.units == part.units
     assert np.isnan(part.at([0.0, 5.5, 99.0])[Z]).tolist() == [True, False, True]
+
+
+def test_readings_of_a_sensor_of_the_users_own_are_a_table(tmp_path: Path) -> None:
+    log = FlightLog(tmp_path / "a.mcap", "quad1", ParameterStore(flight_parameters()), {})
+    tick, judged = np.zeros(1, TICK), np.zeros(1, JUDGED_READING)
+    judged["place"], judged["sensor"], judged["reading"] = 1, "Höhe".encode(), 1.5
+    for k in range(20):
+        tick["imu"]["stamp_ns"] = 2_000_000 * (k + 1)
+        log.tick(tick)
+        judged["stamp_ns"], judged["residual"] = 2_000_000 * k, 0.1 * k
+        log.readings([judged])
+    log.close()
+    table = quadlab.open(log.path)["sensor_1"]
+    assert table["expected"] == pytest.approx(1.5 - 0.1 * np.arange(20))
+    assert set(table["sensor"]) == {"Höhe"}
+    assert table["stamp_ns"].tolist() == (2_000_000 * np.arange(20)).tolist()
+    assert {"reading", "residual", "gate", "deviation", "judgement"} < set(table.columns)
 
 
 def test_errors_are_those_of_state_against_truth(run: Run) -> None:
