@@ -103,7 +103,7 @@ def test_readings_of_one_moment_are_all_used() -> None:
 @pytest.mark.parametrize("late", [0, 10])
 def test_a_reading_is_told_with_its_residual_and_the_gate_that_decides(late: int) -> None:
     """The residual is to the filter's own prediction, also where later events are repeated."""
-    probe, at_w = Still(), PLACE_W + [0.0, 0.1, 0.0]
+    probe, at_w = Still(), PLACE_W + np.array([0.0, 0.1, 0.0])
     probe.tick(100)
     off = probe.range(0, off=1.0).gate
     assert off > 2.0 * SIGMA

@@ -19,7 +19,7 @@ class Estimators:
     """The estimators by name.
 
     Args:
-        folder: of files NAME.py; may be missing.
+        folder: of files NAME.py and NAME.fmu; may be missing.
         waits: whether simulated time waits for the answers of a plugin.
     """
 
@@ -42,8 +42,8 @@ class Estimators:
         if name not in self._plugins.names():
             raise RefusedError(
                 f"{parameter} = {name!r} is not an estimator; there are "
-                f"{', '.join((*registry.names(), *self._plugins.names()))}; put NAME.py into "
-                f"{self._plugins.folder or 'the folder plugins'}"
+                f"{', '.join((*registry.names(), *self._plugins.names()))}; "
+                f"put NAME.py or NAME.fmu into {self._plugins.folder or 'the folder plugins'}"
             )
         self._plugins.check(parameter, name)
 

@@ -30,13 +30,6 @@ OUTPUT = (
 )
 
 
-def names_of(field: Field) -> list[str]:
-    """Return the names of a field's numbers as FMUs have them, counted from 1."""
-    return (
-        [field.name] if field.size == 1 else [f"{field.name}[{k + 1}]" for k in range(field.size)]
-    )
-
-
 class Input(Protocol):
     """The argument of `Law.step`: numbers, and arrays of 3 or 4."""
 

@@ -92,9 +92,9 @@ def load(contract: Contract, source: str | Path) -> Any:
     """
     path = Path(source)
     if path.suffix == FMU:
-        from vehicle.laws.fmu import FmuLaw
+        from vehicle.plugins.fmu import FmuPlugin
 
-        return FmuLaw(path)
+        return FmuPlugin(contract, path)
     if (point := _entry_point(contract, source)) is not None:
         made = call_user_code(path, point.load, UsageError)
     else:
