@@ -107,5 +107,5 @@ class ErrorStateEkf:
         )
 
 
-estimator = ErrorStateEkf
-"""The name that the vehicle imports from this file."""
+estimator = ErrorStateEkf  # the name that the vehicle imports
+PROTOCOL = 1  # of what it imports: docs/extending/plugins.md

@@ -80,5 +80,5 @@ def attitude(force: Array, rate: Array, yaw: float, yaw_rate: float) -> tuple[Ar
     return np.stack([x, y, z], axis=1), np.array([-(y @ tip), x @ tip, yaw_rate * z[2]])
 
 
-law = GeometricPid
-"""Name that the vehicle imports from this file."""
+law = GeometricPid  # the name that the vehicle imports
+PROTOCOL = 1  # of what it imports: docs/extending/plugins.md

@@ -59,6 +59,8 @@ class Contract:
         rehearsal: inputs that it is stepped with before it counts as loaded, so that nothing is
             imported or compiled in the first tick.
         optional: outputs that an FMU may leave out, with the number that then stands there.
+        protocol: version of inputs, outputs and methods, which a file states as `PROTOCOL`.
+        changes: what to change in a file of each older version.
     """
 
     kind: str
@@ -68,6 +70,8 @@ class Contract:
     endings: tuple[str, ...] = (".py",)
     rehearsal: tuple[Record, ...] = ()
     optional: Mapping[str, float] = field(default_factory=dict)
+    protocol: int = 1
+    changes: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def input_fields(self) -> tuple[Field, ...]:

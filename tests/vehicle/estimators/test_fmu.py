@@ -119,8 +119,8 @@ def test_a_reset_begins_at_the_start_state_again_and_keeps_the_parameters(build:
         (
             2,
             {"velocity_w[2]": "speed"},
-            r"as estimator it needs the outputs position_w\[1\] to position_w\[3\], velocity_w.* and "
-            r"quaternion_wb\[1\] to quaternion_wb\[4\], and has position_w\[1\]",
+            r"as estimator it needs the outputs position_w\[1\] to position_w\[3\], velocity_w.* "
+            r"and quaternion_wb\[1\] to quaternion_wb\[4\], and has position_w\[1\]",
         ),
     ],
 )

@@ -96,7 +96,9 @@ def test_packets_of_another_length_and_stale_ones_end_the_law_and_are_never_flow
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("", 0))
             port = free.getsockname()[1]
-        link = UdpLink(LAW, f"127.0.0.1:{other.getsockname()[1]}", port, waits=True)
+        link = UdpLink(
+            LAW, "control.plugin", f"127.0.0.1:{other.getsockname()[1]}", port, waits=True
+        )
         law = ExternalLaw("udp", link, GeometricController(), waits=True)
         bench = LawBench(law)
         other.sendto(packet, ("127.0.0.1", port))
@@ -110,7 +112,7 @@ def test_packets_of_another_length_and_stale_ones_end_the_law_and_are_never_flow
 def test_in_real_time_a_silent_law_costs_no_tick_and_is_disengaged_after_25() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
-        link = UdpLink(LAW, f"127.0.0.1:{other.getsockname()[1]}", 0, waits=False)
+        link = UdpLink(LAW, "control.plugin", f"127.0.0.1:{other.getsockname()[1]}", 0, waits=False)
         law = ExternalLaw("udp", link, GeometricController(), waits=False)
         bench = LawBench(law)
         assert law.is_ready
