@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator
+from estimation.outcome import JudgedReading
 from estimation.parameters import EstimationParameters
 from quadrotor.checkout import ROOT
 from quadrotor.errors import RefusedError
@@ -209,14 +211,21 @@ def test_each_reading_is_told_once_with_what_the_filter_made_of_it(tmp_path: Pat
     assert (np.diff(judged["stamp_ns"]) == 2_000_000).all()
 
 
-def test_a_reading_reaches_the_filter_beneath_a_plugin_once(tmp_path: Path) -> None:
+def test_a_reading_reaches_the_filter_beneath_a_plugin_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The plugin itself offers all methods of the filter beneath it."""
     bench = Bench(written(tmp_path))
     bench.run(0.1)
-    beneath = bench.filter
-    calls: list[object] = []
-    correct = beneath.correct_reading  # type: ignore[attr-defined]
-    beneath.correct_reading = lambda reading: (calls.append(1), correct(reading))[1]  # type: ignore[attr-defined]
+    beneath, calls = bench.filter, list[Record]()
+    assert isinstance(beneath, ErrorStateEstimator)
+    correct = beneath.correct_reading
+
+    def counted(reading: Record) -> JudgedReading:
+        calls.append(reading)
+        return correct(reading)
+
+    monkeypatch.setattr(beneath, "correct_reading", counted)
     above = ExternalEstimator("own", bench.link, Runner("error_state", "poses", beneath), True)
     bench.sensor.step(0, 0.002, bench.imu, bench.state, 1e5, True, [above, beneath])
     assert len(calls) == 1
