@@ -7,7 +7,7 @@ import importlib
 import re
 from pathlib import Path
 
-from benchmarks.house import FRAGMENT, code_lines
+from benchmarks.house import FRAGMENT
 
 ROOT = Path(__file__).resolve().parent.parent
 ROW = re.compile(r"^\|[^|]+\|[^|]*\| `([\w.]+)` \| `(tests/[\w/]+\.py)` \|$", re.MULTILINE)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -135,23 +138,46 @@ def example(name: str) -> Any:
     return module
 
 
-def test_the_example_reads_a_run(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
-    example("read_run").main(run)
+def executed(name: str, changes: Mapping[str, str]) -> dict[str, Any]:
+    """Run the cells of a notebook, with changes to its text; return its names."""
+    cells = json.loads((EXAMPLES / f"{name}.ipynb").read_text())["cells"]
+    source = "\n".join("".join(one["source"]) for one in cells if one["cell_type"] == "code")
+    for old, new in changes.items():
+        assert source.count(old) == 1
+        source = source.replace(old, new)
+    names: dict[str, Any] = {}
+    with mpl.rc_context({"backend": "agg"}):
+        exec(compile(source, name, "exec"), names)
+    return names
+
+
+def test_the_notebook_reads_a_run(
+    run: Run, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(quadlab, "fly", lambda experiment, seed, out: run)
+    names = executed("read_run", {})
     told = capsys.readouterr().out
     assert re.search(r"^highest point: 1\.\d+ m$", told, re.MULTILINE)
-    assert "position_rms_m" in told
     assert "take off by" in told
+    (line,) = names["axes"].lines
+    assert 1e-3 * np.max(line.get_ydata()) == pytest.approx(run.errors().position.max())
 
 
-def test_the_example_of_a_batch_draws_how_error_grows_with_force(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    picture = tmp_path / "study.png"
-    example("batch_study").main(1, str(picture))
-    medians = [float(x) for x in re.findall(r"N: ([\d.]+) mm", capsys.readouterr().out)]
-    assert medians == sorted(medians)
-    assert len(medians) == 5
-    assert picture.read_bytes().startswith(b"\x89PNG")
+def test_the_notebook_of_a_batch_draws_how_error_grows_with_force() -> None:
+    names = executed("batch_study", {"FLIGHTS = 100": "FLIGHTS = 1"})
+    (line,) = names["axes"].lines
+    assert line.get_ydata().tolist() == sorted(names["middle"])
+    assert len(names["middle"]) == 5
+
+
+@pytest.mark.parametrize("path", EXAMPLES.glob("*.ipynb"), ids=lambda path: path.stem)
+def test_a_notebook_shows_the_results_of_all_its_cells_in_order(path: Path) -> None:
+    cells = json.loads(path.read_text())["cells"]
+    code = [one for one in cells if one["cell_type"] == "code"]
+    assert [one["execution_count"] for one in code] == list(range(1, len(code) + 1))
+    outputs = [output for one in code for output in one["outputs"]]
+    assert all(one["output_type"] != "error" for one in outputs)
+    assert any("image/png" in one.get("data", {}) for one in outputs)
 
 
 def test_every_example_that_runs_alone_is_short() -> None:
@@ -159,10 +185,18 @@ def test_every_example_that_runs_alone_is_short() -> None:
         assert len(path.read_text().splitlines()) <= 60, path.name
 
 
-def test_the_example_compares_gain_sets() -> None:
-    path = EXAMPLES / "compare_seeds.py"
-    words = [sys.executable, str(path), "1"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=120)
-    rows = [line.split() for line in done.stdout.splitlines()]
+def test_the_example_compares_gain_sets(
+    run: Run, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[tuple[int, object]] = []
+
+    def fly(experiment: str, *, seed: int, set: Mapping[str, object], out: Path) -> Run:
+        flown.append((seed, set["control.preset"]))
+        return run
+
+    monkeypatch.setattr(quadlab, "fly", fly)
+    example("compare_seeds").main(2)
+    assert flown == [(1, "standard"), (2, "standard"), (1, "stiff"), (2, "stiff")]
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert [row[0] for row in rows] == ["standard", "stiff"]
     assert all(0.5 < float(row[2]) < 10.0 for row in rows)

@@ -63,7 +63,7 @@ def lab() -> Iterator[Callable[[str], Lab]]:
 def test_a_program_of_another_make_flies_the_vehicle(
     peer: Callable[[int], str], lab: Callable[[str], Lab]
 ) -> None:
-    flown = lab(peer(1_000_000)).hovering(settling=4.0)
+    flown = lab(peer(1_000_000)).hovering(settling=1.0)
     external = flown.stack.law.external
     assert external is not None
     assert external.flown
@@ -74,8 +74,8 @@ def test_a_program_of_another_make_flies_the_vehicle(
 def test_a_program_that_falls_silent_is_replaced_in_that_tick(
     peer: Callable[[int], str], lab: Callable[[str], Lab]
 ) -> None:
-    flown = lab(peer(1500)).hovering(settling=2.0)
-    assert "no answer in time to 1 inputs in a row, 1 of 1501 in all" in flown.said
+    flown = lab(peer(1000)).hovering(settling=0.5)
+    assert "no answer in time to 1 inputs in a row, 1 of 1001 in all" in flown.said
     assert flown.parameter("control.law") == "geometric"
     assert flown.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
 
