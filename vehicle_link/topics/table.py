@@ -47,6 +47,9 @@ class Topic:
         return not self.qos.reliable
 
 
+SENSORS = 4
+"""Sensors of the user's own that run at a time: each is a process, with a topic of readings."""
+
 _ROWS = (
     # On loopback: expanded telemetry; in the first rows because the page lists them first.
     Topic("state", "nav_msgs/Odometry", "station", 100, stale=0.3, page="seen"),
@@ -95,6 +98,18 @@ _ROWS = (
         recorded=True,
         stale=0.3,
         page="seen",
+    ),
+    *(  # readings of sensors of the user's own: all in the vehicle's log, fewer by radio
+        Topic(
+            f"sensor_{place}",
+            "quadlab_msgs/SensorReading",
+            "vehicle",
+            50,
+            recorded=True,
+            stale=1.0,
+            page="chart",
+        )
+        for place in range(1, SENSORS + 1)
     ),
     Topic(
         "parameter_changes",
