@@ -1,8 +1,8 @@
 """Every page in its main states: axe-core in both themes, and its fit to the window.
 
 axe-core checks the whole console once, in the state "fly", and in its other states only what they
-add. The windows are 1024 x 700 to 2560 x 1440. With QUADLAB_IMAGES=folder the documentation's pictures
-are taken too.
+add. The windows are 1024 x 700 to 2560 x 1440. With QUADLAB_IMAGES=folder the documentation's
+pictures are taken too.
 """
 
 from __future__ import annotations
