@@ -28,6 +28,7 @@ from web.live.events import EventHub
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
+from web.setup.camera_calibration import open_cameras
 from web.vehicle_context import Connect, Runs, SharedServices, VehicleContext
 from web.view.server import ViewServer
 
@@ -91,6 +92,7 @@ def assemble(
         ViserExports(),
         ReportMaking(),
         ReplayStore(),
+        open_cameras(data),
         tls,
         survey,
     )
@@ -121,6 +123,7 @@ def assemble(
             fleet.stop()
             shared.exports.stop()
             shared.reports.stop()
+            shared.cameras.stop()
             people.stop()
 
     first, *others = contexts
