@@ -133,7 +133,7 @@ def check_size(grey: Picture, lens: Intrinsics) -> None:
     if size != wanted:
         raise MeasurementError(
             f"a picture of {' x '.join(map(str, size))} pixels, but the intrinsics are of "
-            f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it at this"
+            f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it on Set-up"
         )
 
 

@@ -13,7 +13,6 @@ import base64
 import threading
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI, Query, Response, WebSocket
@@ -296,8 +295,3 @@ def add_camera_calibration(app: FastAPI, cameras: CameraCalibrations) -> None:
     async def follow(socket: WebSocket) -> None:
         await socket.accept()
         await converse(socket, cameras.talk(socket))
-
-
-def open_cameras(data: Path) -> CameraCalibrations:
-    """Return the calibrations whose results are stored in a data folder."""
-    return CameraCalibrations(CameraStore(data))

@@ -35,7 +35,7 @@ export class CameraResult {
       ["Focal lengths", `${fixed(across, 1)} and ${fixed(down, 1)} pixels, ± ${fixed(found.focal_deviation, 1)}`],
       ["In use until now", was],
       ["Principal point", `${fixed(matrix[2], 1)}, ${fixed(matrix[5], 1)} of ${found.width} × ${found.height} pixels`],
-      ["Distortion", TERMS.map((name, k) => `${name} ${fixed(distortion[k], 4)}`).join(", ")],
+      ["Distortion", TERMS.map((name, k) => `${name}\u00a0${fixed(distortion[k], 4)}`).join(", ")],
       ["Coverage", `${fixed(100 * found.coverage, 0)} % of the picture, ${found.views} pictures`],
       ["Made by", requester],
     ];

@@ -14,7 +14,7 @@ const BOARD = [
   { name: "columns", label: "Squares across", usual: "7", unit: "", scale: 1 }, { name: "rows", label: "Squares down", usual: "5", unit: "", scale: 1 },
   { name: "square", label: "Square", usual: "35", unit: "mm", scale: 1e-3 }, { name: "marker", label: "Marker", usual: "26", unit: "mm", scale: 1e-3 },
 ];
-const DECIDED = { accepted: (file) => `✓ Accepted. quadlab tracker takes the intrinsics from ${file} at its next start.`, rejected: () => "Cancelled. Nothing was changed.", "": () => "" };
+const DECIDED = { accepted: (file, camera) => `✓ Accepted and stored in ${file}.${camera === SIMULATED ? "" : ` quadlab tracker camera --device ${camera} takes it from there at its next start.`}`, rejected: () => "Cancelled. Nothing was changed.", "": () => "" };
 
 export class CameraSection {
   constructor(place, isOperator) {
@@ -82,7 +82,7 @@ export class CameraSection {
       showNote(this.reason, state === "failed" ? reason : "");
     }
     hide(this.choice, runs || waits);
-    showNote(this.said, DECIDED[decision](file));
+    showNote(this.said, DECIDED[decision](file, camera));
     this.guide.show(runs ? progress : null, `${requester} calibrates ${called}`);
     this.result.show(waits ? result : null, { called, requester, before: this.known.find((one) => one.camera === camera)?.history[0] });
   }
