@@ -156,8 +156,9 @@ class Room:
     def camera_guide(self) -> None:
         """Show the guided calibration of a camera, with seven views taken."""
         guide = walk(7)
-        guide.hint, hand = "Hold the board still", Hand(guide, np.random.default_rng(1))
+        hand = Hand(guide, np.random.default_rng(1))
         hand.hold("left", shown=1)
+        guide.hint = "Hold the board still"
         jpeg = picture_with_corners(hand.picture(), guide.corners, taken=False)
         told = {**guide.state(), "picture": base64.b64encode(jpeg).decode()}
         cameras = self.lab.cameras
