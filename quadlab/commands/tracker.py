@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from quadlab.commands.option_types import File, optional
+from quadlab.commands.option_types import File, Folder, optional
+from quadlab.data_folder import data_folder
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import LinkError, UsageError
 
@@ -49,12 +50,15 @@ class Tracker:
     video: File = None
     """camera and onboard_camera: read this video file instead of a camera"""
     intrinsics: File = None
-    """camera and onboard_camera: file that `quadlab camera` wrote"""
+    """camera and onboard_camera: file of the camera's intrinsics (default: those accepted on the
+    Set-up page, or by `quadlab camera`, in the data folder)"""
     tags: File = None
     """camera and onboard_camera: TOML file with the tags and their places, or with the LEDs and how
     often they blink"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
+    data: Folder = None
+    """data folder, for intrinsics"""
 
     @property
     def of_bearings(self) -> bool:
@@ -70,10 +74,10 @@ class Tracker:
             raise UsageError(
                 "with ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
             )
-        if self.system in CAMERAS and None in (self.intrinsics, self.tags):
-            raise UsageError(
-                f"{self.system} needs --intrinsics FILE and --tags FILE; see docs/trackers.md"
-            )
+        if self.system in CAMERAS and self.tags is None:
+            raise UsageError(f"{self.system} needs --tags FILE; see docs/trackers.md")
+        if self.system in CAMERAS and self.intrinsics is None and self.video is not None:
+            raise UsageError("--video needs --intrinsics FILE: a video is no camera that is known")
         if self.of_bearings:
             if len(self.body) > 1 or any("=" in word for word in self.body):
                 raise UsageError(
@@ -148,16 +152,17 @@ class Tracker:
 
             return Ros2Source(session, bodies)
         if self.system in CAMERAS:
-            assert self.intrinsics is not None
             assert self.tags is not None
             from console.trackers.camera import CameraSource
+            from console.trackers.camera_store import CameraStore
             from console.trackers.onboard_camera import OnboardCameraSource, StationBeacons
 
             camera = self.device if self.video is None else self.video
+            intrinsics = self.intrinsics or CameraStore(data_folder(self.data)).path(self.device)
             if not self.of_bearings:
-                return CameraSource(camera, self.intrinsics, self.tags, view)
+                return CameraSource(camera, intrinsics, self.tags, view)
             beacons = StationBeacons(session, bodies[0])
-            return OnboardCameraSource(camera, self.intrinsics, self.tags, beacons, view)
+            return OnboardCameraSource(camera, intrinsics, self.tags, beacons, view)
         from console.trackers.motion_capture import MotionCaptureSource
 
         return MotionCaptureSource(self.system, host, port)

@@ -133,7 +133,7 @@ def test_leds_in_a_video_are_the_beacons_whose_blinks_the_file_names(tmp_path: P
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ({}, "onboard_camera needs --intrinsics FILE and --tags FILE"),
+        ({}, "onboard_camera needs --tags FILE"),
         ({"intrinsics": Path("c"), "tags": Path("t"), "body": ("a", "b")}, "is on one vehicle"),
         ({"intrinsics": Path("c"), "tags": Path("t"), "body": ("quad1=b",)}, "is on one vehicle"),
     ],
