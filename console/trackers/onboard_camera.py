@@ -131,7 +131,7 @@ class OnboardCameraSource(TagSource):
         self._left = self._reader.misfit(seen, self._beacons.places)
         doubt = (
             f"beacons are {self._left:.0f} pixels from their places in the layout, allowed "
-            f"{FAR_OFF:g}: survey them (Beacons tab), or the intrinsics are of another camera"
+            f"{FAR_OFF:g}: survey them (Beacons tab), or calibrate the camera on Set-up"
             if self._left > FAR_OFF
             else self._reader.doubt
         )

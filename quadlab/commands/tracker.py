@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from quadlab.commands.option_types import File, Files, optional
+from quadlab.commands.option_types import File, Files, Folder, optional
+from quadlab.data_folder import data_folder
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import LinkError, UsageError
 
@@ -55,13 +56,15 @@ class Tracker:
     """camera: render the simulated vehicle as N cameras around the room see it, instead of reading
     cameras"""
     intrinsics: Files = ()
-    """camera and onboard_camera: file that `quadlab camera` wrote, one for each camera, in their
-    order"""
+    """camera and onboard_camera: file of the intrinsics of each camera, in their order (default:
+    those accepted on the Set-up page, or by `quadlab camera`, in the data folder)"""
     tags: File = None
     """camera and onboard_camera: TOML file with the tags and their places, or with the LEDs and how
     often they blink"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
+    data: Folder = None
+    """data folder, for intrinsics"""
 
     @property
     def of_bearings(self) -> bool:
@@ -103,10 +106,10 @@ class Tracker:
         from vehicle_link.topics import TRACKER_PICTURES
 
         cameras, most = self.cameras, 1 if self.of_bearings else len(TRACKER_PICTURES)
-        if not self.rendered and (not self.intrinsics or self.tags is None):
-            raise UsageError(
-                f"{self.system} needs --intrinsics FILE and --tags FILE; see docs/trackers.md"
-            )
+        if not self.rendered and self.tags is None:
+            raise UsageError(f"{self.system} needs --tags FILE; see docs/trackers.md")
+        if self.video and not self.intrinsics:
+            raise UsageError("--video needs --intrinsics FILE: a video is no camera that is known")
         if not 1 <= len(cameras) <= most:
             raise UsageError(
                 f"{len(cameras)} cameras; {self.system} reads at most {most}: start it with fewer"
@@ -118,7 +121,7 @@ class Tracker:
             )
         if self.rendered:
             return
-        if len(self.intrinsics) != len(cameras):
+        if self.intrinsics and len(self.intrinsics) != len(cameras):
             raise UsageError(
                 f"--intrinsics has {len(self.intrinsics)} files, but there are {len(cameras)} "
                 f"cameras ({', '.join(map(str, cameras))}): give one file for each, in their order"
@@ -205,17 +208,20 @@ class Tracker:
                 return rendered_cameras(session, vehicle, body, names, views)
             assert self.tags is not None
             from console.trackers.camera import CameraSource
+            from console.trackers.camera_store import CameraStore
             from console.trackers.onboard_camera import OnboardCameraSource, StationBeacons
             from console.trackers.several_cameras import open_cameras
 
             cameras, alone = self.cameras, len(self.cameras) == 1
+            store = CameraStore(data_folder(self.data))
+            lenses = self.intrinsics or [store.path(one) for one in self.device]
             if self.of_bearings:
                 beacons = StationBeacons(session, next(iter(bodies)))
-                [camera], [lens], [view] = cameras, self.intrinsics, views
+                [camera], [lens], [view] = cameras, lenses, views
                 return OnboardCameraSource(camera, lens, self.tags, beacons, view)
             openers = [
                 partial(CameraSource.open, camera, lens, self.tags, view, is_alone=alone)
-                for camera, lens, view in zip(cameras, self.intrinsics, views, strict=True)
+                for camera, lens, view in zip(cameras, lenses, views, strict=True)
             ]
             return open_cameras(openers, [view.name for view in views])
         from console.trackers.motion_capture import MotionCaptureSource

@@ -167,6 +167,7 @@ class SimulatedFlight(SimulatedGuide):
             self._sender.send(command)
             lap("serial")
             log.tick(stack.record)
+            log.readings(stack.readings)
             self._after_tick(stack.record)
             if stack.outbox:
                 self._drain_outbox()

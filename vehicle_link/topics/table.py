@@ -47,6 +47,8 @@ class Topic:
         return not self.qos.reliable
 
 
+SENSORS = 4
+"""Sensors of the user's own that run at a time: each is a process, with a topic of readings."""
 TRACKER_PICTURES = ("tracker_picture", *(f"tracker_{k}_picture" for k in (2, 3, 4)))
 """The pictures of up to four cameras of one tracker, in the order of its command."""
 
@@ -98,6 +100,18 @@ _ROWS = (
         recorded=True,
         stale=0.3,
         page="seen",
+    ),
+    *(  # readings of sensors of the user's own: all in the vehicle's log, fewer by radio
+        Topic(
+            f"sensor_{place}",
+            "quadlab_msgs/SensorReading",
+            "vehicle",
+            50,
+            recorded=True,
+            stale=1.0,
+            page="chart",
+        )
+        for place in range(1, SENSORS + 1)
     ),
     Topic(
         "parameter_changes",

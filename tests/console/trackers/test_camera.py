@@ -159,5 +159,5 @@ def test_files_that_are_no_videos_and_sizes_that_do_not_fit_are_told(
 
 
 def test_without_its_files_the_command_is_refused() -> None:
-    with pytest.raises(UsageError, match="--intrinsics FILE and --tags FILE"):
+    with pytest.raises(UsageError, match="camera needs --tags FILE"):
         Tracker("camera").run()

@@ -136,7 +136,7 @@ FILES = {"intrinsics": (Path("c"),), "tags": Path("t")}
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ({}, "onboard_camera needs --intrinsics FILE and --tags FILE"),
+        ({}, "onboard_camera needs --tags FILE"),
         ({**FILES, "body": ("a", "b")}, "is on one vehicle"),
         ({**FILES, "body": ("quad1=b",)}, "is on one vehicle"),
     ],

@@ -251,9 +251,12 @@ def test_the_sensors_rows_are_parameters_as_everywhere(tab: Any, look: Any, stat
     cell = "#beacons-sensor input[aria-label='station.bearings.sigma, value']"
     tab.fill(cell, "0.75")
     tab.press(cell, "Enter")
-    look.value("#gains input[aria-label='station.bearings.sigma, value']", "0.75")
-    assert values(station)["station.bearings.sigma"] == 0.75
     look.text("#beacons-sensor summary >> nth=0", "1 modified")
+    assert values(station)["station.bearings.sigma"] == 0.75
+    tab.click("[data-tab=gains]")
+    tab.fill("#search", "bearings.sigma")
+    look.value("#gains input[aria-label='station.bearings.sigma, value']", "0.75")
+    tab.fill("#search", "")
 
 
 def test_the_view_is_shared(
