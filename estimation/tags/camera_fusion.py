@@ -173,7 +173,7 @@ def _combined(poses: Sequence[BodyPose]) -> BodyPose:
         information = np.linalg.inv(pose.covariance + place)
         whole += information
         moves += information @ _difference(first, pose)
-    covariance: Array = np.linalg.inv(whole)
+    covariance = np.asarray(np.linalg.inv(whole), np.float64)
     step = covariance @ moves
     R = quaternion_to_matrix(first.quaternion_wb) @ rotation_exp(step[3:])
     return BodyPose(first.position_w + step[:3], quaternion_from_matrix(R), covariance)
