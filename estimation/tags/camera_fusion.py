@@ -23,7 +23,7 @@ from quadrotor.rotations import (
     rotation_log,
 )
 
-SPACING, AHEAD = 0.1, 1.5
+SPACING, AHEAD = 0.25, 1.5
 """Longest time in s between two poses of a camera from which a third is carried, and how far, in
 these times."""
 ACCELERATION, TURNING = 3.0, 10.0
