@@ -20,6 +20,7 @@ def optional(metavar: str | None = None, name: str | None = None) -> Any:
 Flag = Annotated[bool, optional()]
 Folder = Annotated[Path | None, optional("DIR")]
 File = Annotated[Path | None, optional("FILE")]
+Files = Annotated[tuple[Path, ...], optional("FILE [FILE …]")]
 Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
 Settings = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")

@@ -220,7 +220,7 @@ class Station:
             found = parse_settings(StationParameters(), self.set)
             settings = {f"station.{name}": value for name, value in found.items()}
         if self.tracker:
-            self._keep_tracker()
+            self._keep_tracker(data)
         return run_station(
             data,
             vehicles,
@@ -229,13 +229,14 @@ class Station:
             follows_process=bool(self.tracker),
         )
 
-    def _keep_tracker(self) -> None:
+    def _keep_tracker(self, data: Path) -> None:
         """Start the tracker process, and restart it when it dies, in a thread. Raises
         UsageError.
         """
         check_tracker(self.tracker)
-        loopback = ("--loopback-port", str(self.loopback_port))
-        child = Child("tracker", ["tracker", *shlex.split(self.tracker), *loopback], niceness=-10)
+        words = ["tracker", "--data", str(data), *shlex.split(self.tracker)]
+        words += ["--loopback-port", str(self.loopback_port)]
+        child = Child("tracker", words, niceness=-10)
 
         def keep() -> None:
             try:

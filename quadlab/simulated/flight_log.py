@@ -133,10 +133,10 @@ class FlightLog:
         )
         self.put("bearings", payload, frame.stamp_ns, log_ns)
 
-    def picture(self, stamp_ns: int, jpeg: bytes, log_ns: int) -> None:
-        """Log a picture of the camera on board that was read at `log_ns`."""
+    def picture(self, topic: str, stamp_ns: int, jpeg: bytes, log_ns: int) -> None:
+        """Log a picture of a camera that was read at `log_ns`."""
         payload = topics.encode_picture(stamp_ns, jpeg, self._vehicle)
-        self.put("camera_picture", payload, stamp_ns, log_ns)
+        self.put(topic, payload, stamp_ns, log_ns)
 
     def put(self, topic: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
         """Log an encoded message of a topic of the table."""

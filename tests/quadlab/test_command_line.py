@@ -40,6 +40,9 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
     return lines[0]
 
 
+CAMERAS = ("tracker", "camera", "--tags", "tags.toml", "--device")
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -67,6 +70,11 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["up", "--set", "simulator.mas=1"], "mass"),
         (["up", "--tracker", "vrpm"], "did you mean vrpn"),
         (["up", "--tracker", "vrpn --port 99999"], "1 to 65535"),
+        ([*CAMERAS, "0", "1", "--intrinsics", "a.yaml"], "1 files, but there are 2 cameras (0, 1)"),
+        ([*CAMERAS, "1", "1", "--intrinsics", "a.yaml", "b.yaml"], "camera 1 is given twice"),
+        ([*CAMERAS, *"01234", "--intrinsics", *"abcde"], "5 cameras; camera reads at most 4"),
+        (["up", "--tracker", "camera --rendered 5"], "5 cameras; camera reads at most 4"),
+        (["tracker", "onboard_camera", "--rendered", "1"], "the system camera one vehicle"),
         (["log", "inspect", "x.mcap"], "info"),
         (
             ["log", "import", "x.csv", "--out", "y"],

@@ -34,7 +34,7 @@ from vehicle_link.topics.status import (
     encode_pressures,
     encode_status,
 )
-from vehicle_link.topics.table import SERVICES, TOPICS, Priority, Topic
+from vehicle_link.topics.table import SERVICES, TOPICS, TRACKER_PICTURES, Priority, Topic
 from vehicle_link.topics.ticks import (
     actuator_messages,
     decode_imu,
@@ -51,6 +51,7 @@ __all__ = [
     "SCENE_TOPICS",
     "SERVICES",
     "TOPICS",
+    "TRACKER_PICTURES",
     "Priority",
     "SceneMessages",
     "Sticks",

@@ -49,6 +49,8 @@ class Topic:
 
 SENSORS = 4
 """Sensors of the user's own that run at a time: each is a process, with a topic of readings."""
+TRACKER_PICTURES = ("tracker_picture", *(f"tracker_{k}_picture" for k in (2, 3, 4)))
+"""The pictures of up to four cameras of one tracker, in the order of its command."""
 
 _ROWS = (
     # On loopback: expanded telemetry; in the first rows because the page lists them first.
@@ -217,7 +219,10 @@ _ROWS = (
     Topic("tracker_body", "geometry_msgs/PoseStamped", "tracker", 100, "real_time", newest=50),
     Topic("tracker_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),
     # Pictures for people, with tags marked: made only while someone watches or records.
-    Topic("tracker_picture", "sensor_msgs/CompressedImage", "tracker", 10, newest=2),
+    *(
+        Topic(name, "sensor_msgs/CompressedImage", "tracker", 10, newest=2)
+        for name in TRACKER_PICTURES
+    ),
     # From the process of a camera on the vehicle; stamps as above.
     Topic("camera_bearings", "quadlab_msgs/BearingArray", "tracker", 30, "real_time", newest=50),
     Topic("camera_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),
