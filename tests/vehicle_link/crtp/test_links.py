@@ -9,6 +9,7 @@ import pytest
 
 from quadlab.__main__ import main
 from quadrotor.errors import LinkError
+from vehicle.boards.crazyflie.guard import Guard
 from vehicle_link.crtp import radio
 from vehicle_link.crtp.links import open_port
 from vehicle_link.crtp.packets import NULL, FrameReader, Packet, frame
@@ -145,7 +146,7 @@ def test_a_shared_radio_serves_each_crazyflie_by_udp(dongle: Dongle) -> None:
     words = [f"radio://0/80/2M/{address.hex()}" for address in ADDRESSES]
     ended = threading.Event()
     links = list(zip(words, numbers, strict=True))
-    sharing = threading.Thread(target=share, args=(links, ended.is_set))
+    sharing = threading.Thread(target=share, args=(links, [Guard(), Guard()], ended.is_set))
     sharing.start()
     try:
         for number, address in zip(numbers, ADDRESSES, strict=True):
