@@ -25,7 +25,6 @@ PORT, LINK_PORT = 28120, 28490
 ROUNDS, QUICK_ROUNDS = 3, 1
 SETTLED = 25_000  # ms, until the automatic quality has found its level
 WANTED = 15.0  # Hz
-WINDOW = {"width": 1440, "height": 900}
 COUNT = """async () => {
   const inside = document.getElementById("scene")?.contentWindow ?? window;
   const start = performance.now();
@@ -62,7 +61,7 @@ def run(quick: bool = False) -> Report:
         )
         page = context.new_page()
         for _ in range(QUICK_ROUNDS if quick else ROUNDS):
-            page.set_viewport_size(WINDOW)
+            page.set_viewport_size({"width": 1440, "height": 900})
             page.goto(flown.base)
             page.locator("#tick", has_text="%").wait_for()
             page.wait_for_timeout(SETTLED)
