@@ -52,6 +52,7 @@ from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay
 from web.requester import Admin, Asker, Operator
 from web.runs.routes import add_runs
+from web.setup.camera_calibration import add_camera_calibration
 from web.setup.routes import add_setup
 from web.signals import described
 from web.signals.expression import answers
@@ -104,6 +105,7 @@ def create_app(
     add_users(app, context.people)
     add_control(app, context)
     add_setup(app, context, fleet)
+    add_camera_calibration(app, context.cameras)
     add_experiments(app, context)
     add_calibration(app, context)
     add_reports(app, context)

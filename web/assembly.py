@@ -14,6 +14,7 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from console.catalogue.catalogue import Catalogue
+from console.trackers.camera_store import CameraStore
 from web.access.gate import Gate
 from web.access.passwords import Passwords
 from web.access.people import open_people
@@ -28,6 +29,7 @@ from web.live.events import EventHub
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
+from web.setup.camera_calibration import CameraCalibrations
 from web.vehicle_context import Connect, Runs, SharedServices, VehicleContext
 from web.view.server import ViewServer
 
@@ -51,6 +53,7 @@ def assemble(
     limiter: SignInLimiter | None = None,
     passwords: Passwords | None = None,
     survey: SurveyRun | None = None,
+    cameras: CameraCalibrations | None = None,
 ) -> ASGIApp:
     """Assemble the whole application behind its gate.
 
@@ -60,7 +63,7 @@ def assemble(
         connect: makes the client of the station for one vehicle.
         names: host names of this page, in addition to those of `base_url` and loopback.
         tls: the page's certificate, for the start-up checks.
-        limiter, passwords: replacements for tests.
+        limiter, passwords, cameras: replacements for tests.
         survey: finds the beacons' positions from a run's log; without it the page offers no survey.
 
     Raises StorageError.
@@ -91,6 +94,7 @@ def assemble(
         ViserExports(),
         ReportMaking(),
         ReplayStore(),
+        cameras or CameraCalibrations(CameraStore(data)),
         tls,
         survey,
     )
@@ -121,6 +125,7 @@ def assemble(
             fleet.stop()
             shared.exports.stop()
             shared.reports.stop()
+            shared.cameras.stop()
             people.stop()
 
     first, *others = contexts

@@ -34,6 +34,7 @@ from web.parameters.writer import ParameterWriter
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
+from web.setup.camera_calibration import CameraCalibrations
 from web.view.draft import DraftView
 from web.view.scene import Scene
 from web.view.server import ViewServer
@@ -59,6 +60,7 @@ class SharedServices:
     exports: ViserExports
     reports: ReportMaking
     replays: ReplayStore
+    cameras: CameraCalibrations
     tls: Tls | None
     survey: SurveyRun | None = None
 
@@ -84,6 +86,7 @@ class VehicleContext:
         self.base_url, self.tls = shared.base_url, shared.tls
         self.people, self.catalogue, self.links = shared.people, shared.catalogue, shared.links
         self.exports, self.reports, self.replays = shared.exports, shared.reports, shared.replays
+        self.cameras = shared.cameras
         self.survey = BeaconSurvey(shared.survey)
         self.history = ParameterHistory(shared.catalogue.engine, vehicle)
         self.presets = ParameterPresets(shared.catalogue.engine, vehicle)

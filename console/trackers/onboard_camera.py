@@ -131,7 +131,7 @@ class OnboardCameraSource(TagSource):
         self._left = self._reader.misfit(seen, self._beacons.places)
         doubt = (
             f"beacons are {self._left:.0f} pixels from their places in the layout, allowed "
-            f"{FAR_OFF:g}: survey them (Beacons tab), or the intrinsics are of another camera"
+            f"{FAR_OFF:g}: survey them (Beacons tab), or calibrate the camera on Set-up"
             if self._left > FAR_OFF
             else self._reader.doubt
         )
@@ -148,13 +148,12 @@ class OnboardCameraSource(TagSource):
 class BearingsTracker(Tracker):
     """Publishes the bearings of a camera on one vehicle, and its status."""
 
-    topics = TopicNames("camera_bearings", "camera_status", "camera_picture")
+    topics = TopicNames("camera_bearings", "camera_status", ("camera_picture",))
+    markers = "beacons"
     unseen_for = 1.0
 
     def _handle_frame(self, frame: Frame, taken_ns: int | None, now: float) -> None:
         [one], seen = self._vehicles, frame.beacons
-        if frame.doubt:
-            self._note, self._noted = frame.doubt, now
         if seen is None or not seen.beacon_ids:
             return
         self._seen.extend((now, f"beacon {number}") for number in seen.beacon_ids)

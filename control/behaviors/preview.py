@@ -15,7 +15,7 @@ from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
 
 POINTS = 400
-IDLE = 120.0  # s without an order, after which the helper process ends
+IDLE = 30.0  # s without an order, after which the helper process ends
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,105 +1,130 @@
-"""A camera's intrinsics from pictures of a ChArUco board.
+"""A camera's intrinsics from views of a ChArUco board.
 
-Z. Zhang, "A flexible new technique for camera calibration" (2000); OpenCV detects the board's
-corners and solves the least squares.
+Z. Zhang, "A flexible new technique for camera calibration" (2000); OpenCV solves the least squares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from estimation.tags.detector import Picture, dictionary_of
+from estimation.tags.charuco import BoardView
 from estimation.tags.intrinsics import Intrinsics
 from quadrotor.errors import MeasurementError
 
-BOARD_FAMILY = "4X4_250"
-FEWEST_PICTURES, FEWEST_CORNERS = 8, 8
-GRID = (8, 6)
+FEWEST_VIEWS = 8
+GRID = (9, 6)
 """Cells of the picture, across and down, for the coverage."""
 COVERAGE_MIN = 0.4
 RESIDUAL_MAX = 1.0
-"""Largest residual, pixels rms."""
+"""Largest good residual, pixels rms."""
+FOCAL_DEVIATION_MAX = 0.005
+"""Largest good standard deviation of the focal length, relative to it."""
+
+Cell = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Board:
-    """A ChArUco board: squares across and down, side of a square and of the markers in it, m."""
-
-    columns: int
-    rows: int
-    square: float
-    marker: float
-
-
-@dataclass(frozen=True, eq=False)
 class CameraCalibration:
-    """The calibrated intrinsics and their quality.
+    """Calibrated intrinsics and their quality, as plain data that crosses processes.
 
     Attributes:
+        width, height: of the picture, pixels.
+        matrix: nine numbers, row by row, pixels. distortion: k1, k2, p1, p2, k3.
         residual: rms distance of the corners from the model's, pixels.
         coverage: share of GRID's cells with a corner in them.
-        pictures: number of pictures used.
+        views: number of views used.
         focal_deviation: standard deviation of the focal length, pixels.
+        corners: x, y of each corner, and the distance of the model from it, pixels.
+        worst_view: largest rms distance in one view, pixels.
     """
 
-    intrinsics: Intrinsics
+    width: int
+    height: int
+    matrix: tuple[float, ...]
+    distortion: tuple[float, ...]
     residual: float
     coverage: float
-    pictures: int
+    views: int
     focal_deviation: float
+    corners: tuple[tuple[float, float, float, float], ...]
+    worst_view: float
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        matrix = np.reshape(self.matrix, (3, 3))
+        return Intrinsics(self.width, self.height, matrix, np.array(self.distortion))
+
+    @property
+    def focal_lengths(self) -> tuple[float, float]:
+        """Return the focal lengths along x and y, pixels."""
+        return self.matrix[0], self.matrix[4]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Return what is not good enough, with what to do."""
+        found = []
+        if self.residual >= RESIDUAL_MAX:
+            found.append(
+                f"{self.residual:.1f} pixels are left, at most {RESIDUAL_MAX:g}: the board bends, "
+                "moves in a picture, or has other squares than given"
+            )
+        if self.coverage < COVERAGE_MIN:
+            found.append(
+                f"the board was in {self.coverage:.0%} of the picture, {COVERAGE_MIN:.0%} are "
+                "needed: bring it to its edges and corners as well"
+            )
+        deviation = self.focal_deviation / self.matrix[0]
+        if deviation > FOCAL_DEVIATION_MAX:
+            found.append(
+                f"the focal length is known to ± {deviation:.1%}, allowed "
+                f"± {FOCAL_DEVIATION_MAX:.1%}: tilt the board more, and bring it closer"
+            )
+        return tuple(found)
 
 
-def calibrate_camera(pictures: Iterable[Picture], board: Board) -> CameraCalibration:
-    """Return the intrinsics. Raises MeasurementError when the pictures do not determine them."""
+def cells_of(view: BoardView, size: tuple[int, int]) -> set[Cell]:
+    """Return the cells of GRID, (column, row), with a corner in a picture of `size` pixels."""
+    at = (view.pixels + 0.5) * (GRID[0] / size[0], GRID[1] / size[1])
+    inside = np.clip(at.astype(int), 0, (GRID[0] - 1, GRID[1] - 1))
+    return {(int(column), int(row)) for column, row in inside}
+
+
+def calibrate_camera(views: Sequence[BoardView], size: tuple[int, int]) -> CameraCalibration:
+    """Return the intrinsics from views of the board in pictures of `size`, pixels.
+
+    Raises MeasurementError when there are too few, or they determine no intrinsics.
+    """
     import cv2
 
-    if not (min(board.columns, board.rows) >= 3 and 0.0 < board.marker < board.square):
+    if len(views) < FEWEST_VIEWS:
         raise MeasurementError(
-            f"{board} is no ChArUco board: it has 3 squares or more each way, and markers smaller "
-            "than the squares"
+            f"the board was taken in {len(views)} pictures, {FEWEST_VIEWS} are needed: hold it "
+            "still in more places"
         )
-    size = board.columns, board.rows
-    charuco = cv2.aruco.CharucoBoard(size, board.square, board.marker, dictionary_of(BOARD_FAMILY))
-    detector = cv2.aruco.CharucoDetector(charuco)
-    points, pixels, shape = [], [], (0, 0)
-    for grey in pictures:
-        if shape not in ((0, 0), grey.shape):
-            raise MeasurementError("pictures of several sizes; give those of one camera")
-        shape = (grey.shape[0], grey.shape[1])
-        corners, numbers, _, _ = detector.detectBoard(grey)
-        if numbers is not None and len(numbers) >= FEWEST_CORNERS:
-            on_board, seen = charuco.matchImagePoints(list(corners), numbers)
-            points.append(on_board)
-            pixels.append(seen)
-    if len(points) < FEWEST_PICTURES:
-        raise MeasurementError(
-            f"the board is seen in {len(points)} pictures, {FEWEST_PICTURES} are needed; check "
-            "its squares and the light, and take more"
-        )
-    height, width = shape
-    all_seen = np.concatenate(pixels).reshape(-1, 2)
-    cells = np.unique((all_seen * (GRID[0] / width, GRID[1] / height)).astype(int), axis=0)
-    coverage = len(cells) / (GRID[0] * GRID[1])
-    if coverage < COVERAGE_MIN:
-        raise MeasurementError(
-            f"the board was in {coverage:.0%} of the picture, {COVERAGE_MIN:.0%} are needed; bring "
-            "it to its edges and corners as well"
-        )
+    points = [np.asarray(one.on_board, np.float32)[:, None] for one in views]
+    pixels = [np.asarray(one.pixels, np.float32)[:, None] for one in views]
     start = np.eye(3), np.zeros(5)
-    residual, matrix, distortion, _, _, deviations, _, _ = cv2.calibrateCameraExtended(
-        points, pixels, (width, height), *start
+    residual, matrix, distortion, turns, places, deviations, _, of_views = (
+        cv2.calibrateCameraExtended(points, pixels, size, *start)
     )
-    if not residual < RESIDUAL_MAX:
-        raise MeasurementError(
-            f"{residual:.1f} pixels are left, allowed {RESIDUAL_MAX:g}: the board is bent, or its "
-            "squares are not as given"
-        )
-    found = Intrinsics(
-        width, height, np.asarray(matrix, float), np.asarray(distortion, float).ravel()[:5]
-    )
+    if not (np.isfinite(residual) and np.isfinite(matrix).all() and matrix[0, 0] > 1.0):
+        raise MeasurementError("the pictures determine no intrinsics: tilt the board more, again")
+    corners = []
+    for view, turn, place in zip(views, turns, places, strict=True):
+        model, _ = cv2.projectPoints(view.on_board, turn, place, matrix, distortion)
+        corners.append(np.column_stack([view.pixels, model.reshape(-1, 2) - view.pixels]))
+    covered = set[Cell]().union(*(cells_of(one, size) for one in views))
     return CameraCalibration(
-        found, float(residual), coverage, len(points), float(np.ravel(deviations)[0])
+        *size,
+        tuple(np.ravel(matrix).tolist()),
+        tuple(np.ravel(distortion)[:5].tolist()),
+        float(residual),
+        len(covered) / (GRID[0] * GRID[1]),
+        len(views),
+        float(np.ravel(deviations)[0]),
+        tuple((x, y, right, down) for x, y, right, down in np.concatenate(corners).tolist()),
+        float(np.max(of_views)),
     )

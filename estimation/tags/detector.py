@@ -42,6 +42,7 @@ SHARPNESS = 2.0
 """Share of the detail removed by a Gaussian of 1 pixel that is added before detection."""
 READER = {
     "adaptiveThreshConstant": 14,  # grey levels; sharpened edges are that much steeper
+    "adaptiveThreshWinSizeMin": 13,  # of the enlarged picture; 3, OpenCV's least, finds none more
     "perspectiveRemovePixelPerCell": 8,
     "perspectiveRemoveIgnoredMarginPerCell": 0.33,
     "errorCorrectionRate": 1.0,  # all bits that the family can correct
@@ -133,7 +134,7 @@ def check_size(grey: Picture, lens: Intrinsics) -> None:
     if size != wanted:
         raise MeasurementError(
             f"a picture of {' x '.join(map(str, size))} pixels, but the intrinsics are of "
-            f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it at this"
+            f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it on Set-up"
         )
 
 
@@ -166,12 +167,7 @@ def marked_picture(grey: Picture, tags: Tags, used: Collection[int]) -> bytes:
     """
     import cv2
 
-    scale = min(1.0, WIDEST / grey.shape[1])
-    if scale < 1.0:
-        grey = np.asarray(
-            cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8
-        )
-    picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    picture, scale = _shown(grey)
     for number, corners in sorted(tags.items()):
         colour = USED if number in used else UNUSED
         outline = np.round((corners + 0.5) * scale - 0.5).astype(np.int32)
@@ -182,6 +178,37 @@ def marked_picture(grey: Picture, tags: Tags, used: Collection[int]) -> bytes:
         for shade, width in ((SHADE, 5), (colour, 2)):
             font = cv2.FONT_HERSHEY_SIMPLEX
             cv2.putText(picture, str(number), place, font, 0.8, shade, width, cv2.LINE_AA)
+    return _jpeg(picture)
+
+
+def picture_with_corners(grey: Picture, corners: Array, *, taken: bool) -> bytes:
+    """Return a JPEG of the picture with the corners (N, 2) of a board, pixels: green if the picture
+    was taken for the calibration. Raises MeasurementError when OpenCV cannot encode it.
+    """
+    import cv2
+
+    picture, scale = _shown(grey)
+    for corner in np.round((corners + 0.5) * scale - 0.5).astype(np.int32).tolist():
+        cv2.circle(picture, corner, 4, SHADE, -1, cv2.LINE_AA)
+        cv2.circle(picture, corner, 3, USED if taken else UNUSED, -1, cv2.LINE_AA)
+    return _jpeg(picture)
+
+
+def _shown(grey: Picture) -> tuple[Picture, float]:
+    """Return a picture to draw on in colours, reduced to WIDEST, and its scale."""
+    import cv2
+
+    scale = min(1.0, WIDEST / grey.shape[1])
+    if scale < 1.0:
+        grey = np.asarray(
+            cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8
+        )
+    return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8), scale
+
+
+def _jpeg(picture: Picture) -> bytes:
+    import cv2
+
     done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     if not done:
         raise MeasurementError(f"a picture of {picture.shape} cannot be made a JPEG")

@@ -6,6 +6,7 @@ OpenCV's coefficients k1, k2, p1, p2, k3. Pixel (0, 0) is the centre of the firs
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,9 @@ from quadrotor.records import Array
 
 MODEL = "plumb_bob"
 """ROS's name of the model."""
-NEEDED = "allowed is a camera_info YAML file, as `quadlab camera` writes it"
+ABOUT = "calibration"
+"""Key below which a file says how the intrinsics were found."""
+NEEDED = "calibrate the camera on Set-up, or give a camera_info YAML file"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +38,20 @@ class Intrinsics:
     matrix: Array
     distortion: Array
 
-    def save(self, path: Path) -> None:
-        """Write the intrinsics to a file. Raises StorageError."""
+    def save(self, path: Path, about: Mapping[str, Any] | None = None) -> None:
+        """Write the intrinsics to a file, and how they were found, which ROS's readers skip. Raises
+        StorageError.
+        """
         from ruamel.yaml import YAML
 
         told = {
             "image_width": self.width,
             "image_height": self.height,
-            "camera_name": path.stem,
+            "camera_name": path.name.partition(".")[0],
             "camera_matrix": {"rows": 3, "cols": 3, "data": self.matrix.ravel().tolist()},
             "distortion_model": MODEL,
             "distortion_coefficients": {"rows": 1, "cols": 5, "data": self.distortion.tolist()},
+            **({ABOUT: dict(about)} if about else {}),
         }
         try:
             YAML().dump(told, path)

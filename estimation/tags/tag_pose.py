@@ -132,7 +132,7 @@ def fitting(
     if not poses or poses[0].residual > allowed:
         left = f"{poses[0].residual:.1f} pixels are left" if poses else "there is no pose"
         raise MeasurementError(
-            f"{what} do not fit where they are seen: {left}, allowed {allowed:g}; the "
-            "intrinsics are of another camera, or their sizes and places are wrong"
+            f"{what} do not fit where they are seen: {left}, allowed {allowed:g}; calibrate the "
+            "camera on Set-up, or correct their sizes and places"
         )
     return poses

@@ -40,9 +40,9 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "quadlab user role anna operator": "change what an account may do",
     },
     "camera": {
-        "quadlab camera --device 0 --board 7x5 --square 0.04 --marker 0.03 --out camera.yaml": (
-            "calibrate a camera"
-        )
+        "quadlab camera --paper board.pdf": "write the board, to be printed at 100 %",
+        "quadlab camera --device 0": "calibrate a camera with that board",
+        "quadlab camera --board 9x6 --square 0.04 --marker 0.03": "… with another board",
     },
     "gains": {
         "quadlab gains": "print the margins of the named gain sets",
@@ -75,6 +75,9 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "quadlab tracker natnet --host 192.168.1.5 --body quad1=cf7": "track with OptiTrack",
         "quadlab tracker camera --device 0 --intrinsics camera.yaml --tags tags.toml": (
             "track with a USB camera"
+        ),
+        "quadlab tracker camera --device 0 1 --intrinsics a.yaml b.yaml --tags tags.toml": (
+            "track with two"
         ),
     },
     "crazyradio": {

@@ -6,6 +6,7 @@ import { $ } from "../core/dom.js";
 import { head } from "../core/page_header.js";
 import { Parameters } from "../gains/parameters.js";
 import { BeaconSection } from "./beacons.js";
+import { CameraSection } from "./camera.js";
 import { CheckSection } from "./checks.js";
 import { TrackerSection } from "./tracker.js";
 import { UserSection } from "./users.js";
@@ -23,6 +24,7 @@ async function start() {
   new BeaconSection($("beacons"), events, isOperator);
   new VolumeSection($("volume"), events, parameters);
   new TrackerSection($("tracker"), events, parameters);
+  new CameraSection($("camera"), isOperator);
   new UserSection($("users"), session);
   new CheckSection($("checks"), $("checks-summary"), isOperator, (checks) => vehicles.showChecks(checks));
   followConnection(events);

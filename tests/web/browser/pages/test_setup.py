@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
@@ -15,6 +16,7 @@ from bearing_sim.emulator import BearingParameters
 from bearing_sim.tracker import TrackerParameters
 from console.catalogue.catalogue import Catalogue
 from control.behaviors.parameters import BehaviorParameters
+from estimation.tags.intrinsics import load_intrinsics
 from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.vehicle_model import VehicleModel
 from vehicle_link.checks import Check, to_messages
@@ -234,6 +236,7 @@ def test_the_tracker_process_is_shown_with_its_bodies_its_latency_and_what_is_wr
         jumps=1,
         problem="cf7 and wand have changed places",
         withheld=True,
+        cameras=[new("quadlab_msgs/CameraFigures", name=name) for name in ("0", "1")],
     )
     page = open_tab("/setup")
     look = look_at(page)
@@ -244,7 +247,38 @@ def test_the_tracker_process_is_shown_with_its_bodies_its_latency_and_what_is_wr
     look.text("#tracker dl", "median 1.2 ms, 99 % below 9.1 ms.*3 gaps, 1 jumps")
     look.text("#tracker > p.reason", "changed places|No data from the tracker process")
     assert page.locator("#tracker .latencies i").count() == 32
+    look.text("#tracker .pictures > div:nth-child(2)", "camera 1: no pictures|No data")
+    assert page.locator("#tracker .pictures > div:visible").count() == 2
     assert not page.is_visible("#tracker .fields")
+
+
+def test_a_camera_is_calibrated_with_a_board_that_is_moved_as_the_guide_says(
+    ground: Ground, open_tab: Any, look_at: Any
+) -> None:
+    page = open_tab("/setup")
+    look = look_at(page)
+    look.text("#camera .facts", "none yet")
+    assert "columns=7&rows=5&square=0.035" in page.get_attribute("#camera a.button", "href")
+    page.select_option("#camera select", "simulated")
+    page.get_by_label("Squares across").fill("2")
+    page.click("#camera button:text-is('Calibrate')")
+    look.text("#camera > .reason", "2 x 5 squares is not possible: allowed are 3 to 30")
+    page.get_by_label("Squares across").fill("7")
+    page.click("#camera button:text-is('Calibrate')")
+    look.text("#camera .guided .instruction >> nth=0", "Tilt the board: its (left|right|upper)")
+    page.wait_for_selector("#camera .picture > svg g rect >> nth=3", state="attached")
+    with httpx.Client(base_url=ground.site.base, cookies=ground.cookies) as other:
+        refused = other.post("/api/setup/camera", json={"camera": 0})
+        assert (refused.status_code, "is calibrating" in refused.json()["error"]) == (409, True)
+    look.text(
+        "#camera .counts >> nth=1", "Residual0[.]1. pixels rms.*Focal lengths(598|599|60[0-2])"
+    )
+    assert page.locator("#camera .residual-picture circle").count() > 150
+    page.click("#camera button:text-is('Accept')")
+    look.text("#camera > .note", "Accepted and stored in .*simulated.yaml")
+    look.text("#camera .facts", "focal lengths .*, residual 0[.]1")
+    lens = load_intrinsics(ground.site.cameras.store.path("simulated"))
+    np.testing.assert_allclose(lens.matrix[[0, 1], [0, 1]], (600.0, 602.0), rtol=0.005)
 
 
 def test_an_admin_adds_a_user_changes_the_role_and_deletes(

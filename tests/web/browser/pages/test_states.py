@@ -35,6 +35,8 @@ STATES = (
     "compare",
     "design",
     "setup",
+    "camera_guide",
+    "camera_result",
     "kill",
     "sign_in",
 )
@@ -67,11 +69,12 @@ SHOWN = {
     "replay",
     "compare",
     "setup",
+    "camera_guide",
     "kill",
     "sign_in",
 }
 """States whose pictures are in the documentation."""
-PARTS = {"calibrating": "#side", "calibrate": "#side"}
+PARTS = {"calibrating": "#side", "calibrate": "#side", "camera_guide": "#camera"}
 """States of which only one element is pictured."""
 
 
