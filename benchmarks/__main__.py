@@ -70,8 +70,8 @@ FOLDERS = {
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
 """The module of each benchmark, by its name."""
 OWN_OPTIONS = {
-    "count": ("fuzz_logs",),
-    "seed": ("fuzz_logs", "hostile_flights", "hostile_plugins"),
+    "count": ("fuzz_logs", "firmware"),
+    "seed": ("fuzz_logs", "firmware", "hostile_flights", "hostile_plugins"),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
     "only": ("hostile_plugins",),
@@ -84,8 +84,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
-    parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
-    parser.add_argument("--seed", type=int, help="number of the first mutated log or flight")
+    parser.add_argument("--count", type=int, help="of fuzz_logs: logs; of firmware: frames")
+    parser.add_argument(
+        "--seed", type=int, help="number of the first mutated log or flight, or stream"
+    )
     parser.add_argument(
         "--flights", type=int, help="of hostile_flights, or a kind of hostile_plugins"
     )

@@ -17,7 +17,7 @@ def page() -> str:
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters
     from quadlab.mavlink.parameter_names import has_short_name, short_name
-    from quadlab.simulated.parameters import CameraParameters
+    from quadlab.simulated.parameters import CameraParameters, OutsideCameraParameters
     from vehicle.boards.betaflight.options import BetaflightOptions
     from vehicle.boards.crazyflie.options import CrazyflieOptions
     from vehicle.parameters import new_parameters
@@ -29,6 +29,7 @@ def page() -> str:
         ("Tracker", "tracker.", TrackerParameters()),
         ("Bearings", "bearings.", BearingParameters()),
         ("Camera on board, of quadlab fly", "camera.", CameraParameters()),
+        ("Cameras around the room, of quadlab fly", "outside_cameras.", OutsideCameraParameters()),
         ("Board betaflight", "board.", BetaflightOptions()),
         ("Board crazyflie", "board.", CrazyflieOptions()),
         ("Station", "station.", StationParameters()),

@@ -21,7 +21,6 @@ def command_line() -> str:
     from quadlab.commands.examples import examples_of
     from quadlab.commands.link import Action as LinkAction
     from quadlab.commands.log import Action as LogAction
-    from quadlab.commands.option_types import wrapped_help
     from quadlab.commands.table import COMMANDS, overview
 
     def helped(command: Any, *words: str) -> str:
@@ -29,7 +28,6 @@ def command_line() -> str:
         with (
             contextlib.redirect_stdout(text),
             contextlib.suppress(SystemExit),
-            wrapped_help(),
             patch.dict(os.environ, COLUMNS=WIDTH),
         ):
             tyro.cli(

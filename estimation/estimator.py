@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from estimation.convergence import Convergence, Deviations
-from estimation.outcome import Outcome
+from estimation.outcome import JudgedReading
 from estimation.parameters import EstimationParameters
 from quadrotor.records import Record
 
@@ -100,7 +100,7 @@ class TakesHeading(Protocol):
 class TakesReadings(Protocol):
     """An estimator that single numbers of further sensors can correct."""
 
-    def correct_reading(self, reading: Record) -> Outcome:
+    def correct_reading(self, reading: Record) -> JudgedReading:
         """Apply a READING_SAMPLE, delayed or not. Raises MeasurementError."""
         ...
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
+from typing import NamedTuple
 
 AHEAD_NS = 20_000_000
 """Time in ns by which a measurement may be ahead of the newest IMU sample: clock error, serial
@@ -23,6 +25,19 @@ class Outcome(IntEnum):
     AHEAD = 3  # more than AHEAD_NS ahead of the IMU
     INVALID = 4  # not finite, or not of unit length
     OUTLIER = 5  # beyond the gate
+
+
+class JudgedReading(NamedTuple):
+    """The judgement of a filter on one reading, in the reading's unit.
+
+    Attributes:
+        residual: measured less what the filter expected; NaN when it did not compare them.
+        gate: least residual that it refuses; NaN likewise.
+    """
+
+    outcome: Outcome
+    residual: float = math.nan
+    gate: float = math.nan
 
 
 class Agreement(IntEnum):

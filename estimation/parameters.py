@@ -65,6 +65,10 @@ class PluginParameters(Parameters):
     """largest difference of its velocity from the built-in estimator's"""
     attitude_max: float = parameter(10.0, unit="deg", ge=1.0, le=90.0, step=0.5)
     """largest angle between its attitude and the built-in estimator's"""
+    udp_peer: str = parameter("127.0.0.1:9103")
+    """ADDRESS:PORT (IPv4) of the program that is the estimator `udp`"""
+    udp_port: int = parameter(9104, ge=1024, le=65535)
+    """port of the vehicle that it answers to"""
 
 
 NO_SENSORS = "none"
@@ -76,8 +80,8 @@ class EstimationParameters(Parameters):
     """
 
     estimator: str = parameter("complementary", choices=("complementary", "error_state"))
-    """what the vehicle flies on: built in, or a plugin (docs/extending/plugins.md); in flight only
-    the shadow may be chosen"""
+    """what the vehicle flies on: built in, a plugin (docs/extending/plugins.md), or udp (a program
+    that answers over UDP); in flight only the shadow may be chosen"""
     shadow: str = parameter("none", choices=("none", "complementary", "error_state"))
     """second estimator, run in parallel, for comparison or to take over"""
     shadow_source: str = parameter("same", choices=("same", "poses", "bearings", "both"))

@@ -113,17 +113,19 @@ def opened(name: str, content: bytes) -> bytes:
     _, _, size, checksum, length = CHUNK.unpack_from(view)
     place = CHUNK.size + length
     compression = str(view[CHUNK.size : place], "utf-8")
-    if compression not in ("", "lz4"):
+    if compression not in ("", "lz4", "zstd"):
         raise LogFormatError(
-            f"{name}: chunks are compressed with {compression!r:.40}; allowed are lz4 and "
+            f"{name}: chunks are compressed with {compression!r:.40}; allowed are lz4, zstd and "
             "none: convert with `mcap compress --compression lz4`"
         )
     stored = view[place + LENGTH.size :]
     if LENGTH.unpack_from(view, place)[0] != len(stored):
         raise ValueError("size")
-    check_chunk(name, len(stored), size)
-    if compression:
+    check_chunk(name, compression, len(stored), size)
+    if compression == "lz4":
         data: bytes = LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+    elif compression == "zstd":
+        data = _unpacked_zstd(stored, size)
     else:
         data = bytes(stored)
     if len(data) != size:
@@ -131,3 +133,13 @@ def opened(name: str, content: bytes) -> bytes:
     if checksum and zlib.crc32(data) != checksum:
         raise ValueError("checksum")
     return data
+
+
+def _unpacked_zstd(stored: memoryview, size: int) -> bytes:
+    """Return at most `size` + 1 bytes. Raises ValueError when it is damaged."""
+    from zstandard import ZstdDecompressor, ZstdError
+
+    try:
+        return ZstdDecompressor().stream_reader(stored).read(size + 1)
+    except ZstdError as error:
+        raise ValueError(str(error)) from error

@@ -17,7 +17,6 @@ from importlib.metadata import version
 from typing import NoReturn
 
 from quadlab.commands.examples import examples_of
-from quadlab.commands.option_types import wrapped_help
 from quadlab.commands.table import COMMANDS, Command, overview
 from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
@@ -101,7 +100,7 @@ def parse(words: Sequence[str]) -> Command:
         # tyro counts the arguments before it looks at the options
         first = next((k for k, word in enumerate(given) if word.startswith("-")), len(given))
         filled = _parsed([*given[:first], "x", *given[first:]])
-        if isinstance(filled, str) and filled.startswith("Unrecognized"):
+        if isinstance(filled, str) and filled.startswith(("Unrecognized", "quadlab ")):
             command = filled
     if isinstance(command, str):
         raise UsageError(command)
@@ -114,7 +113,7 @@ def _parsed(words: list[str]) -> Command | str:
 
     complaint = io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint), wrapped_help():
+        with contextlib.redirect_stderr(complaint):
             command: Command = tyro.extras.subcommand_cli_from_dict(
                 dict(COMMANDS), prog="quadlab", config=(tyro.conf.FlagCreatePairsOff,), args=words
             )
@@ -140,9 +139,8 @@ def _one_setting_each(words: Sequence[str]) -> list[str]:
 
 def _one_line(boxed: str) -> str:
     """Return tyro's boxed complaint as one sentence: the mistake and the nearest allowed word."""
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", boxed)
     sections: list[list[str]] = [[]]
-    for framed in plain.splitlines()[1:]:
+    for framed in _plain(boxed).splitlines()[1:]:
         line = framed.strip("│| ")
         if re.fullmatch(r"[╭╮╰╯─+-]+", line):
             sections.append([])
@@ -150,12 +148,30 @@ def _one_line(boxed: str) -> str:
             sections[-1].append(line)
     first, *others = [section for section in sections if section]
     said = " ".join(first)
+    if misplaced := re.match(
+        r"Unrecognized or misplaced options: (\S+) \(applied to (.+?)\)", said
+    ):
+        return _of_another(*misplaced.groups())
     for pattern, words in WORDS:
         said = re.sub(pattern, words, said)
     for section in others:
         if section[0].startswith(("Perhaps you meant", "Available subcommands")):
             said += "; " + " ".join(section[:2])
     return said.rstrip(".") + _nearest(said) + "; --help lists what is allowed"
+
+
+def _plain(text: str) -> str:
+    """Return a text without the codes of colours."""
+    return re.sub(r"\x1b\[[0-9;]*m", "", text)
+
+
+def _of_another(option: str, command: str) -> str:
+    """Return the complaint about an option that only other commands have, with this one's own."""
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit):
+        _parsed([*command.split()[1:], "--help"])
+    own = re.findall(r"(?m)^[│ ] (--[\w-]+)", _plain(text.getvalue()))
+    return f"{command} has no {option}: its options are {', '.join(own)}; --help explains them"
 
 
 def _nearest(said: str) -> str:

@@ -123,6 +123,21 @@ READING_SAMPLE = np.dtype(
 )
 """One number that a sensor of the user's own measured, in the sensor's unit."""
 
+JUDGED_READING = np.dtype(
+    [
+        ("stamp_ns", "i8"),  # when it was measured
+        ("place", "i8"),  # of the sensor among those that run, from 1
+        ("sensor", "S64"),  # its name
+        ("reading", "f8"),  # as measured
+        ("residual", "f8"),  # measured less expected
+        ("gate", "f8"),  # least residual that is refused; NaN: not judged
+        ("deviation", "f8"),  # standard deviation that the sensor states
+        ("judgement", "i8"),  # 0 used, 1 refused by the gate, 2 not taken
+    ],
+    align=True,
+)
+"""One such number with what a filter made of it, for log and charts, in the sensor's unit."""
+
 ACTUATORS = np.dtype(
     [
         ("wrench", "f8", 4),  # thrust (N), torque about body x, y, z (N m)

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 
 from bearing_sim.rendered_camera import Pattern
-from benchmarks.flights.camera_flight import CAMERA, LENS
 from benchmarks.harness import Report, Row, Target, time_in_turns
 from estimation.tags.detector import Picture, TagDetector, dictionary_of
 from estimation.tags.tag_layout import ROUND
+from quadlab.simulated.camera_scene import CAMERA, LENS
 from quadrotor.records import Array
 from quadrotor.rotations import rotation_exp
 

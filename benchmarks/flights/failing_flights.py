@@ -12,14 +12,13 @@ import math
 import multiprocessing
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from multiprocessing.connection import Connection
 
 import numpy as np
 
-from benchmarks.flights.rough_world import WORLDS
 from benchmarks.flights.touch_down import Outcome, TouchDown
 from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.errors import LinkError, QuadlabError
@@ -46,6 +45,7 @@ DRAG, DRAG_OF_CRAZYFLIE = 0.25, 0.006
 """N s/m; relative to the mass they are equal, and so is what the wind does."""
 LANDING_TIME = 12
 """Time, in s, after which Betaflight stops its motors; 20 by default, which only takes longer."""
+Settings = Mapping[str, ParameterValue]
 Flight = tuple[str, str, int]
 """Failure, start and seed of a flight."""
 
@@ -116,12 +116,11 @@ def fly_alone(failure: str, start: str, seed: int, board: str) -> list[Outcome]:
 
 
 def fly_seed(
-    seed: int, failures: Sequence[str], starts: Sequence[str], world: str, board: str
+    seed: int, failures: Sequence[str], starts: Sequence[str], settings: Settings, board: str
 ) -> list[Outcome]:
-    """Fly all failures from all starts under the conditions of one seed, in one of WORLDS."""
+    """Fly all failures from all starts under the conditions of one seed, with these settings."""
     truth = {f"simulator.{name}": value for name, value in conditions(seed, board).items()}
-    settings = WORLDS[world] | truth | SETTINGS
-    flight = FailingFlight(seed, settings, board=board)
+    flight = FailingFlight(seed, {**settings, **truth, **SETTINGS}, board=board)
     chance = np.random.default_rng((seed, 13))
     outcomes: list[Outcome] = []
     for start in STARTS[: 1 + max(STARTS.index(start) for start in starts)]:
@@ -239,16 +238,17 @@ def fly_all(
     seeds: int,
     failures: Sequence[str],
     starts: Sequence[str],
-    world: str,
+    settings: Settings,
     board: str = MIKROKOPTER,
     *,
     flown: Sequence[Outcome] = (),
     minutes: float = math.inf,
     keep: Callable[[Sequence[Outcome]], None] = lambda _: None,
 ) -> list[Outcome]:
-    """Fly seeds 1 to `seeds` in one of WORLDS, on all cores.
+    """Fly seeds 1 to `seeds`, on all cores.
 
     Args:
+        settings: of the simulated world and the vehicle, besides those of a seed.
         flown: outcomes of former runs, whose flights are not repeated.
         minutes: after these no further flight begins.
         keep: is given all outcomes after each flight.
@@ -258,7 +258,7 @@ def fly_all(
     deadline_s = time.monotonic() + 60.0 * minutes
     tasks = [
         task
-        for flights, task in _tasks(seeds, failures, starts, world, board)
+        for flights, task in _tasks(seeds, failures, starts, settings, board)
         if not known.issuperset(flights)
     ]
     workers = multiprocessing.cpu_count() if minutes == math.inf else 1
@@ -280,7 +280,7 @@ def _until(deadline_s: float, fly: Callable[[], list[Outcome]]) -> list[Outcome]
 
 
 def _tasks(
-    seeds: int, failures: Sequence[str], starts: Sequence[str], world: str, board: str
+    seeds: int, failures: Sequence[str], starts: Sequence[str], settings: Settings, board: str
 ) -> list[tuple[list[Flight], Callable[[], list[Outcome]]]]:
     """Return the functions to call, each with the flights whose outcomes it returns.
 
@@ -298,7 +298,7 @@ def _tasks(
     return [
         (
             [(failure, start, seed) for start in starts for failure in failures],
-            partial(fly_seed, seed, failures, starts, world, board),
+            partial(fly_seed, seed, failures, starts, settings, board),
         )
         for seed in range(1, seeds + 1)
     ]

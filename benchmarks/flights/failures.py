@@ -4,6 +4,7 @@
     python -m benchmarks.flights.failures [--seeds 20] [--real 2] [--only web,station] [--json FILE]
     python -m benchmarks.flights.failures --world rough [--seeds 5]
     python -m benchmarks.flights.failures --board betaflight [--minutes 4 --json FILE]
+    python -m benchmarks.flights.failures --firmware c [--minutes 4 --json FILE]
 
 With --json and --minutes a long run is flown in parts: flights that FILE has are not repeated.
 
@@ -32,7 +33,7 @@ from benchmarks.harness import Report, Row, Target
 from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
 
 SEEDS, REAL_SEEDS = 20, 2
-OF_OTHER_BOARDS = (failing_flights.SILENT, "port 0", "station", "tracker")
+OF_OTHER_BOARDS = ("flight", "port 0", "station", "tracker")
 STARTS_OF_OTHER_BOARDS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8")
 REAL_FAILURES = (
     "web",
@@ -45,33 +46,35 @@ REAL_FAILURES = (
     "both ports",
     failing_flights.CORRUPTED,
 )
+TRACKER = "tracker"
+"""The failure that is flown in simulated time alone."""
 
 
 def run(quick: bool = False) -> Report:
     """Run the benchmark for `python -m benchmarks`."""
-    outcomes = fly(*((2, 0) if quick else (SEEDS, REAL_SEEDS)), REAL_FAILURES)
-    return report(outcomes)
+    seeds, real_seeds = (2, 0) if quick else (SEEDS, REAL_SEEDS)
+    names = simulated(REAL_FAILURES)
+    outcomes = failing_flights.fly_all(seeds, names, failing_flights.STARTS, {})
+    return report([*outcomes, *fly_really(real_seeds, REAL_FAILURES)])
 
 
-def fly(seeds: int, real_seeds: int, only: Sequence[str], world: str = CLEAN) -> list[Outcome]:
-    """Fly in simulated time first, in one of WORLDS; then with the real processes in turn."""
-    names = dict.fromkeys(
-        failing_flights.SILENT if name in ("flight", "frozen") else name
-        for name in only
-        if name != "web"  # has no part in it in simulated time
-    )
+def simulated(only: Sequence[str]) -> tuple[str, ...]:
+    """Return what these failures are in simulated time, where the page has no part."""
+    silent = ("flight", "frozen")
+    names = (failing_flights.SILENT if name in silent else name for name in only if name != "web")
+    return tuple(dict.fromkeys(names))
+
+
+def fly_really(seeds: int, only: Sequence[str]) -> list[Outcome]:
+    """Fly with the real processes in turn."""
+    from benchmarks.flights.failing_processes import STARTS, fly_real
+
     outcomes = []
-    if names and seeds:
-        outcomes += failing_flights.fly_all(seeds, tuple(names), failing_flights.STARTS, world)
-    if real_seeds:
-        from benchmarks.flights.failing_processes import STARTS, fly_real
-
-        for failure in only:
-            for start in STARTS:
-                for seed in range(1, real_seeds + 1):
-                    outcome = fly_real(failure, start, seed)
-                    print(line(outcome), file=sys.stderr, flush=True)
-                    outcomes.append(outcome)
+    for failure in (name for name in only if name != TRACKER):
+        for start in STARTS:
+            for seed in range(1, seeds + 1):
+                outcomes.append(fly_real(failure, start, seed))
+                print(line(outcomes[-1]), file=sys.stderr, flush=True)
     return outcomes
 
 
@@ -152,32 +155,34 @@ def main() -> int:
     )
     parser.add_argument("--seeds", type=int, default=SEEDS, help="in simulated time")
     parser.add_argument("--real", type=int, default=REAL_SEEDS, help="seeds of real processes")
-    parser.add_argument("--only", default=",".join(REAL_FAILURES), help="failures, by commas")
+    parser.add_argument("--only", help="failures, by commas; all that the board is judged by")
     parser.add_argument("--world", choices=tuple(WORLDS), default=CLEAN, help="simulated time only")
     boards = (MIKROKOPTER, BETAFLIGHT, CRAZYFLIE)
     parser.add_argument("--board", choices=boards, default=MIKROKOPTER)
-    parser.add_argument("--minutes", type=float, default=math.inf, help="of other boards")
+    parser.add_argument("--firmware", choices=("python", "c"), default="python")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="in simulated time")
     parser.add_argument("--json", type=Path, help="write every flight there")
     options = parser.parse_args()
-    only = [name.strip() for name in options.only.split(",")]
-    unknown = [name for name in only if name not in REAL_FAILURES]
+    is_other = options.board != MIKROKOPTER
+    known = OF_OTHER_BOARDS if is_other else (*REAL_FAILURES, TRACKER)
+    usual = OF_OTHER_BOARDS if is_other else REAL_FAILURES
+    only = [name.strip() for name in options.only.split(",")] if options.only else list(usual)
+    unknown = [name for name in only if name not in known]
     if unknown:
-        parser.error(f"no failure is called {unknown[0]!r}: there are {', '.join(REAL_FAILURES)}")
+        parser.error(f"no failure is called {unknown[0]!r}: there are {', '.join(known)}")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all processes of a flight
-    if options.board == MIKROKOPTER:
-        real = options.real if options.world == CLEAN else 0
-        outcomes = fly(options.seeds, real, only, options.world)
-    else:
-        outcomes = failing_flights.fly_all(
-            options.seeds,
-            OF_OTHER_BOARDS,
-            STARTS_OF_OTHER_BOARDS,
-            options.world,
-            options.board,
-            flown=_flown(options.json),
-            minutes=options.minutes,
-            keep=lambda outcomes: _write(options.json, outcomes),
-        )
+    outcomes = failing_flights.fly_all(
+        options.seeds,
+        simulated(only),
+        STARTS_OF_OTHER_BOARDS if is_other else failing_flights.STARTS,
+        {**WORLDS[options.world], "simulator.firmware": options.firmware},
+        options.board,
+        flown=_flown(options.json),
+        minutes=options.minutes,
+        keep=lambda outcomes: _write(options.json, outcomes),
+    )
+    if options.world == CLEAN and not is_other:
+        outcomes += fly_really(options.real, only)
     found = report(outcomes)
     print(found.as_markdown())
     _write(options.json, outcomes)

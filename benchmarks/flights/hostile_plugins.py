@@ -2,6 +2,7 @@
 
     python -m benchmarks hostile_plugins --flights 20
     python -m benchmarks hostile_plugins --flights 4 --only sensor
+    python -m benchmarks hostile_plugins --flights 20 --only "law raises"
 
 Each plugin is the example that `quadlab new` writes, which from a moment on raises, answers
 nonsense, falls silent, dies or drifts. The vehicle hovers or flies the figure 8, with a behavior
@@ -9,6 +10,11 @@ the path of the plugin. It fell when it sank below half of its height, or with a
 tilted by more than 60 degrees, or stopped its motors within 3 s. Answers that are late by a number
 of ticks are those of a vehicle in real time, which waits for nothing; elsewhere simulated time
 waits up to 1 s.
+
+An answer that is merely wrong is usable until it is beyond a bound (`control.plugin`,
+`estimation.plugin`). For laws and estimators that drift there is therefore a second count: from the
+first tick in which the answer, or the flight on it, is beyond a bound by the benchmark's own
+arithmetic; 0 is that tick.
 """
 
 from __future__ import annotations
@@ -23,9 +29,13 @@ import numpy as np
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Target
 from quadrotor.checkout import ROOT
+from quadrotor.records import Record
 from vehicle.estimators.estimators import Estimators
+from vehicle.estimators.external import ExternalEstimator
+from vehicle.laws.external import ExternalLaw
 from vehicle.plugins.external import External
 
+PERIOD = 0.002
 FLIGHTS = 20
 """Flights of each kind."""
 WATCHED = 3.0
@@ -119,14 +129,39 @@ class Outcome:
 
     Attributes:
         ticks: from the input at which harm begins to the tick that the built-in one flies; NaN
-            when it never did. lowest: m. away: m, farthest from the reference afterwards.
+            when it never did. beyond: the same from the first tick beyond a bound; NaN when the
+            benchmark knows none. lowest: m. away: m, farthest from the reference afterwards.
     """
 
     fell: bool
     ticks: float
+    beyond: float
     lowest: float
     away: float
     why: str
+
+
+class Seen:
+    """A link that keeps the newest answer."""
+
+    def __init__(self, external: External) -> None:
+        self._link, self._type = external._link, external._contract.outputs
+        self.answer: Record | None = None
+
+    def ready(self) -> bool:
+        return self._link.ready()
+
+    def send(self, data: bytes) -> None:
+        self._link.send(data)
+
+    def receive(self) -> bytes | None:
+        data = self._link.receive()
+        if data is not None and len(data) == self._type.itemsize:
+            self.answer = np.frombuffer(data, self._type)[0]
+        return data
+
+    def close(self) -> None:
+        self._link.close()
 
 
 class Late:
@@ -161,7 +196,7 @@ def fly(kind: str, harm: str, seed: int) -> Outcome:
         source = SOURCE.format(name=name, begin=begin, harm=HARM[kind][harm], kind=kind)
         (Path(folder) / "hostile.py").write_text(text + source)
         flight = _begun(kind, seed, Path(folder), {parameter: "hostile"})
-        ticks = math.nan
+        ticks = first = math.nan
         external = _external(flight, kind)
         try:
             while (begun := external) is not None and begun._out["time"].item() <= begin:
@@ -169,6 +204,9 @@ def fly(kind: str, harm: str, seed: int) -> Outcome:
                 external = _external(flight, kind)
             if external is not None and harm in LATE:
                 external._link = Late(external, LATE[harm])
+            seen = Seen(begun) if begun is not None else None
+            if begun is not None and seen is not None and external is not None:
+                external._link = seen
             flight.forget()
             lowest, end_ns, count = math.inf, flight.robot.stamp_ns + round(WATCHED * 1e9), 0
             while flight.robot.stamp_ns < end_ns:
@@ -176,15 +214,33 @@ def fly(kind: str, harm: str, seed: int) -> Outcome:
                 count += 1
                 lowest = min(lowest, flight.height)
                 external = _external(flight, kind)
-                if math.isnan(ticks) and (external is None or external.failure):
-                    ticks = count
+                if math.isnan(ticks) and begun is not None and seen is not None:
+                    if math.isnan(first) and _is_beyond(flight, begun, seen.answer):
+                        first = count
+                    if external is None or external.failure:
+                        ticks = count
             _, places, wanted = flight.trace()
         finally:
             flight.stack.close()
     why = next((line for line in flight.events.texts if "disengaged" in line), "not disengaged")
     fell = lowest < LOWEST[kind] or flight.most_tilted > TILT or not flight.airborne
     away = float(np.linalg.norm(places - wanted, axis=1).max())
-    return Outcome(fell, ticks, lowest, away, why)
+    return Outcome(fell, ticks, ticks - first, lowest, away, why)
+
+
+def _is_beyond(flight: WatchedFlight, external: External, answer: Record | None) -> bool:
+    """Return whether what was answered, or the flight on it, is beyond a bound in this tick."""
+    p = flight.stack.parameters
+    if isinstance(external, ExternalLaw):
+        away = flight.stack.reference["position_w"] - flight.stack.state["position_w"]
+        return float(np.linalg.norm(away)) > p.control.plugin.distance_max
+    if not isinstance(external, ExternalEstimator) or answer is None:
+        return False
+    built_in, bounds = external.built_in.state[0], p.estimation.plugin
+    now_w = answer["position_w"] + answer["velocity_w"] * PERIOD
+    position = float(np.linalg.norm(now_w - built_in["position_w"]))
+    velocity = float(np.linalg.norm(answer["velocity_w"] - built_in["velocity_w"]))
+    return position > bounds.position_max or velocity > bounds.velocity_max
 
 
 def _begun(kind: str, seed: int, folder: Path, settings: dict[str, str]) -> WatchedFlight:
@@ -212,20 +268,22 @@ def _external(flight: WatchedFlight, kind: str) -> External | None:
 
 
 def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1, only: str = "") -> Report:
-    """Run the benchmark for `python -m benchmarks`, from the first seed on; of one kind of plugin
-    if it is named."""
+    """Run the benchmark for `python -m benchmarks`, from the first seed on; of one kind of plugin,
+    or one harm ("law raises"), if it is named."""
     count = 2 if quick else flights
     found = Report(
         "hostile_plugins",
         "Plugins that do harm",
         [
             f"{count} flights of each kind, hover and figure 8 in turns, 500 Hz; ticks: from the "
-            "input at which harm begins to the tick that flies without the plugin"
+            "input at which harm begins to the tick that flies without the plugin; after a bound: "
+            "from the tick in which it was exceeded"
         ],
     )
     fallen = late = 0
-    for kind, harms in HARM.items() if not only else ((only, HARM[only]),):
-        for harm in harms:
+    chosen, _, one = only.partition(" ")
+    for kind, harms in HARM.items() if not only else ((chosen, HARM[chosen]),):
+        for harm in [one] if one else harms:
             outcomes = [fly(kind, harm, seed + k) for k in range(count)]
             ticks = [o.ticks for o in outcomes]
             fell, kept = sum(o.fell for o in outcomes), sum(map(math.isnan, ticks))
@@ -235,6 +293,7 @@ def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1, only: str = 
                 "fell": float(fell),
                 "ticks, median": float(np.median(ticks)),
                 "ticks, most": max(ticks),
+                "after a bound, most": max(o.beyond for o in outcomes),
                 "farthest, m": max(o.away for o in outcomes),
             }
             found.rows.append(Row(f"{kind} {harm}", figures))

@@ -92,6 +92,7 @@ class Pages:
 
     def picture(self, picture: Picture, number: int) -> None:
         self._room(_height(picture))
+        self._figure.set_layout_engine("constrained")  # draws twice: pages of text need none
         below = PAGE[1] - self._at - picture.height
         slots = self._figure.add_gridspec(
             3,
@@ -115,7 +116,7 @@ class Pages:
     def _begin(self) -> None:
         from matplotlib.figure import Figure
 
-        self._figure = Figure(figsize=PAGE, layout="constrained")
+        self._figure = Figure(figsize=PAGE)
         self._number += 1
         self._at = PAGE[1] - 0.45
         self._put(MARGIN, self._title[:90], size=7.0, color="#777777")

@@ -10,15 +10,16 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Protocol
 
 import cv2
 import numpy as np
 
 from console.trackers.camera_view import CameraView
-from console.trackers.source import Body, Frame
+from console.trackers.source import Body, Frame, name_of
 from estimation.tags.detector import Picture, Tags
 from estimation.tags.intrinsics import Intrinsics, load_intrinsics
-from estimation.tags.tag_layout import load_tags
+from estimation.tags.tag_layout import CameraPlace, load_tags
 from estimation.tags.tag_tracker import TagTracker
 from quadrotor.errors import StorageError, UnreachableError, UsageError
 from vehicle_link.clock import monotonic_ns
@@ -27,6 +28,14 @@ MS = 1_000_000
 LATEST_NS = 200 * MS
 """Age in ns beyond which pictures of a file are skipped: a reader that is slower than the video
 gets the newest one."""
+
+
+class PictureStream(Protocol):
+    """Pictures as they come: driver's stamp in ns or None, host's steady clock in ns, grey."""
+
+    def __iter__(self) -> Iterator[tuple[int | None, int, Picture]]: ...
+
+    def close(self) -> None: ...
 
 
 class TagSource(ABC):
@@ -38,7 +47,7 @@ class TagSource(ABC):
         late_ns: from the middle of the exposure to the driver's stamp.
     """
 
-    def __init__(self, pictures: Pictures, view: CameraView, late_ns: int = 0) -> None:
+    def __init__(self, pictures: PictureStream, view: CameraView, late_ns: int = 0) -> None:
         self._pictures, self._view, self._late_ns = pictures, view, late_ns
 
     def frames(self) -> Iterator[Frame]:
@@ -69,35 +78,54 @@ class TagSource(ABC):
 
 
 class CameraSource(TagSource):
-    """Bodies with tags, as seen by one camera.
+    """Bodies with tags, as seen by one camera."""
 
-    Args:
-        camera: a device's number, or a video file, which is played at its own speed.
-        intrinsics, tags: files of the camera's intrinsics and of the layout of the tags.
-        view: for people.
+    def __init__(self, pictures: PictureStream, tracker: TagTracker, view: CameraView) -> None:
+        super().__init__(pictures, view)
+        self._tracker = tracker
+        self._told: CameraPlace | None = None
 
-    Raises StorageError, MeasurementError, UnreachableError.
-    """
+    @classmethod
+    def open(
+        cls,
+        camera: int | Path,
+        intrinsics: Path,
+        tags: Path,
+        view: CameraView | None = None,
+        *,
+        is_alone: bool = True,
+    ) -> CameraSource:
+        """Open a camera.
 
-    def __init__(
-        self, camera: int | Path, intrinsics: Path, tags: Path, view: CameraView | None = None
-    ) -> None:
+        Args:
+            camera: a device's number, or a video file, which is played at its own speed.
+            intrinsics, tags: files of the camera's intrinsics and of the layout of the tags.
+            view: for people.
+            is_alone: whether it is the only camera.
+
+        Raises StorageError, MeasurementError, UnreachableError.
+        """
         lens = load_intrinsics(intrinsics)
-        self._tracker = TagTracker(load_tags(tags), lens)
-        super().__init__(Pictures(camera, lens), view or CameraView())
+        tracker = TagTracker(load_tags(tags), lens, name_of(camera), is_alone=is_alone)
+        return cls(Pictures(camera, lens), tracker, view or CameraView())
 
     def _read(self, grey: Picture, taken_ns: int) -> Frame:
-        bodies = self._tracker.take(grey)
-        return Frame(
-            None, 0, tuple(Body(name, place, turn) for name, (place, turn) in bodies.items())
-        )
+        bodies, place = self._tracker.take(grey), self._tracker.found_place
+        if place is not None and place is not self._told:
+            self._told = place
+            print(
+                "tracker: the tags of the world give the place of a camera, for the file of tags: "
+                f"cameras.{self._tracker.camera} = {place.text}",
+                flush=True,
+            )
+        return Frame(None, 0, tuple(Body(name, *pose) for name, pose in bodies.items()))
 
     def _seen(self) -> tuple[Tags, Collection[int], float]:
         return self._tracker.tags, self._tracker.numbers, self._tracker.residual
 
 
 class Pictures:
-    """Iterates over (driver's stamp in ns or None, host's steady clock in ns, grey picture).
+    """The pictures of a device or a video file, a `PictureStream`.
 
     Raises StorageError or UnreachableError when the camera cannot be opened, UnreachableError when
     it delivers no more pictures, UsageError when the file has ended.

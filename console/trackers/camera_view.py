@@ -36,12 +36,16 @@ class CameraPicture(NamedTuple):
 class CameraView:
     """Stores a camera's newest picture and figures; thread-safe.
 
+    Args:
+        name: of the camera, if there are several.
+
     Attributes:
         is_watched: whether pictures are made; set by their sender.
         newest: the newest picture that was made.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "") -> None:
+        self.name = name
         self.is_watched = False
         self.newest: CameraPicture | None = None
         self._lock = threading.Lock()
@@ -70,11 +74,11 @@ class CameraView:
             self._forget(monotonic_ns())
             recent = list(self._recent)
         if not recent:
-            return Figures(is_camera=True, picture_rate=0.0)
+            return Figures(self.name, 0.0)
         _, found, levels, residuals = zip(*recent, strict=True)
         known = [one for one in residuals if math.isfinite(one)]
         return Figures(
-            True,
+            self.name,
             len(recent) / (1e-9 * RECENT_NS),
             sum(found) / len(found),
             levels[-1],

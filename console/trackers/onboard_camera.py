@@ -148,13 +148,12 @@ class OnboardCameraSource(TagSource):
 class BearingsTracker(Tracker):
     """Publishes the bearings of a camera on one vehicle, and its status."""
 
-    topics = TopicNames("camera_bearings", "camera_status", "camera_picture")
+    topics = TopicNames("camera_bearings", "camera_status", ("camera_picture",))
+    markers = "beacons"
     unseen_for = 1.0
 
     def _handle_frame(self, frame: Frame, taken_ns: int | None, now: float) -> None:
         [one], seen = self._vehicles, frame.beacons
-        if frame.doubt:
-            self._note, self._noted = frame.doubt, now
         if seen is None or not seen.beacon_ids:
             return
         self._seen.extend((now, f"beacon {number}") for number in seen.beacon_ids)

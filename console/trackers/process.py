@@ -11,13 +11,13 @@ import queue
 import re
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from console.tracker_feed import ENDED
-from console.trackers.camera_figures import Figures, figures_text
+from console.trackers.camera_figures import figures_text
 from console.trackers.camera_view import CameraPicture, CameraView
 from console.trackers.health import Unit, Up, to_world
 from console.trackers.source import Body, Frame, Source
@@ -30,6 +30,7 @@ from vehicle_link import topics
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.messages import encode, header, new
 from vehicle_link.termination_signal import Ending
+from vehicle_link.topics import TRACKER_PICTURES
 
 STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
@@ -57,10 +58,11 @@ class Tracker:
         bodies: the system's name of each vehicle's body.
         session: with the station.
         unit, up: of the system's positions, and its axis that points up.
-        view: of a camera, filled by its source; None for another system.
+        views: one for each camera, filled by the source; none for another system.
     """
 
-    topics = TopicNames("tracker_body", "tracker_status", "tracker_picture")
+    topics = TopicNames("tracker_body", "tracker_status", TRACKER_PICTURES)
+    markers = "tags"
     unseen_for = GAP
 
     def __init__(
@@ -71,15 +73,15 @@ class Tracker:
         session: Any,
         unit: Unit = "m",
         up: Up = "z",
-        view: CameraView | None = None,
+        views: Sequence[CameraView] = (),
     ) -> None:
         self._name, self._open_source, self._unit, self._up = name, open_source, unit, up
         self._vehicles = [
             TrackedVehicle(session, vehicle, body, self.topics) for vehicle, body in bodies.items()
         ]
-        self._session, self._view = session, view
-        self._shown: CameraPicture | None = None
-        if view is not None:
+        self._session, self._views = session, views
+        self._shown: list[CameraPicture | None] = [None] * len(views)
+        if views:
             topics.encode_picture(0, b"", "")  # generates its serialiser now, which takes a second
         self._clock = SystemClock()
         self._items: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
@@ -154,6 +156,8 @@ class Tracker:
         now = monotonic()
         self._last_frame_at, self._source_problem = now, ""
         self._frames.append(now)
+        if frame.doubt:
+            self._note, self._noted = frame.doubt, now
         self._handle_frame(frame, self._taken_ns(frame, now), now)
 
     def _handle_frame(self, frame: Frame, taken_ns: int | None, now: float) -> None:
@@ -227,25 +231,22 @@ class Tracker:
             one.last_problem_at, one.has_printed_figures = now, False
         elif not one.has_printed_figures and now - one.last_problem_at > RECENT:
             one.has_printed_figures = True
-            if text := figures_text(self._figures):
+            for view in self._views:
+                text = figures_text(view.figures(), self.markers)
                 print(f"tracker: {one.vehicle}: {text}", flush=True)
 
-    @property
-    def _figures(self) -> Figures:
-        return Figures() if self._view is None else self._view.figures()
-
     def _show(self) -> None:
-        """Publish a camera's newest picture if there are subscribers."""
-        if self._view is None:
-            return
-        watched = [one for one in self._vehicles if one.pictures.has_subscribers]
-        self._view.is_watched = bool(watched)
-        newest = self._view.newest
-        if newest is None or newest is self._shown:
-            return
-        self._shown, stamp_ns = newest, to_epoch(newest.taken_ns)
-        for one in watched:
-            one.pictures.put(topics.encode_picture(stamp_ns, newest.jpeg, one.vehicle), stamp_ns)
+        """Publish each camera's newest picture if there are subscribers."""
+        for k, view in enumerate(self._views):
+            watched = [one for one in self._vehicles if one.pictures[k].has_subscribers]
+            view.is_watched = bool(watched)
+            newest = view.newest
+            if newest is None or newest is self._shown[k]:
+                continue
+            self._shown[k], stamp_ns = newest, to_epoch(newest.taken_ns)
+            for one in watched:
+                payload = topics.encode_picture(stamp_ns, newest.jpeg, one.vehicle)
+                one.pictures[k].put(payload, stamp_ns)
 
     def _problem(self, one: TrackedVehicle, now: float) -> str:
         """Return the first cause of a problem of one vehicle; "" when there is none."""
@@ -288,7 +289,10 @@ class Tracker:
             clock_jumps=self._clock.jumps,
             problem=problem,
             withheld=bool(one.health.withheld) or one.is_doubled,
-            **self._figures._asdict(),
+            cameras=[
+                new("quadlab_msgs/CameraFigures", **view.figures()._asdict())
+                for view in self._views
+            ],
         )
 
 

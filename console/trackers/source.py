@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from estimation.tags.tag_bearings import Sighting
@@ -18,6 +19,8 @@ class Body(NamedTuple):
     """(3,), m, world frame, z up."""
     quaternion_wb: Array | None
     """(4,), w x y z, body to world; None for a single marker, which has only a position."""
+    covariance: Array | None = None
+    """(6, 6) of the position, m, and of a turn in body axes, rad, if the system tells it."""
 
 
 class Frame(NamedTuple):
@@ -32,6 +35,11 @@ class Frame(NamedTuple):
     """Bearings of a camera on the vehicle."""
     doubt: str = ""
     """A warning about the frame, which is still used."""
+
+
+def name_of(camera: int | Path) -> str:
+    """Return the name of a camera in messages and in the file of tags."""
+    return camera.stem if isinstance(camera, Path) else str(camera)
 
 
 class Source(Protocol):

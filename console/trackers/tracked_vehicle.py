@@ -25,7 +25,7 @@ class TopicNames(NamedTuple):
 
     measurements: str
     status: str
-    pictures: str
+    pictures: tuple[str, ...]
 
 
 class TrackedVehicle:
@@ -42,7 +42,7 @@ class TrackedVehicle:
         self._node = Node(session, f"/{vehicle}", "tracker")
         self.measurements = self._node.advertise(TOPICS[topics.measurements])
         self.status = self._node.advertise(TOPICS[topics.status])
-        self.pictures = self._node.advertise(TOPICS[topics.pictures])
+        self.pictures = [self._node.advertise(TOPICS[one]) for one in topics.pictures]
 
     def close(self) -> None:
         self._node.close()

@@ -16,7 +16,7 @@ from estimation.error_state.gate import RUN_LEAST
 from estimation.error_state.memory import MARKER, new_memory
 from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import FIT_UPDATES
-from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
+from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, JudgedReading, Outcome
 from estimation.parameters import EstimationParameters, noise_record
 from estimation.refusals import refuse_bearings, refuse_pose, refuse_reading, refuse_sweeps
 from quadrotor.errors import MeasurementError
@@ -190,7 +190,7 @@ class ErrorStateEstimator(CompiledEstimator):
         else:
             self._start_from_sweeps(sweeps)
 
-    def correct_reading(self, reading: Record) -> Outcome:
+    def correct_reading(self, reading: Record) -> JudgedReading:
         """Apply a READING_SAMPLE (1,), delayed or not, once something else has started the filter.
 
         Its number is gated and weighted as a pose's are, but it starts and restarts nothing, and
@@ -199,8 +199,12 @@ class ErrorStateEstimator(CompiledEstimator):
         if not self._take(reading):
             raise refuse_reading(reading)
         if not self._initialized:
-            return Outcome.TOO_OLD
-        return Outcome(apply_one(self._memory[0], self._noise[0]))
+            return JudgedReading(Outcome.TOO_OLD)
+        m = self._memory[0]
+        outcome = Outcome(apply_one(m, self._noise[0]))
+        if outcome not in (Outcome.APPLIED, Outcome.OUTLIER):
+            return JudgedReading(outcome)
+        return JudgedReading(outcome, *m["reading"].tolist())
 
     def report(self, estimate: Record) -> None:
         """Write biases, the last correction and the measurement age into the ESTIMATE (1,)."""

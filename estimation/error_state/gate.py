@@ -67,7 +67,7 @@ def chi_square(deviations: float) -> float:
 @compiled(inner=True)
 def gate(m: Any, pairs: int, whole: bool, deviations: float) -> int:
     """Mark in `used` the pairs of rows that the prior allows, and return their number; write
-    `distance`, `expected` and `doubt`.
+    `distance`, `far`, `expected` and `doubt`.
 
     Args:
         whole: whether to use all pairs or none, with the weight of the farthest of them.
@@ -78,6 +78,7 @@ def gate(m: Any, pairs: int, whole: bool, deviations: float) -> int:
     most = FAR if whole else FAR_BEARINGS
     deviations *= min(1.0 + max(0.0, waited - OPEN_AFTER) / OPEN_WITHIN, most)
     near, far = chi_square(deviations), chi_square(most * deviations)
+    m.far = far
     count, farthest = 0, 0.0
     for k in range(pairs):
         a = project(P, m.row[2 * k], gain[0]) + m.variance[2 * k]

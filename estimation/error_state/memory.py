@@ -78,6 +78,7 @@ ERROR_STATE_MEMORY = np.dtype(
         ("after_covariance", "f8", (EVENTS, ERRORS, ERRORS)),
         # Results of the measurement that arrived last.
         ("innovation", "f8", POSE_ERRORS),  # before the correction: m, rad, in world axes
+        ("reading", "f8", 2),  # of a reading, in its unit: innovation, and the least refused
         ("freedom", "i8"),  # numbers that were used: 2 a bearing, 6 a pose, 3 a marker; 0: refused
         ("nis", "f8"),  # normalised innovation squared, of `freedom` degrees
         ("consistency", "f8"),  # mean of nis / freedom over the last few dozen
@@ -107,6 +108,7 @@ ERROR_STATE_MEMORY = np.dtype(
         ("rest", "f8", ROWS),  # its residual
         ("variance", "f8", ROWS),
         ("expected", "f8", ROWS),  # variance of the residual by prior and measurement
+        ("far", "f8"),  # least distance that is refused
         ("doubt", "f8", ROWS),  # variance added for its distance from the prediction
         ("distance", "f8", MAX_BEACONS),  # of a pair of rows from its prediction, chi-square of 2
         ("plane", "f8", 6 * PLANE_ROWS),

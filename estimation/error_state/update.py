@@ -9,6 +9,7 @@ iterated filter, which is Gauss-Newton on prior and measurement together).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from estimation.error_state.adaptation import learn_from_bearings, learn_from_pose
@@ -210,6 +211,8 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
     judged = newest and kind != READING
     if judged:
         judge(m, pairs, kind, count)
+    elif newest:
+        m.reading[0], m.reading[1] = m.rest[0], math.sqrt(m.far * m.expected[0])
     if count == 0:
         return False
     for iteration in range(MAX_STEPS):

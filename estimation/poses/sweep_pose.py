@@ -7,16 +7,28 @@ nearly one place.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from estimation.sweep_angles import plane_numbers, swept
+from quadrotor.compiled import compiled
 from quadrotor.errors import DegenerateGeometryError
 from quadrotor.plain_rotations import matrices_of
 from quadrotor.records import Array, Record
-from quadrotor.vectors import multiply, normalized, turned
+from quadrotor.vectors import (
+    add,
+    axes_of,
+    cross,
+    multiply,
+    normalized,
+    quaternion,
+    to_world,
+    turned,
+    vector,
+)
 
 STEPS = 40
 WORST = 5.0
@@ -42,11 +54,15 @@ def sweep_pose(frames: Sequence[Record]) -> SweepPose:
     if len({tuple(frame["plane"]["origin_w"]) for frame in frames}) < 2:
         raise DegenerateGeometryError("they are of one base station, and two determine a pose")
     first = _first_guess([frame["plane"] for frame in frames])
+    stacked, planes = np.array(frames), np.array([plane_numbers(one) for one in frames])
     best = min(
-        (_fit(frames, first, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])) for yaw in YAWS),
+        (
+            _fit(stacked, planes, first, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]))
+            for yaw in YAWS
+        ),
         key=lambda one: one[0],
     )
-    cost, position, quaternion, normal = best
+    cost, position, attitude, normal = best
     numbers = int(sum(frame["count"] for frame in frames))
     if numbers < 6 or not np.linalg.cond(normal) < 1e12:
         raise DegenerateGeometryError(f"{numbers} sweep angles leave the pose open")
@@ -58,7 +74,7 @@ def sweep_pose(frames: Sequence[Record]) -> SweepPose:
             f"no pose fits the sweeps: the best is {np.sqrt(cost / numbers):.0f} deviations off, "
             f"allowed {WORST:g}; are the base stations where the geometry file says?"
         )
-    return SweepPose(position, quaternion, covariance)
+    return SweepPose(position, attitude, covariance)
 
 
 def _first_guess(planes: Sequence[Record]) -> Array:
@@ -73,46 +89,53 @@ def _first_guess(planes: Sequence[Record]) -> Array:
 
 
 def _fit(
-    frames: Sequence[Record], position: Array, quaternion: Array
+    frames: Record, planes: Array, position: Array, attitude: Array
 ) -> tuple[float, Array, Array, Array]:
     """Return squared residuals (in variances), pose and normal matrix (6, 6) of a local fit."""
     damping = 1e-3
-    cost, normal, pull = _system(frames, position, quaternion)
+    cost, normal, pull = _system(frames, planes, position, attitude)
     for _ in range(STEPS):
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), pull)
         moved = position + step[:3]
         phi = turned((1.0, 0.0, 0.0, 0.0), (step[3], step[4], step[5]))
-        w, x, y, z = quaternion
+        w, x, y, z = attitude
         other = np.array(normalized(multiply(phi, (w, x, y, z))))
-        trial = _system(frames, moved, other)
+        trial = _system(frames, planes, moved, other)
         if trial[0] < cost:
             gained = cost - trial[0]
-            position, quaternion, damping = moved, other, damping / 3.0
+            position, attitude, damping = moved, other, damping / 3.0
             cost, normal, pull = trial
             if gained < 1e-3:
                 break
         else:
             damping *= 5.0
-    return cost, position, quaternion, normal
+    return cost, position, attitude, normal
 
 
+@compiled
 def _system(
-    frames: Sequence[Record], position: Array, quaternion: Array
+    frames: Record, planes: Array, position: Array, attitude: Array
 ) -> tuple[float, Array, Array]:
-    cost, normal, pull = 0.0, np.zeros((6, 6)), np.zeros(6)
-    matrix = matrices_of(quaternion[None])[0]
-    for frame in frames:
-        plane = plane_numbers(frame)
-        for k in range(frame["count"]):
-            lever = matrix @ frame["sensor_b"][k]
-            x, y, z = position + lever
-            angle, gradient = swept(plane, (x, y, z))
-            rest = np.remainder(frame["angle"][k] - angle + np.pi, 2.0 * np.pi) - np.pi
-            row = np.concatenate([gradient, np.cross(lever, gradient)]) / frame["sigma"]
-            rest /= frame["sigma"]
-            if not np.isfinite(rest):
-                return np.inf, normal, pull
+    """Return squared residuals (in variances), normal matrix (6, 6) and right side (6,).
+
+    Args:
+        frames: SWEEPS_SAMPLE (N,).
+        planes: (N, 12), their numbers.
+    """
+    cost, normal, pull, row = 0.0, np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+    axes = axes_of(quaternion(attitude))
+    for n in range(len(frames)):
+        for k in range(frames[n].count):
+            lever = to_world(axes, vector(frames[n].sensor_b[k]))
+            predicted, gradient = swept(planes[n], add(vector(position), lever))
+            rest = np.remainder(frames[n].angle[k] - predicted + math.pi, math.tau) - math.pi
+            if not math.isfinite(rest):
+                return math.inf, normal, pull
+            turning = cross(lever, gradient)
+            for i in range(3):
+                row[i], row[3 + i] = gradient[i] / frames[n].sigma, turning[i] / frames[n].sigma
+            rest /= frames[n].sigma
             cost += rest * rest
             normal += np.outer(row, row)
             pull += rest * row
-    return float(cost), normal, pull
+    return cost, normal, pull

@@ -25,7 +25,7 @@ Picture = npt.NDArray[np.uint8]
 
 PLACES = 4
 """Places at which a cell is compared, along each axis."""
-BLURS = (1.5, 1.5, 1.0, 0.75, 0.75, 0.75)
+BLURS = (1.5, 1.0, 0.75)
 """Blur of the overlaid picture in each step, pixels: larger at first, to correct errors of a pixel.
 The steps after them find it."""
 STEPS = 6

@@ -42,6 +42,7 @@ SHARPNESS = 2.0
 """Share of the detail removed by a Gaussian of 1 pixel that is added before detection."""
 READER = {
     "adaptiveThreshConstant": 14,  # grey levels; sharpened edges are that much steeper
+    "adaptiveThreshWinSizeMin": 13,  # of the enlarged picture; 3, OpenCV's least, finds none more
     "perspectiveRemovePixelPerCell": 8,
     "perspectiveRemoveIgnoredMarginPerCell": 0.33,
     "errorCorrectionRate": 1.0,  # all bits that the family can correct

@@ -16,6 +16,7 @@ A TOML file. A tag's axes: x right and y up in its upright picture, z out of the
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -59,10 +60,30 @@ class TagPlace(Strict):
 
 
 class CameraPlace(Strict):
-    """A camera at a measured position, whose picture's rows are level."""
+    """A camera at a measured position.
+
+    Attributes:
+        roll: deg, by which its picture's x axis leans down from the level.
+    """
 
     position: Triple
     looks_at: Triple
+    roll: FiniteFloat = 0.0
+
+    @classmethod
+    def of(cls, position_w: Array, R_wc: Array) -> CameraPlace:
+        """Return the place of a camera with these axes, which looks at a point 3 m away."""
+        x, y, z = (round(float(one), 4) for one in position_w)
+        u, v, w = (round(float(one), 4) for one in position_w + 3.0 * R_wc[:, 2])
+        level = cls(position=(x, y, z), looks_at=(u, v, w))
+        right, down, _ = level.axes_w.T @ R_wc[:, 0]
+        return level.model_copy(update={"roll": round(math.degrees(math.atan2(down, right)), 3)})
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> CameraPlace:
+        if self.position == self.looks_at:
+            raise ValueError("the camera's target is its own position")
+        return self
 
     @property
     def axes_w(self) -> Array:
@@ -72,16 +93,29 @@ class CameraPlace(Strict):
         ahead = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
         x = np.cross(z, ahead)
         x /= np.linalg.norm(x)
+        y, roll = np.cross(z, x), math.radians(self.roll)
+        x = math.cos(roll) * x + math.sin(roll) * y
         return np.column_stack([x, np.cross(z, x), z])
+
+    @property
+    def text(self) -> str:
+        """Return the place as a value in a TOML file."""
+        values = (f"{name} = {value}" for name, value in self.model_dump(mode="json").items())
+        return f"{{{', '.join(values)}}}"
 
 
 class TagLayout(Strict):
-    """All tags of a laboratory, and the camera's place unless tags of the world determine it."""
+    """All tags of a laboratory, and the places of cameras that tags of the world do not determine.
+
+    Attributes:
+        camera: the place of the only camera. cameras: those of several, by name.
+    """
 
     family: str = DEFAULT_FAMILY
     bodies: dict[str, dict[int, TagPlace]]
     world: dict[int, TagPlace] = {}
     camera: CameraPlace | None = None
+    cameras: dict[str, CameraPlace] = {}
 
     @model_validator(mode="after")
     def _is_complete(self) -> TagLayout:
@@ -90,14 +124,25 @@ class TagLayout(Strict):
             raise ValueError(f"tag {min(twice)} is in it twice; give each place its own tag")
         if not self.bodies or not all(self.bodies.values()):
             raise ValueError("a body needs a tag, like [bodies.quad1.3]")
-        if bool(self.world) == (self.camera is not None):
+        of_one = bool(self.world) + (self.camera is not None)
+        if of_one > 1 or not (of_one or self.cameras) or (self.camera and self.cameras):
             raise ValueError(
                 "it needs either tags with places in the world, like [world.10], or [camera] with "
-                "position and looks_at"
+                "position and looks_at (of several cameras, [cameras.NAME] for each)"
             )
-        if self.camera is not None and self.camera.position == self.camera.looks_at:
-            raise ValueError("the camera's target is its own position")
         return self
+
+    def place_of(self, camera: str, *, is_alone: bool = True) -> CameraPlace | None:
+        """Return the measured place of a camera, by its name if there are several; None when tags
+        of the world determine it. Raises MeasurementError when nothing does.
+        """
+        found = self.cameras.get(camera, self.camera if is_alone else None)
+        if found is None and not self.world:
+            raise MeasurementError(
+                f"no place is given for camera {camera}: add [cameras.{camera}] with position and "
+                "looks_at to the file of tags, or tags with places in the world"
+            )
+        return found
 
 
 def load_tags(path: Path) -> TagLayout:

@@ -6,10 +6,18 @@ import math
 
 import numpy as np
 
+from estimation.tags.camera_fusion import BodyPose
 from estimation.tags.detector import Picture, TagDetector, Tags
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.tag_layout import TagLayout, TagPlace
-from estimation.tags.tag_pose import RESIDUAL_MAX, STILL_RESIDUAL_MAX, TagPose, fitting, likeliest
+from estimation.tags.tag_layout import CameraPlace, TagLayout, TagPlace
+from estimation.tags.tag_pose import (
+    NOISE,
+    RESIDUAL_MAX,
+    STILL_RESIDUAL_MAX,
+    TagPose,
+    fitting,
+    likeliest,
+)
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
 from quadrotor.rotations import quaternion_from_matrix
@@ -28,32 +36,38 @@ class TagTracker:
     Args:
         layout: of the tags.
         lens: of the camera.
+        camera: its name in the layout. is_alone: whether it is the only one.
 
     Attributes:
+        camera: its name.
         numbers: of all tags in the layout.
         tags: those in the newest picture.
+        found_place: the camera's place, once tags of the world have determined it.
         residual: deviation of the tags of the worst-fitting body from their places in the newest
             picture, pixels rms; NaN without a body.
 
-    Raises MeasurementError for an unknown family.
+    Raises MeasurementError for an unknown family, and for a camera without a place.
     """
 
-    def __init__(self, layout: TagLayout, lens: Intrinsics) -> None:
-        self._layout, self._lens = layout, lens
+    def __init__(
+        self, layout: TagLayout, lens: Intrinsics, camera: str = "", *, is_alone: bool = True
+    ) -> None:
+        self._layout, self._lens, self.camera = layout, lens, camera
         self._detector = TagDetector(lens, layout.family)
         self.numbers = frozenset(layout.world).union(*layout.bodies.values())
         self.tags: Tags = {}
+        self.found_place: CameraPlace | None = None
         self.residual = math.nan
         self._seen: list[Tags] = []  # tags of the world while the camera is being located
         self._stood: Tags = {}  # their pixels at that time
         self._place: tuple[Array, Array] | None = None  # position_w and R_wc
-        if layout.camera is not None:
-            self._place = np.array(layout.camera.position), layout.camera.axes_w
+        if (measured := layout.place_of(camera, is_alone=is_alone)) is not None:
+            self._place = np.array(measured.position), measured.axes_w
         self._attitude: dict[str, tuple[int, Array]] = {}
         self._count = 0
 
-    def take(self, grey: Picture) -> dict[str, tuple[Array, Array]]:
-        """Return position_w (3,) m and quaternion_wb (4,) of each body in a picture.
+    def take(self, grey: Picture) -> dict[str, BodyPose]:
+        """Return the pose of each body in a picture.
 
         Raises MeasurementError when the picture, the tags in it or the intrinsics are wrong.
         """
@@ -68,8 +82,10 @@ class TagTracker:
                 self.residual = max(pose.residual, np.nan_to_num(self.residual))
                 R_wb = R_wc @ pose.R_cb
                 self._attitude[name] = self._count, R_wb
-                place = position_w + R_wc @ pose.position_c
-                bodies[name] = place, quaternion_from_matrix(R_wb)
+                place, to_world = position_w + R_wc @ pose.position_c, np.eye(6)
+                to_world[:3, :3] = R_wc
+                covariance = NOISE**2 * to_world @ np.linalg.inv(pose.information) @ to_world.T
+                bodies[name] = BodyPose(place, quaternion_from_matrix(R_wb), covariance)
         return bodies
 
     def _pose(
@@ -122,4 +138,5 @@ class TagTracker:
             )
         self._stood, R_wc = mean, best.R_cb.T
         self._place = -R_wc @ best.position_c, R_wc
+        self.found_place = CameraPlace.of(*self._place)
         return self._place

@@ -52,5 +52,5 @@ class Sway:
         return Answer(position_w, velocity_w, acceleration_w, jerk_w, snap_w, self._yaw)
 
 
-behavior = Sway
-"""Name that the vehicle imports from this file."""
+behavior = Sway  # the name that the vehicle imports
+PROTOCOL = 1  # of what it imports: docs/extending/plugins.md

@@ -51,5 +51,5 @@ def expected_height(position_w: Array, quaternion_wb: Array) -> float:
     return float(position_w[2])
 
 
-sensor = Barometer
-"""Name that the vehicle imports from this file."""
+sensor = Barometer  # the name that the vehicle imports
+PROTOCOL = 1  # of what it imports: docs/extending/plugins.md

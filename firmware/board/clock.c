@@ -20,9 +20,7 @@ void clock_set_period(uint16_t period_us)
     cli();
     OCR1A = top;
     OCR1B = (uint16_t)(top - SCAN);
-    if (TCNT1 > top) {
-        TCNT1 = 0; /* else the timer would run through all of its 16 bits */
-    }
+    TCNT1 = 0; /* a new period, with readings: those of this one may be due no more, or again */
     sei();
 }
 

@@ -25,6 +25,7 @@ void converters_begin(void)
 ISR(TIMER1_COMPB_vect)
 {
     turn = 0;
+    ADCSRA = 0; /* gives up what another period began */
     ADMUX = order[0];
     ADCSRA = START;
 }

@@ -92,9 +92,12 @@ void uart_send(uint8_t port, const uint8_t *bytes, uint8_t count)
     if (count > room) {
         return;
     }
+    uint8_t head = ring->head;
     for (uint8_t i = 0; i < count; i++) {
-        keep(ring, bytes[i]);
+        ring->bytes[head] = bytes[i];
+        head = (uint8_t)(head + 1U);
     }
+    ring->head = head;
     if (port == 0U) {
         UCSR0B |= (uint8_t)(1U << UDRIE0);
     } else {

@@ -10,7 +10,7 @@ int16_t vertical(const struct program *p, uint8_t axis)
 
 static int16_t scaled(int32_t across, int16_t inverse)
 {
-    return narrow((product(narrow((across + 0x80) >> 8), inverse) + 0x2000) >> 14);
+    return narrow_down(product(narrow_down(across + 0x80, 8), inverse) + 0x2000, 14);
 }
 
 /* The rotation vector (2^-14 rad) from the vertical to the force's direction. */
@@ -82,7 +82,7 @@ void estimate_attitude(struct program *p, const int16_t omega_b[3], const int16_
         short_by -= product(u[i], u[i]);
     }
     for (uint8_t i = 0; i < 3U; i++) {
-        p->up_b[i] += by16(p->up_b[i], narrow(short_by >> 13));
+        p->up_b[i] += by16(p->up_b[i], narrow_down(short_by, 13));
         u[i] = vertical(p, i);
     }
     p->roll = angle_of(u[1], u[2]);

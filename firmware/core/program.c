@@ -62,11 +62,11 @@ static void show(const struct program *p, int16_t *registers)
     registers[ID_PITCH] = narrow(by16(p->pitch, narrow(SHOW_ANGLE)));
     for (uint8_t i = 0; i < 3U; i++) {
         registers[ID_RATE_X + i] =
-            narrow((by16(p->rate_b[i], narrow(SHOW_RATE)) + 0x400) >> 11);
+            narrow_down(by16(p->rate_b[i], narrow(SHOW_RATE)) + 0x400, 11);
         registers[ID_GYROSCOPE_DRIFT_X + i] =
-            narrow((by16(p->drift[i], narrow(SHOW_DRIFT)) + 0x8000) >> 16);
+            narrow_down(by16(p->drift[i], narrow(SHOW_DRIFT)) + 0x8000, 16);
         registers[ID_ACCELERATION_X + i] =
-            narrow((product(p->force_b[i], narrow(SHOW_FORCE)) + 0x800) >> 12);
+            narrow_down(product(p->force_b[i], narrow(SHOW_FORCE)) + 0x800, 12);
     }
     registers[ID_ROLL_RATE] = registers[ID_RATE_X];
     registers[ID_PITCH_RATE] = registers[ID_RATE_Y];

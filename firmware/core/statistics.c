@@ -16,8 +16,17 @@ static int16_t shown(uint32_t value)
     return (int16_t)((value > (uint32_t)INT16_MAX) ? (uint32_t)INT16_MAX : value);
 }
 
+/* Return count / duration, rounded. As little more than a second has passed, it is less than count
+ * by a quotient of 16 bits, where the chip's division costs a third. */
 static int16_t a_second(uint32_t count, uint32_t duration_ms)
 {
+    const uint32_t excess = duration_ms - SECOND_MS;
+    if ((count < SECOND_MS) && (excess < 16U)) {
+        const uint16_t duration = (uint16_t)duration_ms;
+        const uint16_t less = (uint16_t)(((2U * (uint16_t)count * (uint16_t)excess) + duration - 1U) /
+                                         (uint16_t)(2U * duration));
+        return (int16_t)((uint16_t)count - less);
+    }
     return shown(((2U * SECOND_MS * count) + duration_ms) / (2U * duration_ms));
 }
 

@@ -26,7 +26,7 @@ INDEX = "log.json"
 WHOLE = (
     *("/events", "/marks", "/parameter_changes"),
     *("/tracker_pose", "/tracker_position", "/bearings", "/sweeps"),
-    *("/tracker_picture", "/camera_picture"),
+    "_picture",
 )
 """Ends of the names of topics whose messages are read one by one, so that payloads are stored."""
 RECEIVED, STAMP, HEADER, PAYLOAD = "received_ns", "stamp_ns", "header_delay_ns", "payload"

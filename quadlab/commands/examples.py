@@ -76,6 +76,9 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "quadlab tracker camera --device 0 --intrinsics camera.yaml --tags tags.toml": (
             "track with a USB camera"
         ),
+        "quadlab tracker camera --device 0 1 --intrinsics a.yaml b.yaml --tags tags.toml": (
+            "track with two"
+        ),
     },
     "crazyradio": {
         "quadlab crazyradio radio://0/80/2M/E7E7E7E701=19850 radio://0/80/2M/E7E7E7E702=19851": (

@@ -26,8 +26,8 @@ class Fly:
 
     experiment: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="EXPERIMENT")]
     """figure_eight, hover, own_behavior, bearings, gyroscope, accelerometer, motor_bench, mass,
-    inertia, drag, vibration, tracker_delay, tracker_body; or FILE.py, an experiment of your own
-    (docs/experiments.md)"""
+    inertia, drag, vibration, tracker_delay, tracker_body; or FILE.py, an experiment of your
+    own (docs/experiments.md)"""
     out: Folder = None
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1
@@ -39,8 +39,8 @@ class Fly:
     """set a parameter; simulator.NAME, tracker.NAME and bearings.NAME for what is simulated,
     experiment.NAME for what is flown"""
     beacons: File = None
-    """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
-    --set bearings.layout=NAME"""
+    """beacons of a CSV file with the header id,x,y,z (m); layouts by name
+    with --set bearings.layout=NAME"""
     plugins: Folder = None
     """folder of your own control laws and estimators (default: plugins in the data folder)"""
     true_state: Flag = False

@@ -31,15 +31,17 @@ class Kind(NamedTuple):
 
 
 def _laws() -> Collection[str]:
-    from vehicle.laws.laws import BUILT_IN, UDP
+    from vehicle.laws.laws import BUILT_IN
+    from vehicle.plugins.links import UDP
 
     return *BUILT_IN, UDP
 
 
 def _estimators() -> Collection[str]:
     from estimation import registry
+    from vehicle.plugins.links import UDP
 
-    return *registry.names(), "none"
+    return *registry.names(), "none", UDP
 
 
 def _behaviors() -> Collection[str]:

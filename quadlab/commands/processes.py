@@ -47,8 +47,8 @@ class Vehicle:
     check: Flag = False
     """test the connection, print the result and exit"""
     board: str = MIKROKOPTER
-    """the flight board: mikrokopter, betaflight, crazyflie, or one of an installed package
-    (docs/boards)"""
+    """the flight board: mikrokopter, betaflight, crazyflie, or one of an installed
+    package (docs/boards)"""
     find: Flag = False
     """list all serial devices, print what answers on each, and exit"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
@@ -58,8 +58,8 @@ class Vehicle:
     data: Folder = None
     """data folder"""
     rate: Annotated[int | None, optional("HZ")] = None
-    """IMU samples and ticks per second, 60 to 1000; one port carries 338, two carry 677 (default:
-    500, with one port 300)"""
+    """IMU samples and ticks per second, 60 to 1000; one port carries 338, two
+    carry 677 (default: 500, with one port 300)"""
     in_process: Flag = False
     """instead of --serial: fly a simulated vehicle inside the flight process, at any rate"""
     link_port: int = 7447

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from quadlab.commands.option_types import File, Folder, optional
+from quadlab.commands.option_types import File, Files, Folder, optional
 from quadlab.data_folder import data_folder
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import LinkError, UsageError
@@ -45,13 +47,17 @@ class Tracker:
     """unit of the positions that the system sends"""
     up: Literal["z", "y"] = "z"
     """axis of the system that points up"""
-    device: int = 0
-    """camera and onboard_camera: number of the camera, as in /dev/video0"""
-    video: File = None
-    """camera and onboard_camera: read this video file instead of a camera"""
-    intrinsics: File = None
-    """camera and onboard_camera: file of the camera's intrinsics (default: those accepted on the
-    Set-up page, or by `quadlab camera`, in the data folder)"""
+    device: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N [N …]")] = (0,)
+    """camera and onboard_camera: number of the camera, as in /dev/video0; up to four with
+    camera"""
+    video: Files = ()
+    """camera and onboard_camera: read these video files instead of cameras"""
+    rendered: Annotated[int, tyro.conf.arg(metavar="N")] = 0
+    """camera: render the simulated vehicle as N cameras around the room see it, instead of reading
+    cameras"""
+    intrinsics: Files = ()
+    """camera and onboard_camera: file of the intrinsics of each camera, in their order (default:
+    those accepted on the Set-up page, or by `quadlab camera`, in the data folder)"""
     tags: File = None
     """camera and onboard_camera: TOML file with the tags and their places, or with the LEDs and how
     often they blink"""
@@ -65,6 +71,11 @@ class Tracker:
         """Return whether it provides bearings instead of poses."""
         return self.system == CAMERAS[1]
 
+    @property
+    def cameras(self) -> Sequence[int | Path]:
+        """Return the cameras, or what is read instead: video files, or numbers of rendered ones."""
+        return tuple(range(self.rendered)) or self.video or self.device
+
     def check(self) -> dict[str, str]:
         """Return the body of each vehicle. Raises UsageError for inconsistent options."""
         bodies = {} if self.of_bearings else parse_bodies(self.body)
@@ -74,10 +85,8 @@ class Tracker:
             raise UsageError(
                 "with ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
             )
-        if self.system in CAMERAS and self.tags is None:
-            raise UsageError(f"{self.system} needs --tags FILE; see docs/trackers.md")
-        if self.system in CAMERAS and self.intrinsics is None and self.video is not None:
-            raise UsageError("--video needs --intrinsics FILE: a video is no camera that is known")
+        if self.system in CAMERAS:
+            self._check_cameras()
         if self.of_bearings:
             if len(self.body) > 1 or any("=" in word for word in self.body):
                 raise UsageError(
@@ -92,12 +101,45 @@ class Tracker:
             check_library(self.system)
         return bodies
 
+    def _check_cameras(self) -> None:
+        from console.trackers.source import name_of
+        from vehicle_link.topics import TRACKER_PICTURES
+
+        cameras, most = self.cameras, 1 if self.of_bearings else len(TRACKER_PICTURES)
+        if not self.rendered and self.tags is None:
+            raise UsageError(f"{self.system} needs --tags FILE; see docs/trackers.md")
+        if self.video and not self.intrinsics:
+            raise UsageError("--video needs --intrinsics FILE: a video is no camera that is known")
+        if not 1 <= len(cameras) <= most:
+            raise UsageError(
+                f"{len(cameras)} cameras; {self.system} reads at most {most}: start it with fewer"
+            )
+        if self.rendered < 0 or (self.rendered and (self.of_bearings or len(self.body) > 1)):
+            raise UsageError(
+                f"--rendered {self.rendered} with {self.system}: the system camera renders 1 to "
+                f"{most} cameras, and one vehicle"
+            )
+        if self.rendered:
+            return
+        if self.intrinsics and len(self.intrinsics) != len(cameras):
+            raise UsageError(
+                f"--intrinsics has {len(self.intrinsics)} files, but there are {len(cameras)} "
+                f"cameras ({', '.join(map(str, cameras))}): give one file for each, in their order"
+            )
+        names = [name_of(one) for one in cameras]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise UsageError(
+                f"camera {twice[0]} is given twice: give each camera once, and videos different "
+                "file names"
+            )
+
     def run(self) -> int:
         bodies = self.check()
         from console.trackers.camera_view import CameraView
         from console.trackers.motion_capture import SYSTEMS
         from console.trackers.onboard_camera import BearingsTracker
         from console.trackers.process import Tracker as Poses
+        from console.trackers.source import name_of
         from vehicle_link import clock
         from vehicle_link.lockstep import page_at
         from vehicle_link.termination_signal import EndSignal
@@ -111,7 +153,7 @@ class Tracker:
         if self.system == "ros2":
             where = ""
         elif self.system in CAMERAS:
-            where = f" {self.device if self.video is None else self.video}"
+            where = f"{' rendered' * bool(self.rendered)} {' '.join(map(str, self.cameras))}"
         session, is_reported = None, False
         while session is None:
             try:
@@ -126,21 +168,27 @@ class Tracker:
             clock.follow(page_at(self.loopback_port))
         print(f"tracker: {self.system}{where}, for {', '.join(bodies)}", flush=True)
         kind = BearingsTracker if self.of_bearings else Poses
-        view = CameraView() if self.system in CAMERAS else None
+        names = [name_of(one) for one in self.cameras] if self.system in CAMERAS else []
+        views = [CameraView(name if len(names) > 1 else "") for name in names]
         kind(
             f"{self.system}{where}",
-            lambda: self._source(host, port, session, list(bodies.values()), view),
+            lambda: self._source(host, port, session, bodies, views),
             bodies,
             session,
             self.unit,
             self.up,
-            view,
+            views,
         ).run(stopping)
         session.close()
         return 0
 
     def _source(
-        self, host: str, port: int, session: Any, bodies: Sequence[str], view: CameraView | None
+        self,
+        host: str,
+        port: int,
+        session: Any,
+        bodies: Mapping[str, str],
+        views: Sequence[CameraView],
     ) -> Source:
         """Connect to the system. Raises QuadlabError."""
         if self.system == "udp":
@@ -150,19 +198,32 @@ class Tracker:
         if self.system == "ros2":
             from console.trackers.ros2 import Ros2Source
 
-            return Ros2Source(session, bodies)
+            return Ros2Source(session, list(bodies.values()))
         if self.system in CAMERAS:
+            if self.rendered:
+                from quadlab.simulated.rendered_pictures import rendered_cameras
+
+                vehicle, body = next(iter(bodies.items()))
+                names = [str(one) for one in self.cameras]
+                return rendered_cameras(session, vehicle, body, names, views)
             assert self.tags is not None
             from console.trackers.camera import CameraSource
             from console.trackers.camera_store import CameraStore
             from console.trackers.onboard_camera import OnboardCameraSource, StationBeacons
+            from console.trackers.several_cameras import open_cameras
 
-            camera = self.device if self.video is None else self.video
-            intrinsics = self.intrinsics or CameraStore(data_folder(self.data)).path(self.device)
-            if not self.of_bearings:
-                return CameraSource(camera, intrinsics, self.tags, view)
-            beacons = StationBeacons(session, bodies[0])
-            return OnboardCameraSource(camera, intrinsics, self.tags, beacons, view)
+            cameras, alone = self.cameras, len(self.cameras) == 1
+            store = CameraStore(data_folder(self.data))
+            lenses = self.intrinsics or [store.path(one) for one in self.device]
+            if self.of_bearings:
+                beacons = StationBeacons(session, next(iter(bodies)))
+                [camera], [lens], [view] = cameras, lenses, views
+                return OnboardCameraSource(camera, lens, self.tags, beacons, view)
+            openers = [
+                partial(CameraSource.open, camera, lens, self.tags, view, is_alone=alone)
+                for camera, lens, view in zip(cameras, lenses, views, strict=True)
+            ]
+            return open_cameras(openers, [view.name for view in views])
         from console.trackers.motion_capture import MotionCaptureSource
 
         return MotionCaptureSource(self.system, host, port)

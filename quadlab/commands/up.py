@@ -76,8 +76,8 @@ class Up(PageOptions):
     firmware: Literal["python", "c"] = "python"
     """firmware of the simulated microcontroller; c (firmware/) is first built with gcc and make"""
     board: str = MIKROKOPTER
-    """the simulated vehicles' board: mikrokopter; betaflight, its real firmware
-    (scripts/betaflight builds it); crazyflie"""
+    """the simulated vehicles' board: mikrokopter; betaflight, its real
+    firmware (scripts/betaflight builds it); crazyflie"""
     set: Settings = ()
     """start with this vehicle parameter, simulator.NAME=VALUE, or board.NAME=VALUE, which both the
     vehicle and its simulated board get"""

@@ -169,9 +169,22 @@ def export_fmu(model: str, words: Sequence[str], path: Path, fmi: int = 2) -> No
 
     Raises UsageError for words that are wrong, StorageError without a compiler or a place.
     """
-    shown, name = variables(model, words), f"quadlab_{model}"
-    compiled, header = (f"fmi{fmi}.c", f"{model}.c"), f"fmi{fmi}.h"
-    sources = {n: (FOLDER / n).read_text() for n in (*compiled, header, "model.h", "vectors.h")}
+    write_fmu(FOLDER / f"{model}.c", variables(model, words), path, fmi)
+
+
+def write_fmu(source: Path, shown: Sequence[Variable], path: Path, fmi: int) -> None:
+    """Write the FMU of a model in C: `source` has its two functions of model.h.
+
+    Args:
+        shown: its variables: fixed parameters, tunable ones, inputs, outputs, in this order, and
+            behind them at least one integer.
+
+    Raises StorageError without a compiler or a place.
+    """
+    model, name = source.stem, f"quadlab_{source.stem}"
+    compiled, header = (f"fmi{fmi}.c", source.name), f"fmi{fmi}.h"
+    places = (FOLDER / compiled[0], source, *(FOLDER / n for n in (header, "model.h", "vectors.h")))
+    sources = {place.name: place.read_text() for place in places}
     content = "".join([describe(model, shown, "", fmi), *sources.values()])
     guid = f"{{{uuid.UUID(bytes=hashlib.sha256(content.encode()).digest()[:16])}}}"
     sources["layout.h"] = layout(shown, guid)

@@ -14,8 +14,9 @@ from quadrotor.parameters import (
     ParameterValue,
     parameter,
 )
-from vehicle.laws.contract import INPUT, OUTPUT, Field, names_of
+from vehicle.laws.contract import INPUT, OUTPUT, Field
 from vehicle.parameters import new_parameters
+from vehicle.plugins.contract import names_of
 from vehicle.simulator.parameters import SimulatorParameters
 
 PLANT, LAW = "plant", "law"

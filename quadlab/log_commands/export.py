@@ -33,8 +33,8 @@ class Export:
     end: Annotated[float, tyro.conf.arg(name="to", metavar="S")] = math.inf
     """its end, in s after the start"""
     derive: Names = ()
-    """with --format page: a derived signal, as in the charts:
-    'speed = norm(state.velocity.x, state.velocity.y)'"""
+    """with --format page: a derived signal, as in the
+    charts: 'speed = norm(state.velocity.x, state.velocity.y)'"""
 
     def run(self) -> int:
         from console.log_export.export import export

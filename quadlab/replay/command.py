@@ -53,8 +53,8 @@ class Replay:
     the flight, else the recorded bearings, or emulated ones if there are none or a bearings.NAME is
     set; estimation.source=… in a run takes precedence"""
     beacons: File = None
-    """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
-    --set bearings.layout=NAME"""
+    """beacons of a CSV file with the header id,x,y,z (m); layouts by name
+    with --set bearings.layout=NAME"""
     survey: Flag = False
     """first estimate the positions of the beacons (with sweeps: of the base stations) from the
     flight, and use them in all runs; with --on both they follow from the tracker's poses, with

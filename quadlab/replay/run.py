@@ -209,8 +209,11 @@ class Vehicle:
             else (math.nan, math.nan, math.nan)
         )
         self._refused = refused
-        if out.started_ns is None and estimator.initialized:
-            out.started_ns = now_ns
+        self._note_start(now_ns)
+
+    def _note_start(self, now_ns: int) -> None:
+        if self._out.started_ns is None and self._estimator.initialized:
+            self._out.started_ns = now_ns
 
     def _wants_bearings(self, now_ns: int) -> bool:
         """Return whether bearings are to be used: estimators with fixed gains weigh them like

@@ -182,6 +182,10 @@ class _Steady(Vehicle):
             row[: 2 * count] = memory["rest"][: 2 * count]
         self.innovations.append(row)
 
+    def _note(self, now_ns: int, raised: bool, applied: bool) -> None:
+        """Note only the start, as a survey flies a hundred times and needs nothing else."""
+        self._note_start(now_ns)
+
 
 def _fit(
     fly: Callable[[Array], _Steady], places_w: Array, each: int, numbers: list[int], run: Run

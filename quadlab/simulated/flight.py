@@ -21,6 +21,7 @@ from estimation.estimator import Estimator
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.guide import REQUESTER, SimulatedGuide
 from quadlab.simulated.onboard_camera import OnboardCamera
+from quadlab.simulated.outside_cameras import OutsideCameras
 from quadlab.simulated.parameters import FlightParameters
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
@@ -72,6 +73,9 @@ class SimulatedFlight(SimulatedGuide):
             simulated.ports, options, parameters.simulator.imu_rate, lambda: simulated.stamp_ns
         )
         self._tracker = SimulatedTracker(parameters.tracker)
+        self._outside: OutsideCameras | None = None
+        if parameters.outside_cameras.number:  # they replace the tracker
+            self._outside = OutsideCameras(parameters.outside_cameras, parameters.tracker.seed)
         self._bearings: BearingEmulator | OnboardCamera = BearingEmulator(parameters.bearings)
         if parameters.camera.enabled:
             estimated_w = self.stack.state["position_w"][0]
@@ -163,6 +167,7 @@ class SimulatedFlight(SimulatedGuide):
             self._sender.send(command)
             lap("serial")
             log.tick(stack.record)
+            log.readings(stack.readings)
             self._after_tick(stack.record)
             if stack.outbox:
                 self._drain_outbox()
@@ -176,13 +181,14 @@ class SimulatedFlight(SimulatedGuide):
         if now_ns >= self._next_heartbeat_ns:
             self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
             self.stack.measure(mailbox.Heartbeat(now_ns))
+        tracker = self._outside or self._tracker
         if now_ns >= self._next_truth_ns:
             self._next_truth_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
             position_w, quaternion_wb = self._true_position_w, self._true_quaternion_wb
-            self._tracker.observe(now_ns, position_w, quaternion_wb)
+            tracker.observe(now_ns, position_w, quaternion_wb)
             self._bearings.observe(now_ns, position_w, quaternion_wb)
             self._log.truth(now_ns, self._simulated.truth)
-        for pose in self._tracker.due(now_ns):
+        for pose in tracker.due(now_ns):
             self.stack.measure(pose_sample(pose.stamp_ns, pose.position_w, pose.quaternion_wb))
             if has_attitude(pose.quaternion_wb):
                 self._pose = pose
@@ -192,11 +198,15 @@ class SimulatedFlight(SimulatedGuide):
             seen = bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
             self.stack.measure(seen)
             self._solve(seen, now_ns)
-        if isinstance(self._bearings, OnboardCamera):
-            for stamp_ns, jpeg in self._bearings.shown():
-                self._log.picture(stamp_ns, jpeg, now_ns)
+        for cameras in (self._bearings, tracker):
+            if isinstance(cameras, OnboardCamera | OutsideCameras):
+                for topic, stamp_ns, jpeg in cameras.shown():
+                    self._log.picture(topic, stamp_ns, jpeg, now_ns)
+        if self._outside is not None:
+            for line in self._outside.said():
+                self.stack.say(f"tracker: {line}", mailbox.WARN)
         self._next_station_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
-        for arrival_ns in (self._tracker.next_ns, self._bearings.next_ns):
+        for arrival_ns in (tracker.next_ns, self._bearings.next_ns):
             if arrival_ns is not None and arrival_ns < self._next_station_ns:
                 self._next_station_ns = arrival_ns
 

@@ -98,6 +98,13 @@ class FlightLog:
         self._now_ns = self._newest_ns()
         self._publisher.event(event)
 
+    def readings(self, judged: list[Record]) -> None:
+        """Log the readings of one tick, JUDGED_READING (1,) each."""
+        if judged:
+            self._now_ns = self._newest_ns()
+            for one in judged:
+                self._publisher.reading(one)
+
     def parameter_change(self, change: ParameterChange) -> None:
         if change.name == FLOWN_ON:
             self._flush()  # earlier ticks were flown on the previous estimator
@@ -126,10 +133,10 @@ class FlightLog:
         )
         self.put("bearings", payload, frame.stamp_ns, log_ns)
 
-    def picture(self, stamp_ns: int, jpeg: bytes, log_ns: int) -> None:
-        """Log a picture of the camera on board that was read at `log_ns`."""
+    def picture(self, topic: str, stamp_ns: int, jpeg: bytes, log_ns: int) -> None:
+        """Log a picture of a camera that was read at `log_ns`."""
         payload = topics.encode_picture(stamp_ns, jpeg, self._vehicle)
-        self.put("camera_picture", payload, stamp_ns, log_ns)
+        self.put(topic, payload, stamp_ns, log_ns)
 
     def put(self, topic: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
         """Log an encoded message of a topic of the table."""

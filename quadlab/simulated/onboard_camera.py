@@ -82,11 +82,11 @@ class OnboardCamera:
         self._line: DelayLine[BearingMeasurement] = DelayLine()
         self._last: tuple[int, Array, Array] | None = None
         self.pictures = self.unread = 0
-        self._shown: list[tuple[int, bytes]] = []
+        self._shown: list[tuple[str, int, bytes]] = []
         self._shown_ns: int | None = None
 
-    def shown(self) -> list[tuple[int, bytes]]:
-        """Return stamps and JPEGs of the pictures for people since the last call."""
+    def shown(self) -> list[tuple[str, int, bytes]]:
+        """Return topics, stamps and JPEGs of the pictures for people since the last call."""
         shown, self._shown = self._shown, []
         return shown
 
@@ -177,7 +177,8 @@ class OnboardCamera:
         rate, last = self._camera.pictures, self._shown_ns
         if rate and (last is None or stamp_ns - last >= IN_TIME * SECOND_NS / rate):
             used = self.beacons.ids.tolist()
-            self._shown.append((stamp_ns, marked_picture(grey, self._reader.tags, used)))
+            jpeg = marked_picture(grey, self._reader.tags, used)
+            self._shown.append(("camera_picture", stamp_ns, jpeg))
             self._shown_ns = stamp_ns
 
 

@@ -36,6 +36,27 @@ class CameraParameters(Parameters):
     """pictures a second that the log has at most, tags marked; 0 has none"""
 
 
+class OutsideCameraParameters(Parameters):
+    """Cameras around the room that track the vehicle's tags, instead of the simulated tracker."""
+
+    number: int = parameter(0, ge=0, le=4, step=1)
+    """cameras; 0 leaves the simulated tracker in place"""
+    rate: float = parameter(30.0, unit="Hz", ge=1, le=60, step=1)
+    """pictures a second of each, in turn"""
+    delay: float = parameter(0.04, unit="s", ge=0, le=0.5, step=0.005)
+    """from the exposure to the arrival of the pose"""
+    exposure: float = parameter(0.004, unit="s", ge=0, le=0.03, step=0.001)
+    """of each picture; moving tags smear"""
+    covered: int = parameter(0, ge=0, le=4, step=1)
+    """camera that is covered, from 1; 0 covers none"""
+    covered_from: float = parameter(0.0, unit="s", ge=0, le=3600, step=1)
+    """when it is covered"""
+    misplaced: float = parameter(0.0, unit="m", ge=-1, le=1, step=0.01)
+    """by which the told place of the last camera is too high"""
+    pictures: float = parameter(5.0, unit="Hz", ge=0, le=30, step=1)
+    """pictures a second of each that the log has at most, tags marked; 0 has none"""
+
+
 class FlightParameters(VehicleParameters):
     """The vehicle's tree and, next to it, what only a simulated flight has."""
 
@@ -43,6 +64,7 @@ class FlightParameters(VehicleParameters):
     tracker: TrackerParameters = TrackerParameters()
     bearings: BearingParameters = BearingParameters()
     camera: CameraParameters = CameraParameters()
+    outside_cameras: OutsideCameraParameters = OutsideCameraParameters()
 
     def seed(self, seed: int) -> None:
         """Give every source of noise its own seed."""

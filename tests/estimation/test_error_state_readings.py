@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estimation.error_state.estimator import ErrorStateEstimator
-from estimation.outcome import Outcome
+from estimation.outcome import JudgedReading, Outcome
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
@@ -60,7 +60,7 @@ class Still:
             self.imu["stamp_ns"] = self.now_ns
             self.filter.predict(self.imu, 0.002, self.state)
 
-    def range(self, k: int, off: float = 0.0, late_ns: int = 0) -> Outcome:
+    def range(self, k: int, off: float = 0.0, late_ns: int = 0) -> JudgedReading:
         measured = float(np.linalg.norm(PLACE_W - ANCHORS_W[k])) + off
         return self.filter.correct_reading(
             range_to(ANCHORS_W[k], measured, self.now_ns - late_ns, self.state["position_w"][0])
@@ -89,7 +89,7 @@ def test_a_late_reading_acts_at_its_own_time() -> None:
         stamp_ns = still.now_ns
         still.tick(delay)
         reading = range_to(ANCHORS_W[0], 4.0, stamp_ns, at_w)
-        assert still.filter.correct_reading(reading) is Outcome.APPLIED
+        assert still.filter.correct_reading(reading).outcome is Outcome.APPLIED
         still.tick(30 - delay)
     assert late.state["position_w"] == pytest.approx(timely.state["position_w"], abs=1e-12)
 
@@ -97,7 +97,28 @@ def test_a_late_reading_acts_at_its_own_time() -> None:
 def test_readings_of_one_moment_are_all_used() -> None:
     still = Still()
     still.tick(100)
-    assert [still.range(k) for k in range(4)] == [Outcome.APPLIED] * 4
+    assert [still.range(k).outcome for k in range(4)] == [Outcome.APPLIED] * 4
+
+
+@pytest.mark.parametrize("late", [0, 10])
+def test_a_reading_is_told_with_its_residual_and_the_gate_that_decides(late: int) -> None:
+    """The residual is to the filter's own prediction, also where later events are repeated."""
+    probe, at_w = Still(), PLACE_W + np.array([0.0, 0.1, 0.0])
+    probe.tick(100)
+    off = probe.range(0, off=1.0).gate
+    assert off > 2.0 * SIGMA
+    for factor, judged in ((0.99, Outcome.APPLIED), (1.01, Outcome.OUTLIER)):
+        still = Still()
+        still.tick(100)
+        before_w, stamp_ns = still.state["position_w"][0].copy(), still.now_ns
+        if late:
+            still.tick(late)
+            still.range(1)
+        measured = float(np.linalg.norm(before_w - ANCHORS_W[0])) + factor * off
+        found = still.filter.correct_reading(range_to(ANCHORS_W[0], measured, stamp_ns, at_w))
+        assert found.outcome is judged
+        assert found.residual == pytest.approx(factor * off, abs=2e-3)
+        assert found.gate == pytest.approx(off, rel=1e-3)
 
 
 def test_a_reading_tells_the_attitude_by_its_row() -> None:
@@ -119,9 +140,9 @@ def test_an_outlier_is_refused_and_nothing_counts_as_a_measurement() -> None:
     still.tick(100)
     before, covariance = still.state.copy(), still.filter.covariance
     age, counts = still.filter.measurement_age, still.filter.ignored
-    assert still.range(0, off=5.0) is Outcome.OUTLIER
+    assert still.range(0, off=5.0).outcome is Outcome.OUTLIER
     assert (still.filter.covariance.diagonal() >= covariance.diagonal()).all()
-    assert still.range(0) is Outcome.APPLIED
+    assert still.range(0).outcome is Outcome.APPLIED
     for _ in range(50):
         still.range(1, off=5.0)  # neither restarts it nor makes it doubt itself
     still.tick()
@@ -145,5 +166,7 @@ def test_numbers_that_cannot_be_are_refused(name: str, value: float) -> None:
 
 def test_a_reading_starts_no_filter() -> None:
     idle = ErrorStateEstimator(EstimationParameters())
-    assert idle.correct_reading(range_to(ANCHORS_W[0], 4.0, 0)) is Outcome.TOO_OLD
+    outcome, *numbers = idle.correct_reading(range_to(ANCHORS_W[0], 4.0, 0))
+    assert outcome is Outcome.TOO_OLD
+    assert np.isnan(numbers).all()
     assert not idle.initialized

@@ -14,7 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from flight_log import LogWriter
+from flight_log import LogWriter, read_log
 from flight_log.attached import literal_value
 from quadlab.__main__ import main
 from vehicle_link.messages import encode, header, new
@@ -72,7 +72,6 @@ FOREIGN: dict[str, tuple[Sequence[Any], str]] = {
     "undescribed": (("cdr", "ros2msg", b"no/Such a\n", LZ4), "made of 'no/msg/Such'"),
     "named": (("cdr", "ros2msg", b"float64 x\n", LZ4, "foxglove.Thing"), "no name of a ROS 2"),
     "of itself": (("cdr", "ros2msg", b"x/msg/Y a\n", LZ4), "made of itself"),
-    "zstd": (("cdr", "ros2msg", b"float64 x\n", ZSTD), "compressed with 'zstd'"),
 }
 
 
@@ -160,7 +159,28 @@ def test_another_programs_log_is_named_for_what_it_is(
     assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
 
 
-@pytest.mark.parametrize("kind", sorted(FOREIGN.keys() - {"zstd"}))
+def test_a_log_in_zstd_is_read_as_one_in_lz4_and_another_compression_is_named(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path
+) -> None:
+    log, other, third = (tmp_path / f"{name}.mcap" for name in ("zstd", "lz4", "brotli"))
+    for path, compression in ((log, ZSTD), (other, LZ4)):
+        foreign(path, "cdr", "ros2msg", b"float64 x\n", compression)
+    assert list(read_log(log)) == list(read_log(other))
+    assert len(list(read_log(log))) == 10
+    assert run("check", log)[0] == 0
+    content = log.read_bytes()
+    assert content.count(b"zstd") == 2  # the chunk and its index
+    unchecked = content[:-12] + bytes(4) + content[-8:]  # the index without its checksum
+    third.write_bytes(unchecked.replace(b"zstd", b"brot"))
+    status, out, complaint = run("export", third)
+    assert (status, (out + complaint).count("\n")) == (1, 1)
+    assert "compressed with 'brot'; allowed are lz4, zstd and none" in out + complaint
+    log.write_bytes(content.replace(b"\x28\xb5\x2f\xfd", b"\x28\xb5\x2f\xfe"))  # its magic
+    status, out, _ = run("check", log)
+    assert (status, "damaged" in out) == (1, True)
+
+
+@pytest.mark.parametrize("kind", sorted(FOREIGN))
 def test_a_topic_that_cannot_be_read_costs_the_others_nothing(
     run: Callable[..., tuple[int, str, str]], tmp_path: Path, kind: str
 ) -> None:

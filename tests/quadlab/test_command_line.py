@@ -10,9 +10,13 @@ import shlex
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import is_dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+import docstring_parser
 import pytest
 
 from control.margins import margins
@@ -34,6 +38,9 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
     assert len(lines) == 1, f"not one line: {captured.err}"
     assert lines[0].startswith("quadlab: ")
     return lines[0]
+
+
+CAMERAS = ("tracker", "camera", "--tags", "tags.toml", "--device")
 
 
 @pytest.mark.parametrize(
@@ -63,7 +70,18 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["up", "--set", "simulator.mas=1"], "mass"),
         (["up", "--tracker", "vrpm"], "did you mean vrpn"),
         (["up", "--tracker", "vrpn --port 99999"], "1 to 65535"),
+        ([*CAMERAS, "0", "1", "--intrinsics", "a.yaml"], "1 files, but there are 2 cameras (0, 1)"),
+        ([*CAMERAS, "1", "1", "--intrinsics", "a.yaml", "b.yaml"], "camera 1 is given twice"),
+        ([*CAMERAS, *"01234", "--intrinsics", *"abcde"], "5 cameras; camera reads at most 4"),
+        (["up", "--tracker", "camera --rendered 5"], "5 cameras; camera reads at most 4"),
+        (["tracker", "onboard_camera", "--rendered", "1"], "the system camera one vehicle"),
         (["log", "inspect", "x.mcap"], "info"),
+        (
+            ["log", "import", "x.csv", "--out", "y"],
+            "quadlab log import has no --out: its options are --mapping, --truth, --name, --torn, "
+            "--data;",
+        ),
+        (["log", "import", "--out", "y"], "quadlab log import has no --out"),
     ],
 )
 def test_wrong_words_are_answered_in_one_line(
@@ -80,13 +98,25 @@ def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str
     assert "usage: quadlab" in capsys.readouterr().out
 
 
-def test_help_is_wrapped_by_the_terminal_and_not_where_the_source_is(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "300")
-    with pytest.raises(SystemExit):
-        main(["fly", "--help"])
-    assert re.search(r"motor_bench, mass, inertia, .* of your own", capsys.readouterr().out)
+def options(command: Any) -> Iterator[tuple[str, str]]:
+    """Yield the name and the docstring of each option of a command and its subcommands."""
+    if get_origin(command) is Annotated:
+        command = get_args(command)[0]
+    for part in get_args(command):
+        yield from options(part)
+    if isinstance(command, type) and is_dataclass(command):
+        for one in docstring_parser.parse_from_object(command).params:
+            yield f"{command.__name__}.{one.arg_name}", one.description or ""
+        for hint in get_type_hints(command, include_extras=True).values():
+            yield from options(hint)
+
+
+def test_help_is_wrapped_by_the_terminal_and_not_where_the_source_is() -> None:
+    """tyro joins the lines of a docstring but for those that do not begin with a letter."""
+    told = dict(pair for command in dict(COMMANDS).values() for pair in options(command))
+    assert len(told) > 100
+    for name, text in told.items():
+        assert not re.search(r"\n *[^\s\w]|\n *[\d_]", text), name
 
 
 def test_the_doctor_reports_versions_computer_and_checks_and_makes_nothing(

@@ -25,8 +25,9 @@ from quadrotor.rigid_body import rotor_thrust
 from quadrotor.rotations import quaternion_from_euler
 from quadrotor.vehicle_model import GRAVITY, reference_of_thrust
 from vehicle.laws.contract import INPUT, Array, hovering
-from vehicle.laws.fmu import FmuLaw
+from vehicle.laws.contract import LAW as CONTRACT
 from vehicle.parameters import new_parameters
+from vehicle.plugins.fmu import FmuPlugin
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import advance, new_plant
 
@@ -385,7 +386,7 @@ def test_set_changes_where_a_variable_starts(tmp_path: Path) -> None:
     assert found["mass"] == "1.4"
     assert found["control.attitude.rates"] == "2"
     x = hovering(mass=1.4)
-    law = FmuLaw(path)
+    law = FmuPlugin(CONTRACT, path)
     thrust, torque_b = law.step(x)
     assert thrust == pytest.approx(1.4 * GRAVITY)
     assert torque_b == pytest.approx([0.0] * 3)

@@ -45,7 +45,7 @@ def test_a_new_law_estimator_behavior_and_sensor_fly_and_pass_their_own_tests(
     parameters.control.law, parameters.estimation.estimator = "mine", "own"
     parameters.estimation.plugin.built_in = "error_state"
     parameters.behavior.plugin, parameters.estimation.sensors = "turn", "height"
-    lab = Lab(parameters, plugins=folder).hovering(settling=3.0)
+    lab = Lab(parameters, plugins=folder).hovering(settling=1.0)
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
     assert lab.parameter("control.law") == "mine"
     assert lab.parameter("estimation.estimator") == "own"

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
 import quadlab
 from flight_log import read_log
 from quadlab.run import Run
+from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import StorageError, UsageError
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import JUDGED_READING, TICK
+from tests.support.lab import flight_parameters
 from vehicle_link.messages import decode
 
 Z = "pose.pose.position.z"
@@ -61,6 +68,23 @@ def test_a_window_and_other_times_are_the_same_flight(run: Run) -> None:
     assert joined[Z] == pytest.approx(0.5 * (part[Z][:-1] + part[Z][1:]), abs=1e-12)
     assert joined.units == part.units
     assert np.isnan(part.at([0.0, 5.5, 99.0])[Z]).tolist() == [True, False, True]
+
+
+def test_readings_of_a_sensor_of_the_users_own_are_a_table(tmp_path: Path) -> None:
+    log = FlightLog(tmp_path / "a.mcap", "quad1", ParameterStore(flight_parameters()), {})
+    tick, judged = np.zeros(1, TICK), np.zeros(1, JUDGED_READING)
+    judged["place"], judged["sensor"], judged["reading"] = 1, "Höhe".encode(), 1.5
+    for k in range(20):
+        tick["imu"]["stamp_ns"] = 2_000_000 * (k + 1)
+        log.tick(tick)
+        judged["stamp_ns"], judged["residual"] = 2_000_000 * k, 0.1 * k
+        log.readings([judged])
+    log.close()
+    table = quadlab.open(log.path)["sensor_1"]
+    assert table["expected"] == pytest.approx(1.5 - 0.1 * np.arange(20))
+    assert set(table["sensor"]) == {"Höhe"}
+    assert table["stamp_ns"].tolist() == (2_000_000 * np.arange(20)).tolist()
+    assert {"reading", "residual", "gate", "deviation", "judgement"} < set(table.columns)
 
 
 def test_errors_are_those_of_state_against_truth(run: Run) -> None:
@@ -114,23 +138,46 @@ def example(name: str) -> Any:
     return module
 
 
-def test_the_example_reads_a_run(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
-    example("read_run").main(run)
+def executed(name: str, changes: Mapping[str, str]) -> dict[str, Any]:
+    """Run the cells of a notebook, with changes to its text; return its names."""
+    cells = json.loads((EXAMPLES / f"{name}.ipynb").read_text())["cells"]
+    source = "\n".join("".join(one["source"]) for one in cells if one["cell_type"] == "code")
+    for old, new in changes.items():
+        assert source.count(old) == 1
+        source = source.replace(old, new)
+    names: dict[str, Any] = {}
+    with mpl.rc_context({"backend": "agg"}):
+        exec(compile(source, name, "exec"), names)
+    return names
+
+
+def test_the_notebook_reads_a_run(
+    run: Run, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(quadlab, "fly", lambda experiment, seed, out: run)
+    names = executed("read_run", {})
     told = capsys.readouterr().out
     assert re.search(r"^highest point: 1\.\d+ m$", told, re.MULTILINE)
-    assert "position_rms_m" in told
     assert "take off by" in told
+    (line,) = names["axes"].lines
+    assert 1e-3 * np.max(line.get_ydata()) == pytest.approx(run.errors().position.max())
 
 
-def test_the_example_of_a_batch_draws_how_error_grows_with_force(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    picture = tmp_path / "study.png"
-    example("batch_study").main(1, str(picture))
-    medians = [float(x) for x in re.findall(r"N: ([\d.]+) mm", capsys.readouterr().out)]
-    assert medians == sorted(medians)
-    assert len(medians) == 5
-    assert picture.read_bytes().startswith(b"\x89PNG")
+def test_the_notebook_of_a_batch_draws_how_error_grows_with_force() -> None:
+    names = executed("batch_study", {"FLIGHTS = 100": "FLIGHTS = 1"})
+    (line,) = names["axes"].lines
+    assert line.get_ydata().tolist() == sorted(names["middle"])
+    assert len(names["middle"]) == 5
+
+
+@pytest.mark.parametrize("path", EXAMPLES.glob("*.ipynb"), ids=lambda path: path.stem)
+def test_a_notebook_shows_the_results_of_all_its_cells_in_order(path: Path) -> None:
+    cells = json.loads(path.read_text())["cells"]
+    code = [one for one in cells if one["cell_type"] == "code"]
+    assert [one["execution_count"] for one in code] == list(range(1, len(code) + 1))
+    outputs = [output for one in code for output in one["outputs"]]
+    assert all(one["output_type"] != "error" for one in outputs)
+    assert any("image/png" in one.get("data", {}) for one in outputs)
 
 
 def test_every_example_that_runs_alone_is_short() -> None:
@@ -138,10 +185,18 @@ def test_every_example_that_runs_alone_is_short() -> None:
         assert len(path.read_text().splitlines()) <= 60, path.name
 
 
-def test_the_example_compares_gain_sets() -> None:
-    path = EXAMPLES / "compare_seeds.py"
-    words = [sys.executable, str(path), "1"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=120)
-    rows = [line.split() for line in done.stdout.splitlines()]
+def test_the_example_compares_gain_sets(
+    run: Run, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[tuple[int, object]] = []
+
+    def fly(experiment: str, *, seed: int, set: Mapping[str, object], out: Path) -> Run:
+        flown.append((seed, set["control.preset"]))
+        return run
+
+    monkeypatch.setattr(quadlab, "fly", fly)
+    example("compare_seeds").main(2)
+    assert flown == [(1, "standard"), (2, "standard"), (1, "stiff"), (2, "stiff")]
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert [row[0] for row in rows] == ["standard", "stiff"]
     assert all(0.5 < float(row[2]) < 10.0 for row in rows)

@@ -159,6 +159,9 @@ class Comms:
             self._clock.observe(int(ticks["imu"]["stamp_ns"][-1]), read_ns)
             self._log.ticks(ticks, self._clock.at_ns(read_ns))
             self._publisher.ticks(ticks)
+        for _ in range(len(self._rings.readings)):
+            if (reading := self._rings.readings.pop()) is not None:
+                self._publisher.reading(reading)
         for message in self._rings.outbox.pop_all():
             self._dispatch(mailbox.decode_outbound(message))
         if self._notices and self._inbound.station_silence < STATION_LOST_S:
@@ -204,11 +207,13 @@ class Comms:
             self._publisher.parameter_change(message)
 
     def _watch_drops(self) -> None:
-        dropped = self._rings.ticks.dropped + self._rings.outbox.dropped
+        rings = self._rings
+        dropped = rings.ticks.dropped + rings.outbox.dropped + rings.readings.dropped
         if dropped > self._dropped:
             self._say(
                 mailbox.ERROR,
-                f"{dropped} ticks or replies of flight lost since the start: comms was too slow",
+                f"{dropped} ticks, readings or replies of flight lost since the start: "
+                "comms was too slow",
             )
             self._dropped = dropped
 

@@ -157,6 +157,12 @@ class Publisher:
         payload = topics.encode_parameter_change(change)
         self._send("parameter_changes", payload, change.stamp_ns, always=True)
 
+    def reading(self, judged: Record) -> None:
+        """Log a JUDGED_READING (1,), and send it if its sensor's last one is a period ago."""
+        topic, payload = topics.encode_reading(judged)
+        stamp_ns = int(judged["stamp_ns"][0])
+        self._send(topic, payload, stamp_ns, by_radio=self._due(topic, stamp_ns))
+
     def bearing_pose(self, payload: bytes, stamp_ns: int) -> None:
         self._send("bearing_pose", payload, stamp_ns)
 
@@ -216,8 +222,16 @@ class Publisher:
         self._probe_ns[topic] = stamp_ns
         return True
 
-    def _send(self, topic: str, payload: bytes, stamp_ns: int, *, always: bool = False) -> None:
-        if self._radio is not None and (always or self._may_send(topic, stamp_ns)):
+    def _send(
+        self,
+        topic: str,
+        payload: bytes,
+        stamp_ns: int,
+        *,
+        always: bool = False,
+        by_radio: bool = True,
+    ) -> None:
+        if by_radio and self._radio is not None and (always or self._may_send(topic, stamp_ns)):
             self._radio.put(topic, payload, stamp_ns)
         type_name = topics.TOPICS[topic].type_name
         self._log.message(topic, type_name, payload, stamp_ns, self._clock.now_ns())

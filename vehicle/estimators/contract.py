@@ -12,6 +12,7 @@ from quadrotor.constants import GRAVITY
 from quadrotor.records import MAX_BEACONS, Record
 from vehicle.plugins import host
 from vehicle.plugins.contract import (
+    FMU,
     Array,
     Contract,
     Field,
@@ -143,7 +144,12 @@ def at_rest(height: float = 1.0) -> Input:
 
 _REHEARSED = _at_rest()
 _REHEARSED["bearing_count"] = 4.0
-ESTIMATOR = Contract("estimator", INPUT_TYPE, OUTPUT_TYPE, step, rehearsal=(_REHEARSED,))
+_DEFAULTS = {
+    name: float(value[0]) for name, value in Answer._field_defaults.items()
+}  # of an FMU that has no biases or variances
+ESTIMATOR = Contract(
+    "estimator", INPUT_TYPE, OUTPUT_TYPE, step, (".py", FMU), (_REHEARSED,), _DEFAULTS
+)
 
 
 def load(source: str | Path) -> Estimator:

@@ -12,6 +12,7 @@ from vehicle.estimators.choice import NONE
 from vehicle.estimators.contract import ESTIMATOR as CONTRACT
 from vehicle.estimators.estimator_runner import POSES, Runner
 from vehicle.estimators.external import ExternalEstimator
+from vehicle.plugins.links import UDP, udp_link
 from vehicle.plugins.plugins import Plugins
 
 
@@ -19,16 +20,16 @@ class Estimators:
     """The estimators by name.
 
     Args:
-        folder: of files NAME.py; may be missing.
+        folder: of files NAME.py and NAME.fmu; may be missing.
         waits: whether simulated time waits for the answers of a plugin.
     """
 
     def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
-        self._plugins = Plugins(CONTRACT, folder, waits, (*registry.names(), NONE))
+        self._plugins = Plugins(CONTRACT, folder, waits, (*registry.names(), NONE, UDP))
 
     def offer(self) -> None:
         """Make the plugins' names values of the parameters, before a tree's store is made."""
-        registry.offer(self._plugins.names())
+        registry.offer(self._names())
 
     def register(self) -> None:
         """Register the plugins like built-in ones, for programs that run estimators by name."""
@@ -39,11 +40,11 @@ class Estimators:
         """Raise RefusedError for a name that more than one has, or none."""
         if name in (*registry.names(), NONE):
             return
-        if name not in self._plugins.names():
+        if name not in self._names():
             raise RefusedError(
                 f"{parameter} = {name!r} is not an estimator; there are "
-                f"{', '.join((*registry.names(), *self._plugins.names()))}; put NAME.py into "
-                f"{self._plugins.folder or 'the folder plugins'}"
+                f"{', '.join((*registry.names(), *self._names()))}; "
+                f"put NAME.py or NAME.fmu into {self._plugins.folder or 'the folder plugins'}"
             )
         self._plugins.check(parameter, name)
 
@@ -54,11 +55,19 @@ class Estimators:
         registry.prepare(name, source != POSES)  # does nothing when `check` has prepared it
         return Runner(name, source, registry.create(name, parameters))
 
+    def _names(self) -> tuple[str, ...]:
+        return UDP, *self._plugins.names()
+
     def _external(
         self, name: str, parameters: EstimationParameters, source: str = ""
     ) -> ExternalEstimator:
         plugins, source = self._plugins, source or parameters.source
         built_in = self.start(parameters.plugin.built_in, source, parameters)
-        own = ExternalEstimator(name, plugins.start(name), built_in, plugins.waits)
+        p = parameters.plugin
+        if name == UDP:
+            link = udp_link(CONTRACT, "estimation.plugin", p.udp_peer, p.udp_port, plugins.waits)
+        else:
+            link = plugins.start(name)
+        own = ExternalEstimator(name, link, built_in, plugins.waits)
         own.configure(parameters)
         return own

@@ -46,6 +46,8 @@ class Stack(Protocol):
     @property
     def outbox(self) -> list[mailbox.Notification]: ...
     @property
+    def readings(self) -> list[Record]: ...
+    @property
     def mode(self) -> Mode: ...
     @property
     def modes(self) -> CommandedModes: ...
@@ -143,6 +145,8 @@ class FlightLoop:
         self._drain_inbox()
         self._sender.send(stack.tick(sample))
         self._rings.ticks.push(stack.record)
+        for reading in stack.readings:
+            self._rings.readings.push(reading)
         self._send_outbox()
         self._deadlines.met(sample.stamp_ns, began_ns)
         statistics = self.lateness.add(began_ns, sample.stamp_ns)

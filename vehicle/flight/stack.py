@@ -310,6 +310,11 @@ class FlightStack:
         return self.modes.mode
 
     @property
+    def readings(self) -> list[Record]:
+        """Return the newest tick's readings of the user's own sensors, JUDGED_READING (1,) each."""
+        return self.own_sensors.judged() if self.own_sensors.externals else []
+
+    @property
     def stamp_ns(self) -> int:
         """Return the time of the newest tick, ns of the vehicle's clock."""
         return self._tick.stamp_ns

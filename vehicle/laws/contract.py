@@ -30,13 +30,6 @@ OUTPUT = (
 )
 
 
-def names_of(field: Field) -> list[str]:
-    """Return the names of a field's numbers as FMUs have them, counted from 1."""
-    return (
-        [field.name] if field.size == 1 else [f"{field.name}[{k + 1}]" for k in range(field.size)]
-    )
-
-
 class Input(Protocol):
     """The argument of `Law.step`: numbers, and arrays of 3 or 4."""
 
@@ -84,13 +77,20 @@ def step(law: Law, x: Input, out: Record) -> None:
     out["time"], out["thrust"], out["torque_b"] = x.time, thrust, torque_b
 
 
-LAW = Contract("law", INPUT_TYPE, OUTPUT_TYPE, step, (".py", FMU))
-
-
 def load(source: str | Path) -> Law:
     """Return a law; see `vehicle.plugins.host.load`."""
     law: Law = host.load(LAW, source)
     return law
+
+
+def _hovering(mass: float, height: float) -> Record:
+    """Return INPUT_TYPE (1,) of `hovering`."""
+    x = np.zeros(1, INPUT_TYPE)
+    x["dt"], x["flying"], x["mass"] = 0.002, 1.0, mass
+    x["inertia_b"] = (0.0154, 0.0154, 0.0250)
+    x["quaternion_wb"] = (1.0, 0.0, 0.0, 0.0)
+    x["position_w"] = x["reference_position_w"] = (0.0, 0.0, height)
+    return x
 
 
 def hovering(mass: float = 1.308, height: float = 1.0) -> Input:
@@ -100,10 +100,10 @@ def hovering(mass: float = 1.308, height: float = 1.0) -> Input:
     Args:
         mass: kg. height: m.
     """
-    x = np.zeros(1, INPUT_TYPE)
-    x["dt"], x["flying"], x["mass"] = 0.002, 1.0, mass
-    x["inertia_b"] = (0.0154, 0.0154, 0.0250)
-    x["quaternion_wb"] = (1.0, 0.0, 0.0, 0.0)
-    x["position_w"] = x["reference_position_w"] = (0.0, 0.0, height)
-    made: Input = as_attributes(x)
+    made: Input = as_attributes(_hovering(mass, height))
     return made
+
+
+_REHEARSED = _hovering(1.308, 1.0)
+_REHEARSED["reset"] = 1.0
+LAW = Contract("law", INPUT_TYPE, OUTPUT_TYPE, step, (".py", FMU), (_REHEARSED,))

@@ -8,10 +8,10 @@ from pathlib import Path
 from control.controller import GeometricController
 from control.near_hovering import NearHoveringController
 from control.parameters import GEOMETRIC, NEAR_HOVERING, NONE, PluginBounds
-from quadrotor.errors import QuadlabError, RefusedError
+from quadrotor.errors import RefusedError
 from vehicle.laws.contract import LAW as CONTRACT
 from vehicle.laws.external import ExternalLaw
-from vehicle.plugins.links import Link, NoLink, UdpLink
+from vehicle.plugins.links import UDP, udp_link
 from vehicle.plugins.plugins import Plugins
 
 BUILT_IN: dict[str, Callable[[], GeometricController]] = {
@@ -19,7 +19,6 @@ BUILT_IN: dict[str, Callable[[], GeometricController]] = {
     NEAR_HOVERING: NearHoveringController,
 }
 LAW, SHADOW_LAW = "control.law", "control.shadow_law"
-UDP = "udp"
 
 
 def base_of(name: str) -> str:
@@ -63,13 +62,9 @@ class Laws:
 
     def start(self, name: str, base: GeometricController, bounds: PluginBounds) -> ExternalLaw:
         """Return the law, whose process is starting; one that cannot start has failed already."""
-        link: Link
         waits = self._plugins.waits
-        if name != UDP:
-            link = self._plugins.start(name)
+        if name == UDP:
+            link = udp_link(CONTRACT, "control.plugin", bounds.udp_peer, bounds.udp_port, waits)
         else:
-            try:
-                link = UdpLink(CONTRACT, bounds.udp_peer, bounds.udp_port, waits)
-            except QuadlabError as error:
-                link = NoLink(str(error))
+            link = self._plugins.start(name)
         return ExternalLaw(name, link, base, waits)

@@ -4,8 +4,9 @@ padding. A UDP packet and a call of a Python plugin have the same content."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import product
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -57,6 +58,9 @@ class Contract:
         endings: of its files.
         rehearsal: inputs that it is stepped with before it counts as loaded, so that nothing is
             imported or compiled in the first tick.
+        optional: outputs that an FMU may leave out, with the number that then stands there.
+        protocol: version of inputs, outputs and methods, which a file states as `PROTOCOL`.
+        changes: what to change in a file of each older version.
     """
 
     kind: str
@@ -65,6 +69,19 @@ class Contract:
     step: Callable[[Any, Any, Record], None]
     endings: tuple[str, ...] = (".py",)
     rehearsal: tuple[Record, ...] = ()
+    optional: Mapping[str, float] = field(default_factory=dict)
+    protocol: int = 1
+    changes: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def input_fields(self) -> tuple[Field, ...]:
+        """Return the fields of the inputs, without unit and meaning."""
+        return _fields_in(self.inputs)
+
+    @property
+    def output_fields(self) -> tuple[Field, ...]:
+        """Return the fields of the outputs, without unit and meaning."""
+        return _fields_in(self.outputs)
 
     @property
     def group(self) -> str:
@@ -77,6 +94,21 @@ def layout(fields: tuple[Field, ...]) -> np.dtype[np.void]:
     return np.dtype(
         [(f.name, "<f8") if f.size == 1 else (f.name, "<f8", f.shape or f.size) for f in fields]
     )
+
+
+def _fields_in(kind: np.dtype[np.void]) -> tuple[Field, ...]:
+    shapes = [(name, kind[name].shape) for name in kind.names or ()]
+    return tuple(
+        Field(name, math.prod(shape), "", "", shape[:-1] and shape) for name, shape in shapes
+    )
+
+
+def names_of(field: Field) -> list[str]:
+    """Return the names of a field's numbers as FMUs have them, counted from 1."""
+    if field.size == 1:
+        return [field.name]
+    places = product(*(range(1, n + 1) for n in field.shape or (field.size,)))
+    return [f"{field.name}[{','.join(map(str, place))}]" for place in places]
 
 
 def as_attributes(x: Record) -> Any:

@@ -1,4 +1,5 @@
-"""The tunable parameters of an FMU, read from its description; see `vehicle.plugins.declared`."""
+"""The kind and the tunable parameters of an FMU, by its description; see
+`vehicle.plugins.declared`."""
 
 from __future__ import annotations
 
@@ -17,6 +18,7 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 
 DESCRIPTION, LARGEST = "modelDescription.xml", 1 << 24
 """File in the archive, and its largest size in bytes."""
+UNREADABLE = (OSError, KeyError, ValueError, zipfile.BadZipFile, ElementTree.ParseError)
 MOST = 100
 """Parameters that are shown of one FMU."""
 TYPES = {
@@ -46,11 +48,7 @@ def declared_by(path: Path) -> tuple[Parameters | None, dict[str, Tunable]]:
     fields: dict[str, Any] = {}
     places: dict[str, Tunable] = {}
     try:
-        with zipfile.ZipFile(path) as archive:
-            if archive.getinfo(DESCRIPTION).file_size > LARGEST:
-                raise UsageError(f"{path.name}: its {DESCRIPTION} is larger than {LARGEST} bytes")
-            root = ElementTree.fromstring(archive.read(DESCRIPTION))
-        for name, reference, kind, told in _tunables(root):
+        for name, reference, kind, told in _tunables(_description(path)):
             if len(places) == MOST:
                 break
             field = _field_name(name, places)
@@ -62,9 +60,27 @@ def declared_by(path: Path) -> tuple[Parameters | None, dict[str, Tunable]]:
         own = create_model("FmuParameters", __base__=Parameters, **fields)() if fields else None
         if own is not None:
             ParameterStore(own)
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile, ElementTree.ParseError) as error:
+    except UNREADABLE as error:
         raise UsageError(f"{path.name}: its parameters cannot be read ({error})") from None
     return own, places
+
+
+def kind_of(path: Path) -> str:
+    """Return "estimator" for an FMU that answers an attitude and no thrust, else "law"."""
+    try:
+        variables = _description(path).iterfind("ModelVariables/*[@causality='output']")
+        stems = {one.get("name", "").partition("[")[0] for one in variables}
+    except (UsageError, *UNREADABLE):  # told when it is chosen
+        return "law"
+    return "estimator" if "quaternion_wb" in stems and "thrust" not in stems else "law"
+
+
+def _description(path: Path) -> ElementTree.Element:
+    """Return the root of an FMU's description. Raises UsageError, and errors of UNREADABLE."""
+    with zipfile.ZipFile(path) as archive:
+        if archive.getinfo(DESCRIPTION).file_size > LARGEST:
+            raise UsageError(f"{path.name}: its {DESCRIPTION} is larger than {LARGEST} bytes")
+        return ElementTree.fromstring(archive.read(DESCRIPTION))
 
 
 def _tunables(root: ElementTree.Element) -> Iterator[tuple[str, int, str, dict[str, str]]]:

@@ -92,13 +92,16 @@ def load(contract: Contract, source: str | Path) -> Any:
     """
     path = Path(source)
     if path.suffix == FMU:
-        from vehicle.laws.fmu import FmuLaw
+        from vehicle.plugins.fmu import FmuPlugin
 
-        return FmuLaw(path)
+        return FmuPlugin(contract, path)
     if (point := _entry_point(contract, source)) is not None:
         made = call_user_code(path, point.load, UsageError)
+        module = sys.modules[point.module]
     else:
-        made = vars(run_file(path, contract.kind, UsageError)).get(contract.kind)
+        module = run_file(path, contract.kind, UsageError)
+        made = vars(module).get(contract.kind)
+    _check_protocol(contract, path.name, getattr(module, "PROTOCOL", 1))
     if not callable(made):
         raise UsageError(
             f"{path.name}: it defines no {contract.kind!r}; give a class or function of this name "
@@ -109,6 +112,24 @@ def load(contract: Contract, source: str | Path) -> Any:
         if not callable(getattr(plugin, method, None)):
             raise UsageError(f"{path.name}: {type(plugin).__name__} has no method {method}")
     return plugin
+
+
+def _check_protocol(contract: Contract, name: str, stated: object) -> None:
+    """Raise UsageError for a file of another version of the contract, with what to change."""
+    spoken = contract.protocol
+    if stated == spoken:
+        return
+    if not isinstance(stated, int) or isinstance(stated, bool) or stated < 1:
+        remedy = f"write PROTOCOL = {spoken}"
+    elif stated > spoken:
+        remedy = "it was written for a later quadlab: update quadlab here"
+    else:
+        told = (contract.changes.get(older, "") for older in range(stated, spoken))
+        remedy = f"{'; '.join(filter(None, told))}; then write PROTOCOL = {spoken}"
+    raise UsageError(
+        f"{name}: PROTOCOL = {stated!r}, and this vehicle speaks protocol {spoken} with a "
+        f"{contract.kind}: {remedy}"
+    )
 
 
 def _entry_point(contract: Contract, source: str | Path) -> EntryPoint | None:

@@ -14,6 +14,8 @@ from vehicle.plugins.contract import Contract
 from vehicle.plugins.host import FAILED, READY, serve
 from vehicle_link.jobs import Job
 
+UDP = "udp"
+"""Name of the law, and of the estimator, that is a program which answers over UDP."""
 PATIENCE, START = 1.0, 10.0
 """s of waiting for an answer, and for the first word of a process, where simulated time waits."""
 LARGEST = 4096
@@ -122,14 +124,14 @@ class UdpLink:
     """A program that receives inputs at `peer` and answers to our `port`.
 
     Args:
-        contract: of its answers. peer: "ADDRESS:PORT", IPv4. port: ours.
-        waits: as of `ProcessLink`.
+        contract: of its answers. group: of the two parameters that peer and port are.
+        peer: "ADDRESS:PORT", IPv4. port: ours. waits: as of `ProcessLink`.
 
     Raises RefusedError for an address that cannot be used.
     """
 
-    def __init__(self, contract: Contract, peer: str, port: int, waits: bool) -> None:
-        self._size = contract.outputs.itemsize
+    def __init__(self, contract: Contract, group: str, peer: str, port: int, waits: bool) -> None:
+        self._outputs = contract.outputs
         host, _, number = peer.rpartition(":")
         try:
             # Numbers alone: to look a name up may take seconds, which no tick has.
@@ -139,7 +141,7 @@ class UdpLink:
             self._socket.connect(address)  # packets from elsewhere are not received
         except (OSError, ValueError, OverflowError) as error:
             raise RefusedError(
-                f"control.plugin.udp_peer = {peer!r} with udp_port = {port} cannot be used "
+                f"{group}.udp_peer = {peer!r} with udp_port = {port} cannot be used "
                 f"({error}); give ADDRESS:PORT of the program, as 127.0.0.1:9101, and a free port"
             ) from None
         self._socket.settimeout(PATIENCE if waits else 0.0)
@@ -156,12 +158,20 @@ class UdpLink:
             data = self._socket.recv(LARGEST)
         except OSError:  # nothing came, or the computer there says that nobody listens
             return None
-        if len(data) != self._size:
+        if len(data) != (size := self._outputs.itemsize):
             raise RefusedError(
-                f"a packet of {len(data)} bytes came, expected {self._size}: "
-                "5 doubles, time, thrust and torque"
+                f"a packet of {len(data)} bytes came, expected {size}: {size // 8} doubles, "
+                f"{', '.join(self._outputs.names or ())}"
             )
         return data
 
     def close(self) -> None:
         self._socket.close()
+
+
+def udp_link(contract: Contract, group: str, peer: str, port: int, waits: bool) -> Link:
+    """Return a UdpLink; with an address that cannot be used, one that has failed already."""
+    try:
+        return UdpLink(contract, group, peer, port, waits)
+    except QuadlabError as error:
+        return NoLink(str(error))

@@ -9,7 +9,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from quadrotor.errors import QuadlabError, RefusedError
-from vehicle.plugins.contract import KINDS, Contract
+from vehicle.plugins.contract import FMU, KINDS, Contract
+from vehicle.plugins.fmu_parameters import kind_of
 from vehicle.plugins.links import Link, NoLink, ProcessLink
 
 TESTS = "test_"
@@ -73,8 +74,6 @@ class Plugins:
 
 def _kinds(path: Path) -> Collection[str]:
     """Return what a file is: the kinds that it seems to define, a law when it defines none."""
-    if path.suffix != ".py":
-        return KINDS[:1]
     try:
         return _kinds_at(path, path.stat().st_mtime_ns)
     except OSError:  # told when it is chosen
@@ -83,6 +82,8 @@ def _kinds(path: Path) -> Collection[str]:
 
 @lru_cache
 def _kinds_at(path: Path, changed_ns: int) -> Collection[str]:
+    if path.suffix == FMU:
+        return (kind_of(path),)
     text = path.read_text(errors="replace")
     found = [
         kind

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import msgspec
 
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import BEARINGS_SAMPLE, POSE_SAMPLE, TICK
+from quadrotor.records import BEARINGS_SAMPLE, JUDGED_READING, POSE_SAMPLE, TICK
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle.processes.rings import ByteRing, RecordRing, create
 from vehicle_link.serial.capacity import DEFAULT_RATE
@@ -16,6 +16,7 @@ from vehicle_link.serial.ids import THE_ONE, Identity
 TICK_SLOTS = 4096  # 8 s at 500 Hz, 4 s at 1000 Hz: longer than a restart of comms
 INBOX_SLOTS, INBOX_SLOT_SIZE = 256, 8192
 MEASUREMENT_SLOTS = 256
+READING_SLOTS = 4096
 OUTBOX_SLOTS, OUTBOX_SLOT_SIZE = 256, 16384  # a reply may quote a whole command
 
 
@@ -27,10 +28,11 @@ class RingDescriptors(msgspec.Struct, frozen=True):
     poses: int  # POSE_SAMPLE records, comms to flight
     bearings: int  # BEARINGS_SAMPLE records without places, comms to flight
     outbox: int  # mailbox.Outbound, flight to comms
+    readings: int  # JUDGED_READING records, flight to comms
 
     @property
     def all(self) -> tuple[int, ...]:
-        return self.ticks, self.inbox, self.poses, self.bearings, self.outbox
+        return self.ticks, self.inbox, self.poses, self.bearings, self.outbox, self.readings
 
 
 PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12
@@ -70,6 +72,7 @@ class Rings:
     poses: RecordRing
     bearings: RecordRing
     outbox: ByteRing
+    readings: RecordRing
 
 
 def create_rings() -> RingDescriptors:
@@ -80,6 +83,7 @@ def create_rings() -> RingDescriptors:
         poses=create(MEASUREMENT_SLOTS, POSE_SAMPLE.itemsize, "poses"),
         bearings=create(MEASUREMENT_SLOTS, BEARINGS_SAMPLE.itemsize, "bearings"),
         outbox=create(OUTBOX_SLOTS, OUTBOX_SLOT_SIZE, "outbox"),
+        readings=create(READING_SLOTS, JUDGED_READING.itemsize, "readings"),
     )
 
 
@@ -91,4 +95,5 @@ def open_rings(descriptors: RingDescriptors) -> Rings:
         poses=RecordRing(descriptors.poses, POSE_SAMPLE, MEASUREMENT_SLOTS),
         bearings=RecordRing(descriptors.bearings, BEARINGS_SAMPLE, MEASUREMENT_SLOTS),
         outbox=ByteRing(descriptors.outbox, OUTBOX_SLOTS, OUTBOX_SLOT_SIZE),
+        readings=RecordRing(descriptors.readings, JUDGED_READING, READING_SLOTS),
     )

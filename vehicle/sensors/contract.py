@@ -85,6 +85,7 @@ OUTPUT = (
     Field("measured", MOST, "s", "when each was measured"),
     Field("position_w", 3 * MOST, "m", "the estimate at that time", (MOST, 3)),
     Field("quaternion_wb", 4 * MOST, "", "the same", (MOST, 4)),
+    Field("value", MOST, "", "as measured"),
     Field("rest", MOST, "", "measured less expected there"),
     Field("row", 6 * MOST, "", "gradient of what is expected", (MOST, 6)),
     Field("sigma", MOST, "", "standard deviations"),
@@ -107,6 +108,7 @@ def step(sensor: Sensor, x: Input, out: Record) -> None:
         position_w, quaternion_wb = _pose_at(x, time)
         out["measured"][0, k] = time
         out["position_w"][0, k], out["quaternion_wb"][0, k] = position_w, quaternion_wb
+        out["value"][0, k] = value
         out["rest"][0, k] = value - expected(position_w, quaternion_wb)
         out["row"][0, k] = _gradient(expected, position_w, quaternion_wb)
         out["sigma"][0, k] = deviation

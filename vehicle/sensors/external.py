@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
 
 from estimation.estimator import Estimator, TakesReadings
-from estimation.outcome import LATEST_NS, Outcome
+from estimation.outcome import LATEST_NS, JudgedReading, Outcome
 from quadrotor.errors import MeasurementError, RefusedError
-from quadrotor.records import READING_SAMPLE, Record
+from quadrotor.records import JUDGED_READING, READING_SAMPLE, Record
 from vehicle.plugins.external import External
 from vehicle.plugins.links import Link
 from vehicle.sensors.contract import SENSOR
@@ -18,6 +19,8 @@ STATE = ("position_w", "velocity_w", "quaternion_wb", "angular_velocity_b")
 MEMORY, REFUSED_MAX = 0.02, 0.5
 """Weight of one reading in the share of those that the gate refused, and the share above which the
 sensor is disengaged."""
+JUDGEMENTS, NOT_TAKEN = {Outcome.APPLIED: 0, Outcome.OUTLIER: 1}, 2
+"""Numbers of a JUDGED_READING."""
 AHEAD = 1e-6
 """s by which a reading may be later than the input that it answers: rounding."""
 
@@ -28,12 +31,17 @@ class ExternalSensor(External):
     The filter gates each reading like a pose. A sensor is disengaged that fails, whose readings the
     gate mostly refuses, or after whose readings the other measurements contradict the filter.
 
+    Args:
+        place: from 1, its own among the sensors that run.
+
     Attributes:
         used, refused: readings since the last summary, by the gate of the estimator in use.
+        judged: those of the newest tick, JUDGED_READING (1,) each.
     """
 
-    def __init__(self, name: str, link: Link, waits: bool) -> None:
+    def __init__(self, name: str, link: Link, waits: bool, place: int = 1) -> None:
         super().__init__(SENSOR, name, link, waits)
+        self.place, self.judged = place, list[Record]()
         self._asked_ns = 0
         self._doubt = 0.0
         self.used = self.refused = 0
@@ -49,14 +57,15 @@ class ExternalSensor(External):
         estimators: Iterable[Estimator],
     ) -> None:
         """Apply the readings that answer the last input, and send the next."""
+        self.judged.clear()
         if self.failure:
             return
         try:
             answer = self._answer()
             if answer is not None and answer["count"][0]:
-                self._apply(
-                    answer[0], [one for one in estimators if isinstance(one, TakesReadings)]
-                )
+                # A plugin offers whatever the one beneath it takes, which is among them itself.
+                built_in = [one for one in estimators if not isinstance(one, External)]
+                self._apply(answer[0], [one for one in built_in if isinstance(one, TakesReadings)])
         except (RefusedError, MeasurementError) as error:
             self.failure = str(error)
             return
@@ -89,11 +98,22 @@ class ExternalSensor(External):
             for name in ("position_w", "quaternion_wb", "rest", "row", "sigma"):
                 reading[name] = answer[name][k]
             outcomes = [one.correct_reading(reading) for one in estimators]
+            first = outcomes[0] if outcomes else JudgedReading(Outcome.TOO_OLD)
+            self._keep(reading, float(answer["value"][k]), first)
             if outcomes:
-                self._note(outcomes[0])
+                self._note(first.outcome)
         for one in estimators:
             if contradicted := getattr(one, "inconsistency", ""):
                 raise RefusedError(f"the filter that it corrects is contradicted: {contradicted}")
+
+    def _keep(self, reading: Record, value: float, found: JudgedReading) -> None:
+        kept = np.zeros(1, JUDGED_READING)
+        kept["stamp_ns"], kept["deviation"] = reading["stamp_ns"], reading["sigma"]
+        kept["place"], kept["sensor"] = self.place, self.name.encode()
+        kept["reading"], kept["gate"] = value, found.gate
+        kept["residual"] = reading["rest"] if math.isnan(found.residual) else found.residual
+        kept["judgement"] = JUDGEMENTS.get(found.outcome, NOT_TAKEN)
+        self.judged.append(kept)
 
     def _note(self, outcome: Outcome) -> None:
         if outcome in (Outcome.APPLIED, Outcome.OUTLIER):

@@ -13,10 +13,9 @@ from vehicle.estimators.navigation import Navigation
 from vehicle.plugins.plugins import Plugins
 from vehicle.sensors.contract import SENSOR
 from vehicle.sensors.external import ExternalSensor
+from vehicle_link.topics.table import SENSORS
 
 PARAMETER = "estimation.sensors"
-MOST = 4
-"""Sensors at a time: each is a process."""
 
 
 class OwnSensors:
@@ -55,8 +54,8 @@ class OwnSensors:
             self._plugins.check(PARAMETER, name)
             if armed and name not in running:
                 raise RefusedError(f"{PARAMETER}: {name} is added on the ground: disarm first")
-        if len(wanted) > MOST:
-            raise RefusedError(f"{PARAMETER} names {len(wanted)} sensors; {MOST} run at a time")
+        if len(wanted) > SENSORS:
+            raise RefusedError(f"{PARAMETER} names {len(wanted)} sensors; {SENSORS} run at a time")
 
     def configure(self, chosen: str) -> None:
         """Start the processes of these, unless they run; end those of others."""
@@ -67,8 +66,11 @@ class OwnSensors:
         for name in running.keys() - set(wanted):
             running[name].close()
         plugins = self._plugins
+        taken = {running[name].place for name in wanted if name in running}
+        free = iter(sorted(set(range(1, SENSORS + 1)) - taken))
         self.externals = tuple(
-            running.get(name) or ExternalSensor(name, plugins.start(name), plugins.waits)
+            running.get(name)
+            or ExternalSensor(name, plugins.start(name), plugins.waits, next(free))
             for name in wanted
         )
 
@@ -85,6 +87,10 @@ class OwnSensors:
         """Apply their readings to all running filters that take them; called in each tick."""
         for one in self.externals:
             one.step(stamp_ns, dt, imu, state, pressure, flying, navigation.running.everything())
+
+    def judged(self) -> list[Record]:
+        """Return the readings of the newest tick, JUDGED_READING (1,) each, for the log."""
+        return [reading for one in self.externals for reading in one.judged]
 
     def without(self, failed: ExternalSensor) -> str:
         """Return the parameter's value without one of them."""

@@ -168,6 +168,7 @@ _UNITS: dict[str, dict[str, str]] = {
         "outage_longest": "s",
         "outage_total": "s",
     },
+    "quadlab_msgs/msg/CameraFigures": {"picture_rate": "Hz"},
     "quadlab_msgs/msg/TrackerStatus": {
         "frame_rate": "Hz",
         "latency": "s",

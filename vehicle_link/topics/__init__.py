@@ -19,6 +19,7 @@ from vehicle_link.topics.measurements import (
     encode_bearings,
     encode_bench_reading,
     encode_picture,
+    encode_reading,
     pose_messages,
     position_messages,
     sweep_messages,
@@ -33,7 +34,7 @@ from vehicle_link.topics.status import (
     encode_pressures,
     encode_status,
 )
-from vehicle_link.topics.table import SERVICES, TOPICS, Priority, Topic
+from vehicle_link.topics.table import SERVICES, TOPICS, TRACKER_PICTURES, Priority, Topic
 from vehicle_link.topics.ticks import (
     actuator_messages,
     decode_imu,
@@ -50,6 +51,7 @@ __all__ = [
     "SCENE_TOPICS",
     "SERVICES",
     "TOPICS",
+    "TRACKER_PICTURES",
     "Priority",
     "SceneMessages",
     "Sticks",
@@ -76,6 +78,7 @@ __all__ = [
     "encode_parameter_change",
     "encode_picture",
     "encode_pressures",
+    "encode_reading",
     "encode_status",
     "imu_messages",
     "odometry_messages",

@@ -1,5 +1,5 @@
 """Measurements for the vehicle (tracker poses, positions of a marker, bearings, sweeps), readings
-of a force/torque sensor, and pictures.
+of a force/torque sensor and of the user's own sensors, and pictures.
 
 Stamps are already on the vehicle's clock. Decoders accept the messages of any ROS node and refuse
 numbers that the estimator could not use.
@@ -226,6 +226,24 @@ def encode_bench_reading(stamp_ns: int, force: float, torque: float, speed: floa
     set_stamps(out, stamp_ns)
     out["force"], out["torque"], out["speed"] = force, torque, speed
     return out.tobytes()
+
+
+@cache
+def _reading_layout(sensor: str) -> FixedLayout:
+    return FixedLayout("quadlab_msgs/SensorReading", {"sensor": sensor})
+
+
+def encode_reading(judged: Record) -> tuple[str, bytes]:
+    """Encode a JUDGED_READING (1,): return its topic, `sensor_1` to `sensor_4`, and its
+    quadlab_msgs/SensorReading.
+    """
+    one = judged[0]
+    out = _reading_layout(one["sensor"].decode(errors="replace")).new()
+    set_stamps(out, judged["stamp_ns"])
+    for name in ("reading", "residual", "gate", "deviation", "judgement"):
+        out[name] = one[name]
+    out["expected"] = one["reading"] - one["residual"]
+    return f"sensor_{one['place']}", out.tobytes()
 
 
 PICTURE = "sensor_msgs/CompressedImage"

@@ -47,6 +47,11 @@ class Topic:
         return not self.qos.reliable
 
 
+SENSORS = 4
+"""Sensors of the user's own that run at a time: each is a process, with a topic of readings."""
+TRACKER_PICTURES = ("tracker_picture", *(f"tracker_{k}_picture" for k in (2, 3, 4)))
+"""The pictures of up to four cameras of one tracker, in the order of its command."""
+
 _ROWS = (
     # On loopback: expanded telemetry; in the first rows because the page lists them first.
     Topic("state", "nav_msgs/Odometry", "station", 100, stale=0.3, page="seen"),
@@ -95,6 +100,18 @@ _ROWS = (
         recorded=True,
         stale=0.3,
         page="seen",
+    ),
+    *(  # readings of sensors of the user's own: all in the vehicle's log, fewer by radio
+        Topic(
+            f"sensor_{place}",
+            "quadlab_msgs/SensorReading",
+            "vehicle",
+            50,
+            recorded=True,
+            stale=1.0,
+            page="chart",
+        )
+        for place in range(1, SENSORS + 1)
     ),
     Topic(
         "parameter_changes",
@@ -202,7 +219,10 @@ _ROWS = (
     Topic("tracker_body", "geometry_msgs/PoseStamped", "tracker", 100, "real_time", newest=50),
     Topic("tracker_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),
     # Pictures for people, with tags marked: made only while someone watches or records.
-    Topic("tracker_picture", "sensor_msgs/CompressedImage", "tracker", 10, newest=2),
+    *(
+        Topic(name, "sensor_msgs/CompressedImage", "tracker", 10, newest=2)
+        for name in TRACKER_PICTURES
+    ),
     # From the process of a camera on the vehicle; stamps as above.
     Topic("camera_bearings", "quadlab_msgs/BearingArray", "tracker", 30, "real_time", newest=50),
     Topic("camera_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),

@@ -11,7 +11,7 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from fastapi import WebSocket
@@ -143,8 +143,8 @@ def summarize(live: Live) -> Message:
         "status": _fields(live.newest("status")),
         "station": _station(live.newest("station_status")),
         "link": _fields(live.newest("link_status")),
-        "tracker": _tracker(live.newest("tracker_status")),
-        "camera": _tracker(live.newest("camera_status")),
+        "tracker": _tracker(live.newest("tracker_status"), "tags"),
+        "camera": _tracker(live.newest("camera_status"), "beacons"),
         "battery": _battery(live.newest("battery")),
         "estimate": _estimate(live.newest("estimator")),
     }
@@ -164,10 +164,10 @@ def _station(message: Any) -> Message | None:
     return {**fields, "real_time_factor": factor} if fields and factor else fields
 
 
-def _tracker(message: Any) -> Message | None:
-    """Return the fields of a tracker's status, and a text on how well a camera sees."""
-    fields = _fields(message)
-    return {**fields, "sees": figures_text(message)} if fields else fields
+def _tracker(message: Any, markers: str) -> Message | None:
+    """Return the fields of a tracker's status, and a text on how well each camera sees."""
+    fields = _fields(message, ("cameras",))
+    return fields and {**fields, "sees": [figures_text(one, markers) for one in message.cameras]}
 
 
 def _battery(message: Any) -> Message | None:
@@ -187,11 +187,12 @@ def _estimate(message: Any) -> Message | None:
     return {name: significant(float(getattr(message, name)), 2) for name in names}
 
 
-def _fields(message: Any) -> Message | None:
-    """Return the flat fields of a message, without its header."""
+def _fields(message: Any, others: Collection[str] = ()) -> Message | None:
+    """Return the flat fields of a message, without its header and these others."""
     if message is None:
         return None
-    names = [name for name in message.__dataclass_fields__ if name not in ("header", "__msgtype__")]
+    without = ("header", "__msgtype__", *others)
+    names = [name for name in message.__dataclass_fields__ if name not in without]
     return {name: _number(getattr(message, name)) for name in names}
 
 

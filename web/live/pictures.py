@@ -21,8 +21,8 @@ from web.live.conversation import converse
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
 
-Camera = Literal["tracker", "camera"]
-"""The tracker's camera, or the one on board."""
+Camera = Literal["tracker", "tracker_2", "tracker_3", "tracker_4", "camera"]
+"""The tracker's cameras, or the one on board."""
 
 
 class PictureClient:

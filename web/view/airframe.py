@@ -14,6 +14,10 @@ import numpy.typing as npt
 ROTORS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Directions of the front, left, rear and right rotors, body axes (x forward, y left)."""
 
+Point = tuple[float, float, float]
+Mesh = tuple[npt.NDArray[Any], npt.NDArray[Any]]
+"""Vertices, shape (n, 3), and faces, shape (m, 3), counter-clockwise from outside."""
+
 _ROTOR_RADIUS = 0.125
 _DARK = (92, 103, 114)
 _LIGHT = (206, 213, 220)
@@ -43,9 +47,16 @@ class Airframe:
         self.frame = scene.add_frame(name, show_axes=False, visible=False)
         self._propellers: list[Any] = []
         self._angles = [0.0] * 4
-        _add_body(scene, name, arm, tint if ghost else _DARK, opacity if ghost else None)
+        frame = [_box((0.13, 0.13, 0.045)), *(_motor(arm * x, arm * y) for x, y in ROTORS)]
+        front, *others = (_arm(arm, x, y) for x, y in ROTORS)
         if ghost:
+            look = {"opacity": opacity, "cast_shadow": False, "receive_shadow": False}
+            _add(scene, f"{name}/body", [*frame, front, *others], tint, **look)
             return
+        _add(scene, f"{name}/body", [*frame, *others], _DARK, receive_shadow=False)
+        _add(scene, f"{name}/front", [front], _FRONT, receive_shadow=False)
+        board = _box((0.075, 0.075, 0.018), (0.0, 0.0, 0.03))
+        _add(scene, f"{name}/board", [board], _LIGHT, receive_shadow=False)
         scene.add_frame(
             f"{name}/axes",
             axes_length=0.18,
@@ -53,26 +64,19 @@ class Airframe:
             origin_radius=0.0,
             position=(0.0, 0.0, 0.035),
         )
+        discs = [_cylinder(_ROTOR_RADIUS, 0.001, (arm * x, arm * y, 0.055), 32) for x, y in ROTORS]
+        look = {"opacity": 0.1, "cast_shadow": False, "receive_shadow": False}
+        _add(scene, f"{name}/front_disc", discs[:1], _FRONT, **look)
+        _add(scene, f"{name}/discs", discs[1:], _LIGHT, **look)
         for index, (x, y) in enumerate(ROTORS):
-            rotor = f"{name}/rotor_{index}"
             self._propellers.append(
                 scene.add_mesh_simple(
-                    rotor,
+                    f"{name}/rotor_{index}",
                     *_blades(_ROTOR_RADIUS, clockwise=index % 2 == 0),
                     color=_BLADE,
                     side="double",
                     position=(arm * x, arm * y, 0.055),
                 )
-            )
-            scene.add_cylinder(
-                f"{name}/disc_{index}",
-                radius=_ROTOR_RADIUS,
-                height=0.001,
-                color=_FRONT if index == 0 else _LIGHT,
-                opacity=0.1,
-                cast_shadow=False,
-                receive_shadow=False,
-                position=(arm * x, arm * y, 0.055),
             )
 
     def pose(self, position: Any, quaternion: Any) -> None:
@@ -90,40 +94,45 @@ class Airframe:
             node.wxyz = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
 
 
-def _add_body(
-    scene: Any, name: str, arm: float, color: tuple[int, int, int], opacity: float | None
+def _add(
+    scene: Any, name: str, solids: list[Mesh], color: tuple[int, int, int], **look: Any
 ) -> None:
-    """Add the body; `opacity` is that of a ghost, or None."""
-    ghost = opacity is not None
-    look: dict[str, Any] = {"cast_shadow": not ghost, "receive_shadow": False}
-    if ghost:
-        look |= {"opacity": opacity}
-    scene.add_box(f"{name}/hub", color=color, dimensions=(0.13, 0.13, 0.045), **look)
-    if not ghost:
-        scene.add_box(
-            f"{name}/board",
-            color=_LIGHT,
-            dimensions=(0.075, 0.075, 0.018),
-            position=(0.0, 0.0, 0.03),
-            **look,
-        )
-    for index, (x, y) in enumerate(ROTORS):
-        is_front = index == 0 and not ghost
-        scene.add_box(
-            f"{name}/arm_{index}",
-            color=_FRONT if is_front else color,
-            dimensions=(arm, 0.018, 0.014) if x else (0.018, arm, 0.014),
-            position=(0.5 * arm * x, 0.5 * arm * y, 0.0),
-            **look,
-        )
-        scene.add_cylinder(
-            f"{name}/motor_{index}",
-            radius=0.017,
-            height=0.045,
-            color=color,
-            position=(arm * x, arm * y, 0.026),
-            **look,
-        )
+    """Add solids of one colour as one mesh: the browser's time goes by meshes, not by faces."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in solids)])
+    vertices = np.concatenate([vertices for vertices, _ in solids]).astype(np.float32)
+    faces = [faces + start for (_, faces), start in zip(solids, starts, strict=False)]
+    merged = np.concatenate(faces).astype(np.uint32)
+    scene.add_mesh_simple(name, vertices, merged, color=color, flat_shading=True, **look)
+
+
+def _arm(arm: float, x: float, y: float) -> Mesh:
+    size = (arm, 0.018, 0.014) if x else (0.018, arm, 0.014)
+    return _box(size, (0.5 * arm * x, 0.5 * arm * y, 0.0))
+
+
+def _motor(x: float, y: float) -> Mesh:
+    return _cylinder(0.017, 0.045, (x, y, 0.026), 12)
+
+
+def _box(size: Point, centre: Point = (0.0, 0.0, 0.0)) -> Mesh:
+    outline = 0.5 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) * size[:2]
+    return _prism(outline, size[2], centre)
+
+
+def _cylinder(radius: float, height: float, centre: Point, sides: int) -> Mesh:
+    angles = np.arange(sides) * math.tau / sides
+    return _prism(radius * np.stack((np.cos(angles), np.sin(angles)), axis=1), height, centre)
+
+
+def _prism(outline: npt.NDArray[np.float64], height: float, centre: Point) -> Mesh:
+    """Return an upright prism over a convex outline, shape (n, 2), counter-clockwise from above."""
+    n = len(outline)
+    ends = [np.column_stack((outline, np.full(n, end * height))) for end in (-0.5, 0.5)]
+    i = np.arange(n)
+    j = (i + 1) % n
+    fan = np.stack((np.zeros(n - 2, int), i[1:-1], i[2:]), axis=1)
+    walls = [np.stack((i, j, j + n), axis=1), np.stack((i, j + n, i + n), axis=1)]
+    return np.concatenate(ends) + centre, np.concatenate([*walls, fan[:, ::-1], fan + n])
 
 
 def _blades(

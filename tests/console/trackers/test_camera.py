@@ -65,7 +65,7 @@ def test_a_video_gives_frames_at_its_own_pace_with_its_own_stamps(
     monkeypatch.setattr(camera, "LATEST_NS", 1 << 60)  # none is skipped on a busy computer
     frames: list[Frame] = []
     with pytest.raises(UsageError, match="has ended"):  # noqa: PT012  the end of the loop
-        for frame in CameraSource(video, lens, tags).frames():
+        for frame in CameraSource.open(video, lens, tags).frames():
             frames.append(frame)
     stamps = [frame.stamp_ns or 0 for frame in frames]
     np.testing.assert_allclose(np.diff(stamps), 1e9 / RATE, atol=1e6)
@@ -140,7 +140,7 @@ def test_a_picture_that_is_refused_is_shown_all_the_same(
     view = CameraView()
     view.is_watched = True
     with pytest.raises(MeasurementError, match="the picture is black"):
-        next(CameraSource(path, lens, tags, view).frames())
+        next(CameraSource.open(path, lens, tags, view).frames())
     assert view.newest is not None
     assert view.newest.jpeg.startswith(JPEG)
     assert "(black), tags in 0% of them" in figures_text(view.figures())
@@ -150,12 +150,12 @@ def test_files_that_are_no_videos_and_sizes_that_do_not_fit_are_told(
     video: Path, lens: Path, tags: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(StorageError, match="no video"):
-        CameraSource(tmp_path / "other.avi", lens, tags)
+        CameraSource.open(tmp_path / "other.avi", lens, tags)
     with pytest.raises(UnreachableError, match="OpenCV cannot read the video"):
-        CameraSource(tags, lens, tags)
+        CameraSource.open(tags, lens, tags)
     lens.write_text(lens.read_text().replace("image_width: 640", "image_width: 800"))
     with pytest.raises(MeasurementError, match=r"640 x 480 pixels, but .* 800 x 480"):
-        next(CameraSource(video, lens, tags).frames())
+        next(CameraSource.open(video, lens, tags).frames())
 
 
 def test_without_its_files_the_command_is_refused() -> None:

@@ -45,14 +45,13 @@ def test_figures_are_of_the_last_second(monkeypatch: pytest.MonkeyPatch) -> None
     assert figures_text(view.figures()) == "no pictures"
 
 
-def test_the_words_tell_a_black_picture_and_nothing_of_a_system_without_a_camera() -> None:
-    black = Figures(True, 30.0, 0.0, 3.2, math.nan)
+def test_the_words_tell_a_black_picture_the_camera_and_what_it_looks_for() -> None:
+    black = Figures("", 30.0, 0.0, 3.2, math.nan)
     assert figures_text(black) == (
         "30 pictures/s, mean grey level 3 of 255 (black), tags in 0% of them"
     )
-    good = Figures(True, 29.7, 0.98, 121.0, 0.214)
-    assert figures_text(good) == (
-        "30 pictures/s, mean grey level 121 of 255, tags in 98% of them, 0.21 pixels from their "
-        "places"
+    good = Figures("left", 29.7, 0.98, 121.0, 0.214)
+    assert figures_text(good, "beacons") == (
+        "camera left: 30 pictures/s, mean grey level 121 of 255, beacons in 98% of them, "
+        "0.21 pixels from their places"
     )
-    assert figures_text(Figures()) == ""

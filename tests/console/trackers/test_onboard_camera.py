@@ -130,12 +130,15 @@ def test_leds_in_a_video_are_the_beacons_whose_blinks_the_file_names(tmp_path: P
     np.testing.assert_allclose(found.bearings_b, true_bearings(), atol=1e-3)
 
 
+FILES = {"intrinsics": (Path("c"),), "tags": Path("t")}
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         ({}, "onboard_camera needs --tags FILE"),
-        ({"intrinsics": Path("c"), "tags": Path("t"), "body": ("a", "b")}, "is on one vehicle"),
-        ({"intrinsics": Path("c"), "tags": Path("t"), "body": ("quad1=b",)}, "is on one vehicle"),
+        ({**FILES, "body": ("a", "b")}, "is on one vehicle"),
+        ({**FILES, "body": ("quad1=b",)}, "is on one vehicle"),
     ],
 )
 def test_words_that_do_not_go_together_are_refused(words: dict[str, Any], told: str) -> None:
@@ -173,7 +176,7 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_end_frees_the_station(
         )
 
     view = CameraView()
-    tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, session, view=view)
+    tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, session, views=[view])
     thread = threading.Thread(target=tracker.run, args=(ending,), daemon=True)
     thread.start()
     wait_for(lambda: len(bench.frames) > 5)
@@ -196,13 +199,13 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_end_frees_the_station(
     wait_for(lambda: pictures)
     watching.close()
     wait_for(lambda: not view.is_watched)
-    assert statuses[-1].is_camera
-    assert statuses[-1].tags_share == 1.0
-    assert statuses[-1].residual > 3.0  # pixels: the layout is another
-    words = figures_text(statuses[-1])
+    [figures] = statuses[-1].cameras
+    assert figures.tags_share == 1.0
+    assert figures.residual > 3.0  # pixels: the layout is another
+    words = figures_text(figures, "beacons")
     assert re.fullmatch(
-        r"\d pictures/s, mean grey level \d+ of 255, tags in 100% of them, \d+\.\d\d pixels from "
-        "their places",
+        r"\d pictures/s, mean grey level \d+ of 255, beacons in 100% of them, \d+\.\d\d pixels "
+        "from their places",
         words,
     )
     ending.set()
@@ -231,7 +234,9 @@ def test_the_process_prints_how_well_the_camera_sees_once_nothing_is_wrong(
         video, lens, tags = (files / one for one in ("quick.avi", "camera.yaml", "beacons.toml"))
         return OnboardCameraSource(video, lens, tags, Notification(BEACONS), view)
 
-    tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, bench.page.session, view=view)
+    tracker = BearingsTracker(
+        "a camera", source, {"quad1": "quad1"}, bench.page.session, views=[view]
+    )
     thread = threading.Thread(target=tracker.run, args=(ending,), daemon=True)
     thread.start()
 

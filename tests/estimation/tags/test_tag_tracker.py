@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,10 +35,26 @@ def placed() -> TagTracker:
 @pytest.mark.parametrize("by", ["tags", "measure"])
 def test_a_body_is_found_in_the_world(by: str) -> None:
     tracker = placed() if by == "tags" else TagTracker(KNOWN, LENS)
-    position_w, quaternion_wb = tracker.take(PICTURE)["cf7"]
+    position_w, quaternion_wb, _ = tracker.take(PICTURE)["cf7"]
     np.testing.assert_allclose(position_w, PLACE, atol=0.01)
     turn = rotation_log(R_WB.T @ quaternion_to_matrix(quaternion_wb))
     assert np.linalg.norm(turn) < np.radians(0.5)
+
+
+def test_the_place_that_the_tags_give_can_be_written_into_the_file_of_tags() -> None:
+    leaning = CameraPlace(position=(-3.0, 0.5, 2.0), looks_at=(0.0, 0.0, 0.8), roll=4.0)
+    picture = CAMERA.take(a_scene(PLACE, R_WB, stand=leaning), NOISE)
+    tracker = TagTracker(LAYOUT, LENS)
+    for _ in range(PLACED_OVER - 1):
+        with pytest.raises(MeasurementError, match="being placed"):
+            tracker.take(picture)
+    tracker.take(picture)
+    assert tracker.found_place is not None
+    read = CameraPlace(**tomllib.loads(f"cameras.0 = {tracker.found_place.text}")["cameras"]["0"])
+    np.testing.assert_allclose(read.position, leaning.position, atol=0.01)
+    np.testing.assert_allclose(read.axes_w, leaning.axes_w, atol=0.005)
+    measured = TagTracker(LAYOUT.model_copy(update={"cameras": {"0": read}}), LENS, "0")
+    np.testing.assert_allclose(measured.take(picture)["cf7"].position_w, PLACE, atol=0.01)
 
 
 def test_a_camera_that_is_moved_is_told_and_placed_anew() -> None:

@@ -14,7 +14,7 @@ from bearing_sim.beacons import PAPER_BEACONS
 from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, ParameterError, RefusedError
-from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, TICK, Record, pose_sample
+from quadrotor.records import JUDGED_READING, NO_ATTITUDE, POSE_SAMPLE, TICK, Record, pose_sample
 from tests.support.narrowing import now
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.inbound import Inbound
@@ -311,6 +311,23 @@ def test_rates_are_those_of_the_table(sender: Sender) -> None:
         rate = topics.TOPICS[topic].rate
         assert sender.radio.count(topic) == pytest.approx(4.0 * rate, abs=2), topic
     assert sender.log.kept["telemetry"] == 0
+
+
+def test_all_readings_of_a_sensor_are_logged_and_fifty_a_second_sent(sender: Sender) -> None:
+    judged = np.zeros(1, JUDGED_READING)
+    judged["place"], judged["sensor"], judged["reading"], judged["residual"] = (
+        2,
+        b"height",
+        1.5,
+        0.5,
+    )
+    for k in range(1000):
+        judged["stamp_ns"] = START_NS + 2 * MS * k
+        sender.publisher.reading(judged)
+    assert sender.log.kept["sensor_2"] == 1000
+    assert sender.radio.count("sensor_2") == pytest.approx(100, abs=1)
+    first = sender.radio.decoded("sensor_2")[0]
+    assert (first.sensor, first.expected, first.judgement) == ("height", 1.0, 0)
 
 
 def test_a_change_of_status_leaves_at_once(sender: Sender) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+import socket
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -344,13 +346,49 @@ def test_on_bearings_the_reserve_is_the_built_in_one(link: Here) -> None:
     assert str(bench.navigation.running.reserve) == "complementary on poses"
 
 
+def test_a_program_answers_over_udp_as_the_estimator_and_its_wrong_packet_ends_it() -> None:
+    """It gets IMU and poses, and answers one tick later."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free,
+    ):
+        peer.bind(("127.0.0.1", 0))
+        peer.settimeout(5.0)
+        free.bind(("", 0))
+        port = free.getsockname()[1]
+        free.close()
+        bench = Bench(
+            {
+                "estimation.estimator": "udp",
+                "estimation.plugin.udp_peer": f"127.0.0.1:{peer.getsockname()[1]}",
+                "estimation.plugin.udp_port": port,
+            }
+        )
+        bench.run(0.01)  # up to the first pose, with which it begins
+        poses = 0
+        for _ in range(50):
+            bench.run(0.002)
+            data, sender = peer.recvfrom(4096)
+            numbers = struct.unpack("<225d", data)
+            poses += int(numbers[19])
+            answer = (numbers[0], 0.01, 0.0, 1.0, *[0.0] * 3, 1.0, *[0.0] * 9, *[math.nan] * 9)
+            peer.sendto(struct.pack("<26d", *answer), sender)
+        assert (bench.own.missed, bench.own.failure, poses) == (0, "", 10)
+        assert bench.state["position_w"][0] == pytest.approx([0.01, 0.0, 1.0], abs=1e-6)
+        peer.sendto(b"short", ("127.0.0.1", port))
+        bench.run(0.004)
+        why = "a packet of 5 bytes came, expected 208: 26 doubles, time, position_w"
+        assert why in "".join(bench.said)
+        assert bench.parameters.estimator == "complementary"
+
+
 def test_a_law_is_no_estimator_and_a_name_that_is_not_there_is_refused(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(SIMPLE)
     (tmp_path / "mine.py").write_text("class law: ...\n")
     found = Estimators(tmp_path)
     found.offer()
     choices = ParameterStore(EstimationParameters()).description("shadow").choices
-    assert choices == ("none", "complementary", "error_state", "own")
+    assert choices == ("none", "complementary", "error_state", "udp", "own")
     with pytest.raises(RefusedError, match=r"'mine' is not an estimator; there are .*, own; put"):
         found.check("estimation.estimator", "mine")
 

@@ -14,7 +14,7 @@ import pytest
 
 from quadrotor.errors import LinkError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
-from quadrotor.records import Record, bearings_sample, new_tick, pose_sample
+from quadrotor.records import JUDGED_READING, Record, bearings_sample, new_tick, pose_sample
 from vehicle.boards.board import Command, RawSample
 from vehicle.boards.board_link import LinkStatistics
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
@@ -47,6 +47,7 @@ class FakeStack:
         self.record: Record = new_tick()
         self.store = ParameterStore(Root().model_copy(deep=True))
         self.outbox: list[mailbox.Notification] = []
+        self.readings = [np.zeros(1, JUDGED_READING)]
         self.motor_state_wanted = MotorState.OFF
         self.command_timeout_ms = 250
         self.located: Record | None = None
@@ -63,6 +64,7 @@ class FakeStack:
 
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
         self.calls.append(sample.stamp_ns)
+        self.readings[0]["stamp_ns"] = sample.stamp_ns
         self.record["sequence"] += 1
         self.record["imu"]["stamp_ns"] = sample.stamp_ns
         return self.references
@@ -232,6 +234,7 @@ def test_every_sample_makes_one_tick_one_command_and_one_record(bench: Bench) ->
     assert bench.stack.calls == stamps
     assert bench.mcu.commands == [(1, 2, 3, 4)] * 3
     assert bench.rings.ticks.pop_all()["imu"]["stamp_ns"].tolist() == stamps
+    assert bench.rings.readings.pop_all()["stamp_ns"].tolist() == stamps
 
 
 def test_a_sample_counts_as_dealt_with_when_its_command_is_written() -> None:

@@ -5,61 +5,59 @@ from __future__ import annotations
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from quadlab.fmu_export.description import export_fmu
 from quadlab.fmu_export.models import LAW
+from quadrotor.checkout import ROOT
 from quadrotor.errors import UsageError
 from quadrotor.parameters import ParameterStore
+from tests.support.fmus import MANIFEST, renamed
 from tests.support.lab import Lab, flight_parameters
+from vehicle.laws.contract import LAW as CONTRACT
 from vehicle.laws.contract import hovering
-from vehicle.laws.fmu import FmuLaw
+from vehicle.plugins.fmu import FmuPlugin
 
 pytest.importorskip("fmpy", reason="the package fmpy is not installed")
-HERE = Path(__file__).parent
-MANIFEST = "modelDescription.xml"
+SLAVE = ROOT / "benchmarks" / "flights" / "fmi3_geometric.py"
+Build = Callable[[str], Path]
 
 
-def exported(folder: Path, rename: str = "", fmi: int = 2) -> Path:
-    """Return our own law as an FMU. Args: rename: "old=new", the name of a variable."""
+@pytest.fixture(scope="module")
+def build(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
+    """Return the FMU of a law: ours of FMI 2 or 3, "gcc2" and "gcc3", or that of `quadlab new
+    law` by "pythonfmu3"; each is made once."""
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
-    path = folder / "exported.fmu"
-    export_fmu(LAW, [], path, fmi)
-    old, _, new = rename.partition("=")
-    return rewritten(path, lambda text: text.replace(f'name="{old}"', f'name="{new}"'))
 
+    @cache
+    def built(kind: str) -> Path:
+        folder = tmp_path_factory.mktemp("fmu")
+        path = folder / f"{kind}.fmu"
+        if kind != "pythonfmu3":
+            export_fmu(LAW, [], path, int(kind[-1]))
+            return path
+        from pythonfmu3.builder import FmuBuilder
 
-def rewritten(path: Path, change: Callable[[str], str]) -> Path:
-    """Return the FMU with another description."""
-    with zipfile.ZipFile(path) as file:
-        files = {name: file.read(name) for name in file.namelist()}
-    files[MANIFEST] = change(files[MANIFEST].decode()).encode()
-    with zipfile.ZipFile(path, "w") as file:
-        for name, data in files.items():
-            file.writestr(name, data)
-    return path
+        made: Path = FmuBuilder.build_FMU(SLAVE, dest=folder, needsExecutionTool="false")
+        return made.rename(path)
 
-
-def made_by_pythonfmu3(folder: Path) -> Path:
-    from pythonfmu3.builder import FmuBuilder
-
-    built: Path = FmuBuilder.build_FMU(
-        HERE / "fmi3_law.py", dest=folder, needsExecutionTool="false"
-    )
-    return built.rename(folder / "python.fmu")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("QUADLAB_ROOT", str(ROOT))  # for the slave, also in a process of its own
+        yield built
 
 
 @pytest.fixture
-def fly(tmp_path: Path) -> Iterator[Callable[[str], Lab]]:
+def fly() -> Iterator[Callable[[Path], Lab]]:
     labs: list[Lab] = []
 
-    def made(name: str) -> Lab:
+    def made(path: Path) -> Lab:
         parameters = flight_parameters()
-        parameters.control.law = name
-        labs.append(Lab(parameters, plugins=tmp_path))
+        parameters.control.law = path.stem
+        labs.append(Lab(parameters, plugins=path.parent))
         return labs[-1]
 
     yield made
@@ -67,15 +65,12 @@ def fly(tmp_path: Path) -> Iterator[Callable[[str], Lab]]:
         lab.stack.law.close()
 
 
-@pytest.mark.parametrize("build", [exported, made_by_pythonfmu3])
-def test_an_fmu_flies_the_vehicle(
-    tmp_path: Path, fly: Callable[[str], Lab], build: Callable[[Path], Path]
-) -> None:
-    path = build(tmp_path)
+@pytest.mark.parametrize("kind", ["gcc2", "pythonfmu3"])
+def test_an_fmu_flies_the_vehicle(fly: Callable[[Path], Lab], build: Build, kind: str) -> None:
     from fmpy.validation import validate_fmu
 
-    assert validate_fmu(str(path)) == []
-    lab = fly(path.stem).hovering(settling=2.5)
+    assert validate_fmu(str(build(kind))) == []
+    lab = fly(build(kind)).hovering(settling=0.5)
     external = lab.stack.law.external
     assert external is not None, lab.said
     assert external.flown
@@ -83,14 +78,9 @@ def test_an_fmu_flies_the_vehicle(
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.06)
 
 
-@pytest.mark.parametrize(
-    ("build", "lift"), [(exported, 9.81 + 8.0 * 0.3), (made_by_pythonfmu3, 9.81)]
-)
-def test_both_kinds_answer_the_numbers_of_the_law(
-    tmp_path: Path, build: Callable[[Path], Path], lift: float
-) -> None:
-    """Args: lift: m/s², over which the law tilts what it wants sideways."""
-    law = FmuLaw(build(tmp_path))
+@pytest.mark.parametrize("kind", ["gcc2", "gcc3", "pythonfmu3"])
+def test_all_kinds_answer_the_numbers_of_the_law(build: Build, kind: str) -> None:
+    law, lift = FmuPlugin(CONTRACT, build(kind)), 9.81 + 8.0 * 0.3
     x = hovering(mass=1.2)
     thrust, torque_b = law.step(x)
     assert thrust == pytest.approx(1.2 * 9.81)
@@ -104,9 +94,9 @@ def test_both_kinds_answer_the_numbers_of_the_law(
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_its_tunable_parameters_act_at_the_next_step_and_stay_after_a_reset(
-    tmp_path: Path, fmi: int
+    build: Build, fmi: int
 ) -> None:
-    law, x = FmuLaw(exported(tmp_path, fmi=fmi)), hovering(mass=1.2)
+    law, x = FmuPlugin(CONTRACT, build(f"gcc{fmi}")), hovering(mass=1.2)
     x.reference_position_w[2], x.flying = 1.1, 0.0  # so that no integral grows
     gain = float(ParameterStore(law.parameters).get("control_position_kp_z"))
     assert law.step(x)[0] == pytest.approx(1.2 * (9.81 + 0.1 * gain))
@@ -117,31 +107,31 @@ def test_its_tunable_parameters_act_at_the_next_step_and_stay_after_a_reset(
 
 
 @pytest.mark.parametrize(
-    ("rename", "why"),
+    ("old", "new", "why"),
     [
-        ("thrust=force", r"needs the outputs thrust and torque_b\[1\].*has force"),
-        ("mass=weight", "unknown inputs weight; allowed are time, dt"),
-        ("torque_b[2]=torque_y", "needs the outputs"),
+        ("thrust", "force", r"as law it needs the outputs thrust and torque_b\[1\].*has force"),
+        ("mass", "weight", "unknown inputs weight; allowed are time, dt"),
+        ("torque_b[2]", "torque_y", "needs the outputs"),
     ],
 )
 def test_an_fmu_with_other_variables_is_refused_by_name(
-    tmp_path: Path, rename: str, why: str
+    tmp_path: Path, build: Build, old: str, new: str, why: str
 ) -> None:
     with pytest.raises(UsageError, match=why):
-        FmuLaw(exported(tmp_path, rename))
+        FmuPlugin(CONTRACT, renamed(build("gcc2"), {old: new}, tmp_path))
 
 
 def test_what_is_no_fmu_or_one_of_another_computer_is_told(
-    tmp_path: Path, fly: Callable[[str], Lab]
+    tmp_path: Path, fly: Callable[[Path], Lab], build: Build
 ) -> None:
     (tmp_path / "broken.fmu").write_bytes(b"no archive")
-    lab = fly("broken").ready()
+    lab = fly(tmp_path / "broken.fmu").ready()
     assert "broken.fmu is not an FMU that fmpy can read" in lab.said
     assert lab.parameter("control.law") == "geometric"
     other = tmp_path / "other.fmu"
-    with zipfile.ZipFile(exported(tmp_path)) as old, zipfile.ZipFile(other, "w") as new:
+    with zipfile.ZipFile(build("gcc2")) as old, zipfile.ZipFile(other, "w") as new:
         new.writestr(MANIFEST, old.read(MANIFEST))
         new.writestr("binaries/win64/quadlab_law.dll", b"MZ")
     with pytest.raises(UsageError, match=r"other.fmu does not start on this computer"):
-        FmuLaw(other)
+        FmuPlugin(CONTRACT, other)
     assert {p.name for p in tmp_path.glob(".*")} == {".other.unpacked"}

@@ -63,7 +63,7 @@ def lab() -> Iterator[Callable[[str], Lab]]:
 def test_a_program_of_another_make_flies_the_vehicle(
     peer: Callable[[int], str], lab: Callable[[str], Lab]
 ) -> None:
-    flown = lab(peer(1_000_000)).hovering(settling=4.0)
+    flown = lab(peer(1_000_000)).hovering(settling=1.0)
     external = flown.stack.law.external
     assert external is not None
     assert external.flown
@@ -74,8 +74,8 @@ def test_a_program_of_another_make_flies_the_vehicle(
 def test_a_program_that_falls_silent_is_replaced_in_that_tick(
     peer: Callable[[int], str], lab: Callable[[str], Lab]
 ) -> None:
-    flown = lab(peer(1500)).hovering(settling=2.0)
-    assert "no answer in time to 1 inputs in a row, 1 of 1501 in all" in flown.said
+    flown = lab(peer(1000)).hovering(settling=0.5)
+    assert "no answer in time to 1 inputs in a row, 1 of 1001 in all" in flown.said
     assert flown.parameter("control.law") == "geometric"
     assert flown.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
 
@@ -96,7 +96,9 @@ def test_packets_of_another_length_and_stale_ones_end_the_law_and_are_never_flow
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("", 0))
             port = free.getsockname()[1]
-        link = UdpLink(LAW, f"127.0.0.1:{other.getsockname()[1]}", port, waits=True)
+        link = UdpLink(
+            LAW, "control.plugin", f"127.0.0.1:{other.getsockname()[1]}", port, waits=True
+        )
         law = ExternalLaw("udp", link, GeometricController(), waits=True)
         bench = LawBench(law)
         other.sendto(packet, ("127.0.0.1", port))
@@ -110,7 +112,7 @@ def test_packets_of_another_length_and_stale_ones_end_the_law_and_are_never_flow
 def test_in_real_time_a_silent_law_costs_no_tick_and_is_disengaged_after_25() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
-        link = UdpLink(LAW, f"127.0.0.1:{other.getsockname()[1]}", 0, waits=False)
+        link = UdpLink(LAW, "control.plugin", f"127.0.0.1:{other.getsockname()[1]}", 0, waits=False)
         law = ExternalLaw("udp", link, GeometricController(), waits=False)
         bench = LawBench(law)
         assert law.is_ready

@@ -9,13 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator
+from estimation.outcome import JudgedReading
 from estimation.parameters import EstimationParameters
 from quadrotor.checkout import ROOT
 from quadrotor.errors import RefusedError
-from quadrotor.records import ESTIMATE, IMU_SAMPLE, new_state, pose_sample
+from quadrotor.records import ESTIMATE, IMU_SAMPLE, Record, new_state, pose_sample
 from quadrotor.rotations import quaternion_exp, quaternion_multiply, rotate
 from tests.support.here_link import HereLink
+from vehicle.estimators.estimator_runner import Runner
+from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.navigation import Navigation
 from vehicle.sensors.contract import (
     INPUT,
@@ -78,7 +82,7 @@ class Bench:
         self.sensor = ExternalSensor("mine", self.link, waits=True)
         self.sensor.news(False)
         self.state, self.estimate = new_state(), np.zeros(1, ESTIMATE)
-        self.ticks, self.imu = 0, np.zeros(1, IMU_SAMPLE)
+        self.ticks, self.imu, self.judged = 0, np.zeros(1, IMU_SAMPLE), list[Record]()
         self.imu["specific_force_b"] = (0.0, 0.0, 9.81)
 
     @property
@@ -95,6 +99,7 @@ class Bench:
             self.navigation.step(self.imu, 0.002, self.state, self.estimate)
             everything = self.navigation.running.everything()
             self.sensor.step(now_ns, 0.002, self.imu, self.state, 1e5, flying, everything)
+            self.judged += self.sensor.judged
 
 
 def written(folder: Path, harm: str = "pass", source: str = HEIGHT) -> Path:
@@ -180,10 +185,50 @@ def test_a_reading_of_a_while_ago_is_linearised_where_the_vehicle_was() -> None:
     assert back == pytest.approx([1.0, 0.0, 0.0, 0.0])
 
 
-def test_a_filter_that_takes_no_readings_is_left_alone(tmp_path: Path) -> None:
+def test_a_filter_that_takes_no_readings_is_left_alone_and_they_are_told(tmp_path: Path) -> None:
     bench = Bench(written(tmp_path, "self.z = 3.0"), "complementary")
     bench.run(0.5)
     assert (bench.sensor.failure, bench.sensor.used, bench.sensor.refused) == ("", 0, 0)
+    last = bench.judged[-1][0]
+    assert (last["reading"], last["judgement"]) == (3.0, 2)
+    assert last["residual"] == pytest.approx(2.0, abs=1e-3)
+    assert np.isnan(last["gate"])
+
+
+def test_each_reading_is_told_once_with_what_the_filter_made_of_it(tmp_path: Path) -> None:
+    bench = Bench(written(tmp_path, "self.z = 1.0 if int(1000 * x.time) % 100 else 3.0"))
+    bench.run(0.3)
+    judged = np.concatenate(bench.judged)
+    assert len(judged) == bench.ticks - 1
+    assert (judged["judgement"] == 2).tolist() == [True] * 4 + [False] * 145  # before a pose came
+    refused = judged["judgement"] == 1
+    assert refused.sum() == bench.sensor.refused > 0
+    assert (judged["reading"][refused] == 3.0).all()
+    assert (abs(judged["residual"])[refused] >= judged["gate"][refused]).all()
+    used = judged[judged["judgement"] == 0]
+    assert (abs(used["residual"]) < used["gate"]).all()
+    assert set(judged["sensor"].tolist()) == {b"mine"}
+    assert (np.diff(judged["stamp_ns"]) == 2_000_000).all()
+
+
+def test_a_reading_reaches_the_filter_beneath_a_plugin_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plugin itself offers all methods of the filter beneath it."""
+    bench = Bench(written(tmp_path))
+    bench.run(0.1)
+    beneath, calls = bench.filter, list[Record]()
+    assert isinstance(beneath, ErrorStateEstimator)
+    correct = beneath.correct_reading
+
+    def counted(reading: Record) -> JudgedReading:
+        calls.append(reading)
+        return correct(reading)
+
+    monkeypatch.setattr(beneath, "correct_reading", counted)
+    above = ExternalEstimator("own", bench.link, Runner("error_state", "poses", beneath), True)
+    bench.sensor.step(0, 0.002, bench.imu, bench.state, 1e5, True, [above, beneath])
+    assert len(calls) == 1
 
 
 def test_a_flight_ends_with_what_was_used_and_refused(tmp_path: Path) -> None:
@@ -237,6 +282,10 @@ def test_sensors_are_added_on_the_ground_and_left_out_at_any_time(tmp_path: Path
     own.configure("one two")
     assert [one.name for one in own.externals] == ["one", "two"]
     own.check({"estimation.sensors": "two"}, armed=True)
-    first = own.externals[0]
+    first, second = own.externals
     assert own.without(first) == "two"
+    own.configure("two")
+    own.configure("two one")  # each keeps its topic while it runs
+    assert [(one.name, one.place) for one in own.externals] == [("two", 2), ("one", 1)]
+    assert own.externals[0] is second
     own.close()

@@ -53,7 +53,7 @@ def test_the_image_on_a_simulated_chip_sends_what_the_python_firmware_sends(
     stream: Callable[[int, int], Iterator[Step]],
 ) -> None:
     with chip.simulated_chip() as simulated:
-        judged = judge(simulated, stream(3, 1000))
+        judged = judge(simulated, stream(3, 700))
     assert judged.different == ""
     assert judged.sent > 10_000
     assert judged.overruns == 0
@@ -115,6 +115,22 @@ def test_the_watchdog_resets_an_image_that_hangs_in_flight_and_its_motors_stop()
         for _ in range(10):
             told = period(simulated, command)
         assert told.references == (0, 0, 0, 0)
+
+
+@needs_chip
+def test_after_each_change_of_the_period_the_image_has_new_readings() -> None:
+    def changing() -> Iterator[Step]:
+        for k in range(160):
+            data = b""
+            if k % 10 == 0:
+                data = c.encode_set(COMMAND, Id.MIRROR_PERIOD, 1300 if k % 40 == 0 else 2000)
+            inertial = (400 + (7 * k + 30 * axis) % 200 for axis in range(6))
+            yield Step(16_000, 2 * k, 0, data, (*inertial, 150, 10_000))
+
+    with chip.simulated_chip() as simulated:
+        judged = judge(simulated, changing())
+    assert judged.different == ""
+    assert judged.sent > 2000
 
 
 @needs_compiler

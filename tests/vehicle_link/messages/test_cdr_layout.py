@@ -21,6 +21,7 @@ CASES: dict[str, tuple[dict[str, str], dict[str, int]]] = {
     "quadlab_msgs/EstimatorStatus": ({"estimator": "complementary"}, {}),
     "quadlab_msgs/Heartbeat": ({}, {}),
     "quadlab_msgs/Telemetry": ({}, {"offsets_ns": 3, "samples": 150}),
+    "quadlab_msgs/SensorReading": ({"sensor": "height"}, {}),
     "sensor_msgs/BatteryState": ({"serial_number": "7", "location": "ab"}, {"cell_voltage": 3}),
     "sensor_msgs/FluidPressure": ({}, {}),
     "sensor_msgs/Imu": ({"header.frame_id": ""}, {}),

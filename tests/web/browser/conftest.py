@@ -203,18 +203,19 @@ def flying_lab(
 def axe() -> Callable[..., list[str]]:
     """Return `axe(page)`: the serious and critical violations that axe-core finds, one line each.
 
-    The 3D view is viser's page, and left out.
+    The 3D view is viser's page, and left out. `part` is a selector of what is checked alone.
     """
     package = pytest.importorskip("axe_playwright_python", reason="axe-core is not installed")
     script = (Path(package.__file__).parent / "axe.min.js").read_text()
 
-    def violations(page: Any, rules: Sequence[str] = RULES) -> list[str]:
+    def violations(page: Any, rules: Sequence[str] = RULES, part: str = "body") -> list[str]:
         if not page.evaluate("'axe' in window"):
             page.evaluate(script)
         found = page.evaluate(
-            """(tags) => axe.run({ exclude: ["#scene"] },
-            { runOnly: tags, resultTypes: ["violations"], iframes: false })""",
-            list(rules),
+            """([tags, part]) => axe.run(
+            { exclude: ["#scene"], ...(part === "body" ? {} : { include: [part] }) },
+            { runOnly: tags, resultTypes: ["violations"], iframes: false, preload: false })""",
+            [list(rules), part],
         )
         return [
             f"{one['id']}: {' '.join(node['target'])} "
@@ -228,17 +229,17 @@ def axe() -> Callable[..., list[str]]:
 
 
 @pytest.fixture(scope="module")
-def axe_in_both_themes(axe: Callable[..., list[str]]) -> Callable[[Any], list[str]]:
+def axe_in_both_themes(axe: Callable[..., list[str]]) -> Callable[..., list[str]]:
     """Return `axe` in the light theme and, where colours matter, in the dark one.
 
     The page stays in the dark theme.
     """
 
-    def violations(page: Any) -> list[str]:
+    def violations(page: Any, part: str = "body") -> list[str]:
         found = []
         for scheme, rules in (("light", RULES), ("dark", BY_COLOUR)):
             page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # without transitions
-            found += [f"{scheme}: {line}" for line in axe(page, rules)]
+            found += [f"{scheme}: {line}" for line in axe(page, rules, part)]
         return found
 
     return violations

@@ -38,7 +38,7 @@ from web.access.roles import Role
 
 RUN, LATER = "20260131T093042Z_quad1", "20260131T100000Z_quad1"
 NAME, PASSWORD = "anna", "correct horse battery"
-PERIOD = 0.02  # s, between two samples
+PERIOD = 0.1  # s, between two samples
 CHANGES = (
     ("control.position.kp_xy", 4.0, 4.4),
     ("control.position.kp_z", 8.0, 8.6),

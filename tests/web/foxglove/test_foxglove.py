@@ -16,7 +16,7 @@ import pytest
 import websockets.exceptions
 
 from vehicle_link.messages import encode, header, new, ros_name
-from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.table import TOPICS, TRACKER_PICTURES
 from web.access import sign_in_tokens
 from web.foxglove import client as one_client
 from web.foxglove.catalogue import CHANNELS
@@ -204,10 +204,11 @@ def test_a_link_opens_the_viewers_which_only_watch(
     layout = admin.get("/api/foxglove/layout")
     assert "VEHICLE" not in layout.text
     assert "/quad1/state" in layout.text
-    shown = set(re.findall(r'"(\w+![a-z]+)"', json.dumps(layout.json()["layout"])))
-    assert shown == layout.json()["configById"].keys()
+    panels, there = layout.json()["configById"], json.dumps(layout.json()["layout"])
+    there += json.dumps(panels["Tab!cameras"])
+    assert set(re.findall(r'"(\w+![a-z]+)"', there)) == panels.keys()
     named = set(re.findall(r'(?:Topic"|"value"|ToRender"): "/quad1/(\w+)', layout.text))
-    assert {"camera_picture", "tracker_picture"} <= named <= TOPICS.keys()
+    assert {"camera_picture", *TRACKER_PICTURES} <= named <= TOPICS.keys()
 
 
 def refusal(site: Any, path: str, **arguments: Any) -> tuple[int, str]:

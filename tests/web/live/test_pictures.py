@@ -11,7 +11,7 @@ import pytest
 import websockets.exceptions
 
 from console.trackers.camera_figures import Figures
-from vehicle_link.messages import decode, header, new
+from vehicle_link.messages import decode, new
 from vehicle_link.topics import PICTURE, TOPICS, decode_picture, encode_picture
 
 TOPIC = "camera_picture"
@@ -58,12 +58,12 @@ def test_a_picture_never_crosses_the_radio_and_waits_for_nobody() -> None:
 def test_a_page_reads_how_the_camera_sees_in_the_words_of_its_process(
     viewer: httpx.Client, station: Any
 ) -> None:
-    figures = Figures(True, 30.0, 0.98, 121.0, 0.2)
-    status = new("quadlab_msgs/TrackerStatus", header=header(1), **figures._asdict())
-    station.put("camera_status", status)
-    told = viewer.get("/api/summary").json()["camera"]
-    assert told["sees"].startswith("30 pictures/s, mean grey level 121 of 255, tags in 98% of")
-    assert told["picture_rate"] == 30.0
+    one, other = Figures("0", 30.0, 0.98, 121.0, 0.2), Figures("1", 0.0)
+    figures = [new("quadlab_msgs/CameraFigures", **seen._asdict()) for seen in (one, other)]
+    station.put("camera_status", new("quadlab_msgs/TrackerStatus", cameras=figures))
+    first, second = viewer.get("/api/summary").json()["camera"]["sees"]
+    assert first.startswith("camera 0: 30 pictures/s, mean grey level 121 of 255, beacons in 98%")
+    assert second == "camera 1: no pictures"
 
 
 def test_a_jpeg_comes_back_to_the_byte() -> None:

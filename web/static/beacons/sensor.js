@@ -1,7 +1,7 @@
 // The emulated sensor: its parameters as rows with sliders, as in the Gains tab, in four groups.
 
 import { element } from "../core/dom.js";
-import { GainRow } from "../gains/row.js";
+import { fillWhenOpen, GainRow } from "../gains/row.js";
 
 const PREFIX = "station.bearings.";
 const GROUPS = [
@@ -43,6 +43,7 @@ export class Sensor {
       const rows = members.map((name) => this.rows.get(PREFIX + name)).filter(Boolean), count = element("span", { className: "count" });
       const details = element("details", { hidden: !rows.length, open: open.has(title) }, element("summary", {}, element("b", {}, title), count), ...rows.map((row) => row.place));
       details.dataset.group = title;
+      fillWhenOpen(details, rows);
       this.counts.set(count, rows);
       return details;
     }));

@@ -14,11 +14,12 @@ export class CameraPicture {
   painted = -Infinity; // ms
   opened = 0; // ms
 
-  // camera: "tracker" or "camera", as the summary and the topics call it.
-  constructor(place, events, camera, words) {
+  // camera: "tracker" or "camera", as the summary and the topics call it; number: of the tracker's, from 0.
+  constructor(place, events, camera, words, number = 0) {
     this.place = place;
     this.events = events;
     this.camera = camera;
+    this.number = number;
     this.words = words;
     this.canvas = element("canvas", { width: 640, height: 480 });
     this.canvas.setAttribute("role", "img");
@@ -37,23 +38,23 @@ export class CameraPicture {
   }
 
   draw() {
-    const status = this.events.summary[this.camera], isCamera = Boolean(status?.sees);
+    const status = this.events.summary[this.camera], sees = status?.sees[this.number], isCamera = Boolean(sees);
     hide(this.place, !isCamera);
     if (isCamera && this.isSeen) this.open(); else this.close();
     if (!this.socket) return;
     const silent = !(this.events.age(`${this.camera}_status`) < SILENT);
     const waited = (performance.now() - Math.max(this.painted, this.opened)) / 1e3, isQuiet = waited > QUIET;
-    setText(this.sees, silent ? "No data from the camera's process: start quadlab tracker, or check its output." : status.sees);
+    setText(this.sees, silent ? "No data from the camera's process: start quadlab tracker, or check its output." : sees);
     showNote(this.problem, silent || this.camera === "tracker" ? "" : status.problem); // the tracker's is shown above
     showNote(this.quiet, isQuiet ? `No picture for ${Math.floor(waited)} s` : this.refused ?? "");
     this.place.classList.toggle("stale", isQuiet || silent);
-    this.canvas.ariaLabel = `picture of ${this.words}, tags marked: ${isQuiet ? this.quiet.textContent : status.sees}`;
+    this.canvas.ariaLabel = `picture of ${this.words}, tags marked: ${isQuiet ? this.quiet.textContent : sees}`;
   }
 
   open() {
     if (this.socket) return;
     this.opened = performance.now();
-    this.socket = new Socket(`/ws/picture/${this.camera}`, { binary: true });
+    this.socket = new Socket(`/ws/picture/${this.camera}${this.number ? `_${this.number + 1}` : ""}`, { binary: true });
     this.socket.addEventListener("message", ({ data }) => this.take(data));
   }
 

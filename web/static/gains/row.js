@@ -10,7 +10,7 @@ const MOST_STEPS = 1e6; // of a slider; a seed is typed
 const KEY_STEPS = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
 
 export class GainRow {
-  label; mark; flightMark; reason; slider; tick; details; // made by build()
+  label; mark; flightMark; reason; box; slider; tick; details; // made by build()
 
   /**
    * send(value, walks) → Promise; unfold(row, place) fills the row's details when they are opened.
@@ -27,6 +27,11 @@ export class GainRow {
     this.sender = new GainSender(send, () => this.draw());
     this.drawn = ""; // the reason
     this.place = element("div", { className: "gain" });
+  }
+
+  // Draws the row, which is empty until then.
+  fill() {
+    if (this.box) return;
     this.build();
     this.draw();
   }
@@ -142,6 +147,7 @@ export class GainRow {
   }
 
   draw() {
+    if (!this.box) return;
     const { state } = this.sender, shown = state === "idle" ? "" : state;
     if (this.shown !== shown) {
       this.place.classList.remove("waiting", "late", "refused");
@@ -180,4 +186,13 @@ export class GainRow {
     this.tick.classList.toggle("away", isAway);
     if (isAway) this.tick.style.setProperty("--at", String(at(this.confirmed)));
   }
+}
+
+export function fill(rows) {
+  for (const row of rows) if (!row.place.hidden) row.fill();
+}
+
+// Rows are drawn once they are shown, because most of their thousands of elements never are.
+export function fillWhenOpen(details, rows) {
+  details.addEventListener("toggle", () => { if (details.open) fill(rows); });
 }

@@ -2,6 +2,7 @@
 // many values in each are modified, and what a search leaves of it.
 
 import { element } from "../core/dom.js";
+import { fill, fillWhenOpen } from "./row.js";
 
 const KEY = "quadlab.commands.gains.open";
 const SIMULATED = "simulator.";
@@ -47,6 +48,7 @@ export class ParameterTree {
     summary.addEventListener("click", () => this.remember(path, !details.open));
     const made = { path, above, details, leaves, count, rows: [], below: [] };
     this.branches.set(path, made);
+    fillWhenOpen(details, made.rows);
     if (above) above.below.push(made);
     (above?.details ?? trunk).append(details);
     return made;
@@ -84,6 +86,7 @@ export class ParameterTree {
     const isShown = below || branch.rows.some((row) => !row.place.hidden);
     branch.details.hidden = !isShown;
     branch.details.open = this.isSearching || this.open.has(branch.path);
+    if (branch.details.open) fill(branch.rows); // at once: rows that a search found
     return isShown;
   }
 

@@ -4,7 +4,7 @@ import { paint } from "../camera/picture.js";
 import { element, hide, setText } from "../core/dom.js";
 import { here } from "../core/vehicle_path.js";
 
-const WORDS = { tracker: "Tracker's camera", camera: "Camera on board" };
+const WORDS = { tracker: "Tracker's camera", tracker_2: "Tracker's camera 2", tracker_3: "Tracker's camera 3", tracker_4: "Tracker's camera 4", camera: "Camera on board" };
 const OLD = 3; // s, until a picture is told to be old
 
 export class ReplayPictures {

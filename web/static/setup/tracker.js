@@ -6,6 +6,7 @@ import { fixed, NONE } from "../core/format.js";
 import { Fields } from "./fields.js";
 
 const PERIOD = 500; // ms
+const CAMERAS = 4; // at most, of one tracker
 const LABELS = [["rate", "Rate"], ["delay", "Delay"], ["drop_out", "Share lost"], ["position_noise", "Position noise"], ["attitude_noise", "Attitude noise"]];
 
 export class TrackerSection {
@@ -18,9 +19,9 @@ export class TrackerSection {
     this.latencies = element("figure", { hidden: true }, this.bars, element("figcaption", {}, "frames of the last seconds by their latency above the smallest, in steps of 1 ms; the last bar: all longer ones"));
     const fields = element("div");
     this.simulated = element("div", {}, element("p", { className: "hint" }, "Poses of the simulated tracking system, made by the station from the simulator's truth; these settings are the errors of its measurements."), fields);
-    const picture = element("div", { hidden: true });
-    place.append(this.facts, this.problem, picture, this.latencies, this.simulated);
-    new CameraPicture(picture, events, "tracker", "the tracker's camera");
+    const cameras = Array.from({ length: CAMERAS }, () => element("div", { hidden: true }));
+    place.append(this.facts, this.problem, element("div", { className: "pictures" }, ...cameras), this.latencies, this.simulated);
+    cameras.forEach((one, k) => new CameraPicture(one, events, "tracker", `the tracker's camera ${k + 1}`, k));
     new Fields(fields, parameters, LABELS.map(([name, label]) => [`station.tracker.${name}`, label]));
     this.timer = setInterval(() => this.draw(), PERIOD);
     this.draw();

@@ -251,9 +251,12 @@ def test_the_sensors_rows_are_parameters_as_everywhere(tab: Any, look: Any, stat
     cell = "#beacons-sensor input[aria-label='station.bearings.sigma, value']"
     tab.fill(cell, "0.75")
     tab.press(cell, "Enter")
-    look.value("#gains input[aria-label='station.bearings.sigma, value']", "0.75")
-    assert values(station)["station.bearings.sigma"] == 0.75
     look.text("#beacons-sensor summary >> nth=0", "1 modified")
+    assert values(station)["station.bearings.sigma"] == 0.75
+    tab.click("[data-tab=gains]")
+    tab.fill("#search", "bearings.sigma")
+    look.value("#gains input[aria-label='station.bearings.sigma, value']", "0.75")
+    tab.fill("#search", "")
 
 
 def test_the_view_is_shared(
@@ -333,9 +336,9 @@ def test_a_hidden_tab_has_no_socket_and_no_signals(
 def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_told(
     page: Any, look: Any, station: Any, until: Callable[..., None]
 ) -> None:
-    figures = Figures(True, 30.0, 1.0, 121.0, 0.2)
+    figures = new("quadlab_msgs/CameraFigures", **Figures("", 30.0, 1.0, 121.0, 0.2)._asdict())
     status = new(
-        "quadlab_msgs/TrackerStatus", system="onboard_camera 0", problem=TWICE, **figures._asdict()
+        "quadlab_msgs/TrackerStatus", system="onboard_camera 0", problem=TWICE, cameras=[figures]
     )
     grey, corners = np.full((48, 64), 90, np.uint8), np.array([[9, 9], [29, 9], [29, 29], [9, 29]])
     jpeg = marked_picture(grey, {3: corners.astype(float)}, {3})

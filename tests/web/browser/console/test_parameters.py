@@ -248,6 +248,7 @@ def test_a_refused_step_in_flight_can_be_walked(gains: Any, look: Any, station: 
             if (!walks) throw new Error("a.b = 15 is too far from 4 in flight");
             row.confirm(value);
           }, () => {});
+          row.fill();
           const turn = () => new Promise((resolve) => setTimeout(resolve));
           const settled = async () => { while (row.sender.busy) await turn(); };
           row.enter("15");

@@ -236,6 +236,7 @@ def test_the_tracker_process_is_shown_with_its_bodies_its_latency_and_what_is_wr
         jumps=1,
         problem="cf7 and wand have changed places",
         withheld=True,
+        cameras=[new("quadlab_msgs/CameraFigures", name=name) for name in ("0", "1")],
     )
     page = open_tab("/setup")
     look = look_at(page)
@@ -246,6 +247,8 @@ def test_the_tracker_process_is_shown_with_its_bodies_its_latency_and_what_is_wr
     look.text("#tracker dl", "median 1.2 ms, 99 % below 9.1 ms.*3 gaps, 1 jumps")
     look.text("#tracker > p.reason", "changed places|No data from the tracker process")
     assert page.locator("#tracker .latencies i").count() == 32
+    look.text("#tracker .pictures > div:nth-child(2)", "camera 1: no pictures|No data")
+    assert page.locator("#tracker .pictures > div:visible").count() == 2
     assert not page.is_visible("#tracker .fields")
 
 

@@ -1,8 +1,9 @@
-"""A control law from an FMU (FMI 2 or 3, co-simulation), run by fmpy in the law's own process.
+"""A plugin from an FMU (FMI 2 or 3, co-simulation), run by fmpy in the plugin's own process.
 
-Its inputs and outputs are named as the fields of `vehicle.laws.contract`. A vector is an array of
-the same size (FMI 3), or numbers `NAME[1]`, `NAME[2]`, … as Simulink and Modelica export them.
-Inputs that the FMU does not have are not set. It is unpacked next to its file.
+Its inputs and outputs are named as the fields of the contract. A vector is an array of the same
+size (FMI 3), or numbers `NAME[1]`, `NAME[2]`, … as Simulink and Modelica export them, of a table
+`NAME[1,1]`, `NAME[1,2]`, … Inputs that the FMU does not have are not set. It is unpacked next to
+its file.
 """
 
 from __future__ import annotations
@@ -16,22 +17,22 @@ import numpy as np
 
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, ParameterValue
-from vehicle.laws.contract import INPUT, OUTPUT, Array, Field, Input, names_of
+from vehicle.plugins.contract import Array, Contract, Field, names_of
 from vehicle.plugins.fmu_parameters import declared_by
 
 EXTRA = "scripts/setup fmu, or pip install 'quadlab[fmu]'"
 
 
-class FmuLaw:
-    """A law whose step is one of an FMU; it is instantiated again by each reset.
+class FmuPlugin:
+    """A plugin whose step is one of an FMU; it is instantiated again by each reset.
 
     Attributes:
         parameters: its tunable parameters, with the FMU's names but for signs.
 
-    Raises UsageError for a file that is not such a law, with what it has and what it needs.
+    Raises UsageError for a file that is not such a plugin, with what it has and what it needs.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, contract: Contract, path: Path) -> None:
         try:
             import fmpy
         except ImportError:
@@ -43,35 +44,38 @@ class FmuLaw:
             shutil.rmtree(self._folder, ignore_errors=True)
             fmpy.extract(str(path), self._folder)
         except Exception as error:  # whatever fmpy finds wrong in somebody's file
-            raise UsageError(f"{path.name} is not an FMU that fmpy can read: {error}") from None
+            why = " ".join(str(error).split())
+            raise UsageError(f"{path.name} is not an FMU that fmpy can read: {why}") from None
         if self._description.coSimulation is None:
             raise UsageError(f"{path.name}: it has no co-simulation; export it as such")
         variables = {one.name: one for one in self._description.modelVariables}
         inputs = {n: v for n, v in variables.items() if v.causality == "input"}
         outputs = {n: v for n, v in variables.items() if v.causality == "output"}
-        self._inputs = [(f, r) for f in INPUT if (r := _references(f, inputs))]
-        found = {f.name: _references(f, outputs) for f in OUTPUT}
-        known = {n for f in INPUT for n in names_of(f)} | {f.name for f in INPUT}
+        allowed, answers = contract.input_fields, contract.output_fields[1:]
+        self._inputs = [(f, r) for f in allowed if (r := _references(f, inputs))]
+        known = {n for f in allowed for n in names_of(f)} | {f.name for f in allowed}
         unknown = sorted(inputs.keys() - known)
         if unknown:
             raise UsageError(
                 f"{path.name}: unknown inputs {', '.join(unknown)}; allowed are "
-                f"{', '.join(f.name for f in INPUT)}"
+                f"{', '.join(f.name for f in allowed)}"
             )
-        if not found["thrust"] or not found["torque_b"]:
+        self._outputs = [(f, _references(f, outputs)) for f in answers]
+        self._default = contract.optional
+        if any(not found and f.name not in self._default for f, found in self._outputs):
+            *first, last = [_words(f) for f in answers if f.name not in self._default]
             raise UsageError(
-                f"{path.name}: it needs the outputs thrust and torque_b[1] to torque_b[3], and "
-                f"has {', '.join(outputs) or 'none'}"
+                f"{path.name}: as {contract.kind} it needs the outputs {', '.join(first)} and "
+                f"{last}, and has {', '.join(outputs) or 'none'}"
             )
-        self._thrust, self._torque = found["thrust"], found["torque_b"]
         own, self._tunable = declared_by(path)
         self.parameters = own or Parameters()
         self._started: dict[str, ParameterValue] = dict(self.parameters)
         self._instance: Any = None
         self.reset()
 
-    def reset(self) -> None:
-        """Begin again from the FMU's own start values."""
+    def reset(self, x: object = None) -> None:
+        """Begin again from the FMU's own start values; the next `step` gets x."""
         from fmpy.simulation import instantiate_fmu
 
         self.close()
@@ -82,7 +86,8 @@ class FmuLaw:
             fmu.enterInitializationMode()
             fmu.exitInitializationMode()
         except Exception as error:
-            raise UsageError(f"{self._name} does not start on this computer: {error}") from None
+            why = " ".join(str(error).split())
+            raise UsageError(f"{self._name} does not start on this computer: {why}") from None
         # FMI 2 calls a double a Real, FMI 3 a Float64.
         fmi3 = self._description.fmiVersion.startswith("3")
         self._set = fmu.setFloat64 if fmi3 else fmu.setReal
@@ -90,19 +95,17 @@ class FmuLaw:
         self._written = dict(self._started)
         self._time = 0.0
 
-    def step(self, x: Input) -> tuple[float, Array]:
-        """Return thrust (N) and torque (3,) (N m, body axes) after one step of x.dt."""
+    def step(self, x: Any) -> tuple[Any, ...]:
+        """Return the outputs of the contract but for `time`, after one step of x.dt."""
         for field, references in self._inputs:
-            value = getattr(x, field.name)
-            self._set(references, [value] if field.size == 1 else value.tolist())
+            self._set(references, np.ravel(getattr(x, field.name)).tolist())
         if self._tunable and vars(self.parameters) != self._written:
             self._tune()
         status = self._instance.doStep(self._time, x.dt)
         if isinstance(status, tuple) and status[1]:
             raise RefusedError(f"{self._name} ended its simulation at {self._time:.3f} s")
         self._time += x.dt
-        torque_b = np.array(self._read(self._torque, 3))
-        return self._read(self._thrust, 1)[0], torque_b
+        return tuple(self._read(field, references) for field, references in self._outputs)
 
     def close(self) -> None:
         """Free the instance, if there is one."""
@@ -118,10 +121,20 @@ class FmuLaw:
                 getattr(self._instance, f"set{kind}")([reference], [value])
                 self._written[name] = value
 
-    def _read(self, references: list[int], size: int) -> list[float]:
-        if len(references) == size:
-            return list(map(float, self._get(references)))
-        return list(map(float, self._get(references, nValues=size)))  # an array of FMI 3
+    def _read(self, field: Field, references: list[int]) -> float | Array:
+        if not references:
+            return np.full(field.size, self._default[field.name])
+        if len(references) == field.size:
+            numbers = np.array(self._get(references), float)
+        else:  # an array of FMI 3
+            numbers = np.array(self._get(references, nValues=field.size), float)
+        return numbers if field.size > 1 else float(numbers[0])
+
+
+def _words(field: Field) -> str:
+    """Return the names of a field's numbers: `torque_b[1] to torque_b[3]`."""
+    names = names_of(field)
+    return names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"
 
 
 def _references(field: Field, variables: dict[str, Any]) -> list[int]:

@@ -1,0 +1,133 @@
+"""Cameras around the simulated room: pictures are rendered, read and fused as real ones are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bearing_sim.pose_track import PoseTrack
+from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
+from bearing_sim.tracker import PoseMeasurement
+from console.trackers.several_cameras import disagreements_of
+from estimation.tags.camera_fusion import CameraFusion
+from estimation.tags.detector import Picture, marked_picture
+from estimation.tags.tag_layout import CameraPlace
+from estimation.tags.tag_tracker import TagTracker
+from quadlab.simulated.camera_scene import LENS, STANDS, TAGS, Scene, layout
+from quadlab.simulated.parameters import OutsideCameraParameters
+from quadrotor.errors import MeasurementError
+from quadrotor.plain_rotations import Array
+from quadrotor.rotations import quaternion_to_matrix, rotation_log
+from vehicle_link.topics import TRACKER_PICTURES
+
+BODY = "quad1"
+IN_TIME = 0.9
+"""Share of the period after which a picture for people counts as due."""
+SAID_NS = 2 * SECOND_NS
+"""Shortest time in ns between two lines about the same camera."""
+
+
+class OutsideCameras:
+    """Cameras that replace a `bearing_sim.SimulatedTracker`; they expose one after the other.
+
+    Attributes:
+        pictures: number taken.
+        off: squared error of each pose sent, m^2.
+    """
+
+    def __init__(self, parameters: OutsideCameraParameters, seed: int) -> None:
+        self.parameters = p = parameters
+        count = p.number
+        self._scene = Scene(seed, p.exposure)
+        self._stands = STANDS[:count]
+        told = {str(k): stand for k, stand in enumerate(self._stands)}
+        if p.misplaced:
+            last = self._stands[-1]
+            x, y, z = last.position
+            a, b, c = last.looks_at
+            told[str(count - 1)] = CameraPlace(
+                position=(x, y, z + p.misplaced), looks_at=(a, b, c + p.misplaced)
+            )
+        tags = layout(BODY, told)
+        self._trackers = [TagTracker(tags, LENS, name, is_alone=count == 1) for name in told]
+        self._fusion, self._names = CameraFusion(count), list(told)
+        self._grid, self._track = InstantGrid(), PoseTrack()
+        self._line: DelayLine[PoseMeasurement] = DelayLine()
+        self._last: tuple[int, Array, Array] | None = None
+        self.pictures = 0
+        self.off: list[float] = []
+        self._shown: list[tuple[str, int, bytes]] = []
+        self._shown_ns: dict[int, int] = {}
+        self._lines: list[str] = []
+        self._said_ns: dict[str, int] = {}
+
+    def shown(self) -> list[tuple[str, int, bytes]]:
+        """Return topics, stamps and JPEGs of the pictures for people since the last call."""
+        shown, self._shown = self._shown, []
+        return shown
+
+    def said(self) -> list[str]:
+        """Return what was wrong since the last call, as the tracker's process says it."""
+        lines, self._lines = self._lines, []
+        return lines
+
+    def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        """Observe the true pose, as `SimulatedTracker.observe` does."""
+        after_ns = self._track.add(stamp_ns, position_w, quaternion_wb)
+        R_wb, last = quaternion_to_matrix(quaternion_wb), self._last
+        self._last = stamp_ns, position_w.copy(), R_wb
+        if after_ns is None or last is None:
+            return
+        seconds, count = 1e-9 * (stamp_ns - last[0]), len(self._trackers)
+        velocity_w = (position_w - last[1]) / seconds
+        turning_b = rotation_log(last[2].T @ R_wb) / seconds
+        rate = self.parameters.rate * count
+        for instant_ns in self._grid.between(after_ns, stamp_ns, rate):
+            pose, camera = self._track.at(instant_ns), round(1e-9 * instant_ns * rate) % count
+            at = np.array(pose.position_w), quaternion_to_matrix(np.array(pose.quaternion_wb))
+            grey = self._scene.picture(self._stands[camera], *at, velocity_w, turning_b)
+            if self._is_covered(camera, instant_ns):
+                grey = np.zeros_like(grey)
+            if (place_w := self._read(camera, instant_ns, grey)) is not None:
+                self.off.append(float(np.sum((place_w - at[0]) ** 2)))
+
+    def due(self, now_ns: int) -> list[PoseMeasurement]:
+        """Return the poses that have arrived by `now_ns`, in order."""
+        return self._line.due(now_ns)
+
+    @property
+    def next_ns(self) -> int | None:
+        return self._line.next_ns
+
+    def _is_covered(self, camera: int, at_ns: int) -> bool:
+        p = self.parameters
+        return camera == p.covered - 1 and 1e-9 * at_ns >= p.covered_from
+
+    def _read(self, camera: int, stamp_ns: int, grey: Picture) -> Array | None:
+        self.pictures += 1
+        tracker = self._trackers[camera]
+        try:
+            seen = tracker.take(grey).get(BODY)
+        except MeasurementError as error:  # withheld, as in the tracker process
+            self._say(f"camera {camera}: {error}", f"camera {camera}", stamp_ns)
+            seen = None
+        self._show(camera, stamp_ns, grey)
+        found = None if seen is None else self._fusion.take(camera, stamp_ns, seen)
+        for line in disagreements_of(BODY, self._fusion, self._names):
+            self._say(line, "disagreement", stamp_ns)
+        if found is not None:
+            late_ns = round(self.parameters.delay * SECOND_NS)
+            pose = PoseMeasurement(stamp_ns, found.position_w, found.quaternion_wb)
+            self._line.put(stamp_ns + late_ns, pose)
+        return None if found is None else found.position_w
+
+    def _say(self, line: str, about: str, now_ns: int) -> None:
+        if now_ns - self._said_ns.get(about, -SAID_NS) >= SAID_NS:
+            self._said_ns[about] = now_ns
+            self._lines.append(line)
+
+    def _show(self, camera: int, stamp_ns: int, grey: Picture) -> None:
+        rate, last = self.parameters.pictures, self._shown_ns.get(camera)
+        if rate and (last is None or stamp_ns - last >= IN_TIME * SECOND_NS / rate):
+            jpeg = marked_picture(grey, self._trackers[camera].tags, TAGS.keys())
+            self._shown.append((TRACKER_PICTURES[camera], stamp_ns, jpeg))
+            self._shown_ns[camera] = stamp_ns
