@@ -23,7 +23,7 @@ from quadrotor.rotations import (
     rotation_log,
 )
 
-SPACING, AHEAD = 0.1, 1.5
+SPACING, AHEAD = 0.25, 1.5
 """Longest time in s between two poses of a camera from which a third is carried, and how far, in
 these times."""
 ACCELERATION, TURNING = 3.0, 10.0
@@ -173,7 +173,7 @@ def _combined(poses: Sequence[BodyPose]) -> BodyPose:
         information = np.linalg.inv(pose.covariance + place)
         whole += information
         moves += information @ _difference(first, pose)
-    covariance: Array = np.linalg.inv(whole)
+    covariance = np.asarray(np.linalg.inv(whole), np.float64)
     step = covariance @ moves
     R = quaternion_to_matrix(first.quaternion_wb) @ rotation_exp(step[3:])
     return BodyPose(first.position_w + step[:3], quaternion_from_matrix(R), covariance)

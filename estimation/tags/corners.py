@@ -107,12 +107,7 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
 
 
 def _pixels(H: Array, places: Array, lens: Intrinsics) -> Array:
-    import cv2
-
-    rays = np.column_stack([places, np.ones(len(places))]) @ H.T
-    zero = np.zeros(3)
-    pixels, _ = cv2.projectPoints(rays / rays[:, 2:], zero, zero, lens.matrix, lens.distortion)
-    return np.asarray(pixels[:, 0], float)
+    return lens.project(np.column_stack([places, np.ones(len(places))]) @ H.T)
 
 
 def _drawn(

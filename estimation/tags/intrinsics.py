@@ -38,6 +38,20 @@ class Intrinsics:
     matrix: Array
     distortion: Array
 
+    def project(self, points_c: Array) -> Array:
+        """Return the pixels (N, 2) of points (N, 3) in camera axes.
+
+        OpenCV's projectPoints gives the same, but always with its Jacobian, in five times the time.
+        """
+        k1, k2, p1, p2, k3 = self.distortion.tolist()
+        x, y = points_c[:, 0] / points_c[:, 2], points_c[:, 1] / points_c[:, 2]
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        u = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+        v = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+        (fx, _, cx), (_, fy, cy), _ = self.matrix.tolist()
+        return np.column_stack([fx * u + cx, fy * v + cy])
+
     def save(self, path: Path, about: Mapping[str, Any] | None = None) -> None:
         """Write the intrinsics to a file, and how they were found, which ROS's readers skip. Raises
         StorageError.

@@ -114,7 +114,7 @@ class TagBearings(BearingReader):
             ids,
             np.array([p / np.linalg.norm(p) for p in places_b]).reshape(-1, 3),
             math.hypot(corner, math.radians(self._told.sigma)),
-            _pixels(centres, self._lens),
+            self._lens.project(centres),
         )
 
     def _pose(self, number: int, tags: Tags) -> TagPose:
@@ -130,13 +130,3 @@ class TagBearings(BearingReader):
         along = self._R_bc.T @ place_b / far
         across = float(np.trace(covariance) - along @ covariance @ along)
         return math.sqrt(0.5 * max(0.0, across)) / far
-
-
-def _pixels(points_c: Array, lens: Intrinsics) -> Array:
-    import cv2
-
-    if not len(points_c):
-        return np.empty((0, 2))
-    zero = np.zeros(3)
-    pixels, _ = cv2.projectPoints(points_c, zero, zero, lens.matrix, lens.distortion)
-    return np.asarray(pixels[:, 0], float)

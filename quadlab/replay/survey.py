@@ -218,7 +218,12 @@ def _fit(
         return np.column_stack([(residual(moved + one) - there) / h for one, h in shifted])
 
     found = least_squares(residual, np.zeros(size), derivatives, ftol=1e-6, xtol=1e-2, max_nfev=12)
-    moved, last = found.x.reshape(-1, each), fly(found.x)
+    moves = found.x
+    if run.source == "both":
+        # Few or noisy bearings are pulled towards the assumed places; one step from where they are
+        # now, with the same Jacobian, removes most of that (iterated Tikhonov regularisation).
+        moves = moves + np.linalg.solve(found.jac.T @ found.jac, moves / scale**2)
+    moved, last = moves.reshape(-1, each), fly(moves)
     deviations = np.full((len(numbers), 3), np.nan)
     if run.source == "both":
         deviations = _deviations(found.jac, found.fun).reshape(-1, each)[:, :3]
@@ -227,7 +232,7 @@ def _fit(
     moved[:, :3] = (places_w + moved[:, :3]).round(3) - places_w
     # Of the proposed, rounded layout, not of the fitted one.
     rms = [_rms(np.concatenate(one.innovations)) for one in (first, fly(moved.ravel()))]
-    if not ((np.abs(found.x) < FARTHEST * scale).all() and rms[1] < rms[0]):
+    if not ((np.abs(moves) < FARTHEST * scale).all() and rms[1] < rms[0]):
         raise MeasurementError(
             f"the survey of {run.label!r} finds no layout near the one it began with that fits "
             f"better: {1e3 * rms[1]:.2f} instead of {1e3 * rms[0]:.2f} mrad not predicted, moved "

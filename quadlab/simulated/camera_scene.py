@@ -42,12 +42,11 @@ class Scene:
     """Renders what a camera at a place sees.
 
     Args:
-        seed: of the pictures' noise. exposure: s; tags in motion smear. fine: rays per pixel along
-            each axis.
+        seed: of the pictures' noise. exposure: s; tags in motion smear.
     """
 
-    def __init__(self, seed: int, exposure: float = 0.0, fine: int = 4) -> None:
-        self._camera = replace(CAMERA, exposure=exposure, fine=fine)
+    def __init__(self, seed: int, exposure: float = 0.0) -> None:
+        self._camera = replace(CAMERA, exposure=exposure)
         self._random = np.random.default_rng(seed)
         prints = TagDetector(LENS)
         self._pictures = {number: prints.picture(number) for number in TAGS}

@@ -39,7 +39,7 @@ class RenderedPictures:
     """
 
     def __init__(self, session: Any, vehicle: str, stand: CameraPlace, number: int) -> None:
-        self._stand, self._scene, self._number = stand, Scene(number, fine=2), number
+        self._stand, self._scene, self._number = stand, Scene(number), number
         self._newest: Received | None = None
         self._came, self._closed = threading.Event(), threading.Event()
         self._node = Node(session, f"/{vehicle}", f"rendered_camera_{number}")

@@ -106,10 +106,11 @@ def test_cameras_that_are_some_centimetres_or_degrees_off_are_told_by_how_much()
         assert told.turned == pytest.approx(turned, abs=0.01)
 
 
-def test_a_camera_that_is_knocked_is_left_out_until_it_is_back() -> None:
+@pytest.mark.parametrize("rate", [RATE, 7.0])
+def test_a_camera_that_is_knocked_is_left_out_until_it_is_back(rate: float) -> None:
     random, fusion, out = np.random.default_rng(4), CameraFusion(2), []
     for k in range(360):
-        t, camera = k / RATE / 2, k % 2
+        t, camera = k / rate / 2, k % 2
         knocked = camera == 1 and 120 <= k < 240
         off = np.array([0.5, 0.0, 0.2, 0.0, 0.0, 0.3])
         pose = seen(t, camera, random, off if knocked else None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,10 +17,10 @@ from quadlab.replay import survey
 from quadlab.replay.lines import Run, plan_runs
 from quadlab.replay.log import Arrival, Recording
 from quadlab.replay.run import replay
-from quadlab.replay.survey import survey_stations
+from quadlab.replay.survey import survey_beacons, survey_stations
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import MeasurementError
-from quadrotor.records import IMU_SAMPLE, STATE
+from quadrotor.records import IMU_SAMPLE, STATE, bearings_sample, pose_sample
 from tests.support.sweeps import sweeps_of
 
 MOVED = np.array([0.06, -0.03, 0.04])
@@ -81,6 +82,35 @@ def test_a_base_station_that_is_elsewhere_is_found_without_the_truth() -> None:
     assert error(recording, run, path) < 0.5 * before
     assert found.after < 0.5 * found.before
     assert np.isnan(found.places[0].deviation_w).all()
+
+
+LEDS = np.array([[2.5, 1.0, 0.5], [2.5, -1.0, 0.5], [2.5, -1.0, 2.0], [2.5, 1.0, 2.0]])
+"""Places of LEDs, m; each picture shows two of them."""
+ASSUMED = "1 2.54 0.97 0.54; 2 2.45 -0.96 0.47; 3 2.53 -1.04 2.03; 4 2.46 1.05 1.98"
+
+
+def test_leds_whose_bearings_are_better_than_stated_are_found_to_some_millimetres() -> None:
+    recording, path = circling(6.0)
+    rng, level = np.random.default_rng(6), np.array([1.0, 0.0, 0.0, 0.0])
+    poses, bearings = [], []
+    for k, stamp_ns in enumerate(recording.imu["stamp_ns"].tolist()):
+        if k % 2 == 0:
+            seen = path[k] + 0.001 * rng.normal(size=3)
+            poses.append(Arrival(stamp_ns, pose_sample(stamp_ns, seen, level)))
+        if k % 5 == 0:
+            ids = np.array([1, 2] if k // 100 % 2 else [3, 4], np.int32)
+            away_b = LEDS[ids - 1] - path[k]
+            away_b /= np.linalg.norm(away_b, axis=1)[:, None]
+            away_b += 2e-4 * rng.normal(size=away_b.shape)
+            frame = bearings_sample(stamp_ns, ids, away_b, math.radians(0.22))
+            bearings.append(Arrival(stamp_ns, frame))
+    parameters = FlightParameters()
+    parameters.beacons.layout = ASSUMED
+    seen_all = replace(recording, poses=poses, bearings=bearings, sweeps=[], parameters=parameters)
+    [run] = plan_runs(seen_all, (), ["error_state"], (), "both")
+    arrivals = sorted([*poses, *bearings], key=lambda one: one.arrival_ns)
+    found, _ = survey_beacons(seen_all, run, arrivals)
+    assert np.linalg.norm(found.positions_w - LEDS, axis=1).max() < 0.01
 
 
 def test_a_survey_of_few_sweeps_is_refused() -> None:

@@ -247,6 +247,7 @@ def test_the_tracker_process_is_shown_with_its_bodies_its_latency_and_what_is_wr
     look.text("#tracker dl", "median 1.2 ms, 99 % below 9.1 ms.*3 gaps, 1 jumps")
     look.text("#tracker > p.reason", "changed places|No data from the tracker process")
     assert page.locator("#tracker .latencies i").count() == 32
+    page.locator("#tracker .pictures").scroll_into_view_if_needed()  # drawn only where it is seen
     look.text("#tracker .pictures > div:nth-child(2)", "camera 1: no pictures|No data")
     assert page.locator("#tracker .pictures > div:visible").count() == 2
     assert not page.is_visible("#tracker .fields")
