@@ -63,6 +63,7 @@ FOLDERS = {
         "page_notice",
         "up_cost",
         "late_ticks",
+        "view_rate",
     ),
     "link": ("link",),
     "logs": ("killed_logs", "logs", "fuzz_logs"),

@@ -204,12 +204,12 @@ def _add_view(app: FastAPI, context: VehicleContext) -> None:
     @app.post("/api/view/camera")
     async def camera(body: CameraBody) -> dict[str, Any]:
         """Choose how one page's camera moves with the vehicle (a free one does not), and whether
-        its view has shadows.
+        its view has shadows and a shaded ground.
         """
         if body.camera is not None:
             context.scene.cameras.choose(body.view, body.camera)
         if body.shadows is not None:
-            context.scene.cameras.shade(body.view, body.shadows)
+            context.scene.cameras.simplify(body.view, plain=not body.shadows)
         return {"camera": body.camera, "shadows": body.shadows}
 
     @app.put("/api/view")

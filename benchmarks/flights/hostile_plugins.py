@@ -297,7 +297,10 @@ def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1, only: str = 
                 "farthest, m": max(o.away for o in outcomes),
             }
             found.rows.append(Row(f"{kind} {harm}", figures))
-            found.notes.append(f"{kind} {harm}: {outcomes[0].why}")
+            reasons = dict.fromkeys(
+                o.why for o in outcomes if math.isnan(o.ticks) or o is outcomes[0]
+            )
+            found.notes += [f"{kind} {harm}: {why}" for why in reasons]
     found.targets.append(Target("falls", fallen, 0))
     found.targets.append(Target("flights with a wrong judgement of the plugin", late, 0))
     return found

@@ -92,7 +92,6 @@ static bool writable(int16_t id, int16_t value)
         return (value >= 28) && (value <= 110);
     case ID_MIRROR_PERIOD:
         return (value >= 1000) && (value <= 20000);
-    case ID_MIRROR_ACTIVE:
     case ID_DRIFT_ESTIMATION_ACTIVE:
     case ID_PORT_PIN:
         return true;

@@ -46,9 +46,8 @@ class Camera:
         if not (columns.isdecimal() and times and rows.isdecimal()):
             raise UsageError(f"--board {self.board}: write it as 7x5, squares across and down")
         board = Board(int(columns), int(rows), self.square, self.marker)
-        for file, option in ((self.out, "--out"), (self.paper, "--paper")):
-            if file is not None and file.exists():
-                raise UsageError(f"{file} exists already; give {option} a new file")
+        if self.out is not None and self.out.exists():
+            raise UsageError(f"{self.out} exists already; give --out a new file")
         if self.paper is not None:
             return _print(board, self.paper)
         if self.video is not None and self.out is None:
@@ -104,6 +103,8 @@ class Camera:
 def _print(board: Board, file: Path) -> int:
     from estimation.tags.board_print import board_pdf
 
+    if file.exists():
+        raise UsageError(f"{file} exists already; give --paper a new file")
     try:
         file.write_text(board_pdf(board), "latin-1")
     except OSError as error:

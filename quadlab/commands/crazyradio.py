@@ -1,4 +1,4 @@
-"""`quadlab crazyradio`: shares one Crazyradio among several vehicles."""
+"""`quadlab crazyradio`: has a Crazyradio, for one vehicle or several."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from quadrotor.errors import UsageError
 
 @dataclass
 class Crazyradio:
-    """Share one Crazyradio: serve each Crazyflie on it by UDP to a `quadlab vehicle` of its own."""
+    """Serve each Crazyflie on one Crazyradio by UDP to a `quadlab vehicle` of its own, and land it
+    when that falls silent in flight."""
 
     links: Annotated[
         tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LINK=PORT [LINK=PORT ...]")
@@ -20,6 +21,7 @@ class Crazyradio:
     """link of a Crazyflie and the UDP port for it, like radio://0/80/2M/E7E7E7E701=19850"""
 
     def run(self) -> int:
+        from vehicle.boards.crazyflie.guard import Guard
         from vehicle_link.crtp.share import share
         from vehicle_link.termination_signal import EndSignal
 
@@ -31,7 +33,7 @@ class Crazyradio:
         for word, port in links:
             print(f"{word}: fly it with --serial udp://127.0.0.1:{port}", flush=True)
         stop = EndSignal()
-        share(links, lambda: stop.count > 0)
+        share(links, [Guard(word, print) for word, _ in links], lambda: stop.count > 0)
         return 0
 
 

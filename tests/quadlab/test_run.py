@@ -170,7 +170,7 @@ def test_the_notebook_of_a_batch_draws_how_error_grows_with_force() -> None:
     assert len(names["middle"]) == 5
 
 
-@pytest.mark.parametrize("path", EXAMPLES.glob("*.ipynb"), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*EXAMPLES.glob("*.ipynb")], ids=lambda path: path.stem)
 def test_a_notebook_shows_the_results_of_all_its_cells_in_order(path: Path) -> None:
     cells = json.loads(path.read_text())["cells"]
     code = [one for one in cells if one["cell_type"] == "code"]

@@ -136,7 +136,7 @@ QUANTITIES: dict[Id, Quantity] = {
     Id.YAW_CONTROL_TYPE: Quantity("which yaw controller is used", bounds=_BYTE, writable=True),
     Id.MIRROR_PERIOD: Quantity("between two D frames", "µs", bounds=(1000, 20_000), writable=True),
     Id.TIME: Quantity("time since power-up, modulo 60 s", "ms", bounds=(0, TIME_PERIOD_MS - 1)),
-    Id.MIRROR_ACTIVE: Quantity("whether D frames are sent", bounds=_SWITCH, writable=True),
+    Id.MIRROR_ACTIVE: Quantity("whether D frames are sent: they always are"),
     Id.MOTOR_STATE: Quantity("0 init, 1 on, 2 emergency, 3 off", bounds=(0, 3), writable=True),
     Id.DRIFT_ESTIMATION_ACTIVE: Quantity(
         "whether the gyroscope's drift is being estimated", bounds=_SWITCH, writable=True

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from web.beacons.shapes import Point
+
 ROTORS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Directions of the front, left, rear and right rotors, body axes (x forward, y left)."""
 
-Point = tuple[float, float, float]
 Mesh = tuple[npt.NDArray[Any], npt.NDArray[Any]]
 """Vertices, shape (n, 3), and faces, shape (m, 3), counter-clockwise from outside."""
 

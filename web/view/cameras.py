@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from web.beacons.shapes import Point, Quaternion, matrix_of
+from web.view.ground import add_ground
 from web.view.server import ViewServer
 
 Camera = Literal["free", "follow", "top", "side", "first"]
@@ -23,9 +24,10 @@ class Cameras:
 
     def __init__(self, server: ViewServer) -> None:
         self._server = server
+        self.shows_ground = True
         self._chosen: dict[str, Camera] = {}
         self._unplaced: set[str] = set()
-        self._plain: dict[str, Any] = {}  # view without shadows → its client that was told
+        self._plain: dict[str, Any] = {}  # view that is drawn simply → its client that was told
 
     def choose(self, view: str, camera: Camera) -> None:
         self._chosen.pop(view, None)
@@ -34,13 +36,13 @@ class Cameras:
             self._chosen[view] = camera
             self._unplaced.add(view)
 
-    def shade(self, view: str, shadows: bool) -> None:
-        """Draw one page's view with or without shadows."""
+    def simplify(self, view: str, *, plain: bool) -> None:
+        """Draw one page's view without shadows and with a ground of lines alone, or completely."""
         client = self._server.clients_of({view}).get(view)
-        if not shadows:
+        if plain:
             self._plain[view] = None
         elif self._plain.pop(view, None) is not None and client is not None:
-            client.scene.configure_default_lights(cast_shadow=True)
+            self._draw(client, plain=False)
 
     def tell_new(self) -> None:
         """Tell clients that connected since; to be called now and then."""
@@ -48,7 +50,11 @@ class Cameras:
         for view, client in plain.items():
             if self._plain[view] is not client:
                 self._plain[view] = client
-                client.scene.configure_default_lights(cast_shadow=False)
+                self._draw(client, plain=True)
+
+    def _draw(self, client: Any, *, plain: bool) -> None:
+        client.scene.configure_default_lights(cast_shadow=not plain)
+        add_ground(client.scene, plain=plain).visible = self.shows_ground
 
     def move(self, position: Point, quaternion: Quaternion) -> None:
         """Move the cameras with the vehicle's pose, body to world."""

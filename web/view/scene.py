@@ -20,6 +20,7 @@ from web.beacons.shapes import Point, point_of, wxyz_of
 from web.live.latest import Live
 from web.view.airframe import Airframe
 from web.view.cameras import Cameras
+from web.view.ground import add_ground
 from web.view.lines import PLANNED, REFUSED, Box, edges, line_color
 from web.view.options import ViewOptions, ramp
 from web.view.server import ViewServer
@@ -88,6 +89,7 @@ class Scene:
         if options.color != self.options.color:
             self._flown.clear()
         self.options = options
+        self.cameras.shows_ground = options.ground
         for node in self._ground:
             node.visible = options.ground
         if self._volume is not None:
@@ -207,22 +209,6 @@ class Scene:
 
 
 def _add_room(api: Any) -> list[Any]:
-    grid = api.add_grid(
-        "/ground",
-        width=12.0,
-        height=12.0,
-        cell_size=0.5,
-        section_size=1.0,
-        cell_color=(72, 82, 92),  # as EDGES: visible on a dark and on a light background
-        section_color=(104, 116, 128),
-        cell_thickness=0.8,
-        section_thickness=1.0,
-        plane_color=(17, 22, 27),
-        plane_opacity=0.0,
-        shadow_opacity=0.35,
-        fade_distance=18.0,
-        fade_strength=1.5,
-    )
     origin = np.zeros((3, 2, 3), np.float32)
     origin[:, 1] = 0.5 * np.eye(3)
     rgb = np.array([line_color(c) for c in AXES], np.uint8)
@@ -234,4 +220,4 @@ def _add_room(api: Any) -> list[Any]:
         thickness_units="screen",
         position=(0.0, 0.0, 0.002),
     )
-    return [grid, axes]
+    return [add_ground(api), axes]

@@ -40,8 +40,14 @@ def hovering(tmp_path: Path) -> Iterator[Hovering]:
     made.vehicle.close()
 
 
-def test_without_set_points_it_levels_out_and_falls_after_2_s(hovering: Hovering) -> None:
+def test_silent_in_flight_it_is_landed_by_whoever_has_the_radio(hovering: Hovering) -> None:
+    assert hovering.left_alone() <= LANDING_SPEED
+    assert abs(hovering.height) < 0.02
+
+
+def test_without_its_radio_it_levels_out_and_falls_after_2_s(hovering: Hovering) -> None:
     vehicle = hovering.vehicle
+    hovering.flight.change({"simulator.unplugged_port": "first"})
     for _ in range(1900):
         vehicle.step()
     assert hovering.height > 0.5

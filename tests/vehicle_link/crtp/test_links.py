@@ -9,6 +9,7 @@ import pytest
 
 from quadlab.__main__ import main
 from quadrotor.errors import LinkError
+from vehicle.boards.crazyflie.guard import Guard
 from vehicle_link.crtp import radio
 from vehicle_link.crtp.links import open_port
 from vehicle_link.crtp.packets import NULL, FrameReader, Packet, frame
@@ -137,15 +138,22 @@ def test_one_radio_serves_two_by_their_addresses_and_tells_when_it_is_gone(dongl
         read_on(ports[0])
 
 
-def test_a_shared_radio_serves_each_crazyflie_by_udp(dongle: Dongle) -> None:
+def test_a_shared_radio_serves_each_crazyflie_by_udp_until_it_is_pulled(dongle: Dongle) -> None:
     free = [UdpServer(0) for _ in ADDRESSES]
     numbers = [int(server.link.rpartition(":")[2]) for server in free]
     for server in free:
         server.close()
     words = [f"radio://0/80/2M/{address.hex()}" for address in ADDRESSES]
-    ended = threading.Event()
+    ended, why = threading.Event(), []
     links = list(zip(words, numbers, strict=True))
-    sharing = threading.Thread(target=share, args=(links, ended.is_set))
+
+    def shared() -> None:
+        try:
+            share(links, [Guard(), Guard()], ended.is_set)
+        except LinkError as error:
+            why.append(str(error))
+
+    sharing = threading.Thread(target=shared)
     sharing.start()
     try:
         for number, address in zip(numbers, ADDRESSES, strict=True):
@@ -155,6 +163,9 @@ def test_a_shared_radio_serves_each_crazyflie_by_udp(dongle: Dongle) -> None:
                 got = next(reader.feed(port.read()), b"")
             assert got[1:] == address
             port.close()
+        dongle.gone = True
+        sharing.join(PATIENCE_S)
+        assert why == ["Crazyradio 0 is gone: No such device; plug it in, start again"]
     finally:
         ended.set()
         sharing.join()

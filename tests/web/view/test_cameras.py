@@ -55,3 +55,38 @@ def test_a_free_camera_stays(cameras: Cameras, camera: Any) -> None:
     cameras.choose("mine", "free")
     cameras.move((1.0, 0.0, 1.0), IDENTITY)
     np.testing.assert_allclose(camera.position, (-2.0, 0.0, 2.0))
+
+
+def test_a_page_drawn_by_the_processor_alone_has_no_shadows_and_a_ground_of_lines() -> None:
+    scene = _Drawn()
+    client = SimpleNamespace(scene=scene)
+    server = SimpleNamespace(clients_of=lambda views: dict.fromkeys(views, client))
+    cameras = Cameras(cast(Any, server))
+    cameras.shows_ground = False
+    cameras.simplify("mine", plain=True)
+    for _ in range(2):
+        cameras.tell_new()
+    assert scene.drawn == ["no shadows", "lines"], "once for a client"
+    assert not scene.ground.visible
+    cameras.simplify("mine", plain=False)
+    cameras.tell_new()
+    assert scene.drawn[2:] == ["shadows", "grid"]
+
+
+class _Drawn:
+    """Scene of one client, which stores what was asked of it."""
+
+    def __init__(self) -> None:
+        self.drawn: list[str] = []
+        self.ground = SimpleNamespace(visible=True)
+
+    def configure_default_lights(self, cast_shadow: bool) -> None:
+        self.drawn.append("shadows" if cast_shadow else "no shadows")
+
+    def add_grid(self, name: str, **_: Any) -> Any:
+        self.drawn.append("grid")
+        return self.ground
+
+    def add_line_segments(self, name: str, *_: Any, **__: Any) -> Any:
+        self.drawn.append("lines")
+        return self.ground

@@ -4,7 +4,8 @@ At the start, and after each silence, a dialogue makes sure of its protocol vers
 parameters and starts its log blocks. Then the IMU comes at 100 Hz, and set-points go up. Its
 watchdog is its own: without set-points for 0.5 s it levels out, after 2 s it stops its motors and
 stays locked. Given up, it descends level with less thrust than its weight as long as the radio
-carries set-points: it has no landing of its own that needs none.
+carries set-points: it has no landing of its own that needs none. When this process is silent, who
+has the radio lands it (see `guard`).
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ SILENT_S = 1.0
 """Seconds without a sample after which the dialogue begins again: it may have been switched off."""
 ALONE = Info(0), Info.AUTO_ARMED, Info.AUTO_ARMED | Info.ARMED
 """States of arming in which there is nothing to disarm: some arm themselves."""
+FALLS = "without its radio the Crazyflie falls: its firmware then stops the motors after 2 s"
+UNGUARDED = ", and so it does when this process ends: fly it through `quadlab crazyradio`"
 _IDLE = BodyRates((0.0, 0.0, 0.0), 0.0)
 
 
@@ -90,7 +93,7 @@ class CrazyflieBoard:
         self.refused = self.late = self.lost_ports = 0
         self.found, self._finding, self._is_ready = Found(), Found(), False
         self.unfit, self.packets = "", 0
-        self._is_passive = is_passive
+        self._is_passive, self._is_warned = is_passive, False
         options.check_together()
         self._port, self._options = ports[0], options
         self._given = options.parameters  # what the newest dialogue sets
@@ -202,6 +205,9 @@ class CrazyflieBoard:
             self.found, self.unfit, self._is_ready = self._finding, "", True
             self._info, self._own_position, self._distance = Info(0), None, 0.0
             self._heard_s = self._now_s
+            if not self._is_passive and not self._is_warned:
+                self._is_warned = True
+                self.failures.append(FALLS + isinstance(self._port, RadioPort) * UNGUARDED)
 
     def _take_block(self, data: bytes) -> None:
         form = self.found.forms.get(data[0]) if data else None

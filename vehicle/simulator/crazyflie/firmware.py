@@ -14,6 +14,7 @@ import numpy as np
 
 from quadrotor.rotations import rotate_inverse
 from quadrotor.vehicle_model import GRAVITY, Four
+from vehicle.boards.crazyflie.guard import Guard
 from vehicle.boards.crazyflie.messages import (
     ARM,
     EMERGENCY_STOP,
@@ -49,7 +50,7 @@ UP = np.array((0.0, 0.0, 1.0))
 
 
 class CrazyflieFirmware(BoardFirmware):
-    """One simulated Crazyflie.
+    """One simulated Crazyflie, and the guard in the process that has its radio.
 
     Args:
         udp_port: where it is served, unless its port is in memory.
@@ -57,6 +58,7 @@ class CrazyflieFirmware(BoardFirmware):
     Attributes:
         supervisor: its supervisor.
         parameters: its parameters.
+        guard: whoever lands it from the ground when the flight process is silent; None: nobody.
     """
 
     def __init__(self, udp_port: int = UDP_PORT) -> None:
@@ -65,6 +67,8 @@ class CrazyflieFirmware(BoardFirmware):
         self.supervisor, self.parameters = Supervisor(), ParameterPort()
         self._estimate, self._loop = Estimate(), InnerLoop()
         self._up, self._down = Radio(), Radio()
+        self.guard: Guard | None = Guard()
+        self._has_radio = True
         self._frames = FrameReader()
         self._now_ms = -1
         self._drift, self._still = np.zeros(3), 0
@@ -80,6 +84,7 @@ class CrazyflieFirmware(BoardFirmware):
                 radio.seed(2 * parameters.seed + k)
             radio.delay_ms = round(1e3 * parameters.radio_delay)
             radio.loss = parameters.radio_loss
+        self._has_radio = not parameters.unplugged[0]
 
     def _variables(self) -> dict[str, tuple[int, Callable[[], float]]]:
         found: dict[str, tuple[int, Callable[[], float]]] = {}
@@ -110,11 +115,18 @@ class CrazyflieFirmware(BoardFirmware):
     # ------------------------------------------------------------------ the link
     def receive(self, port: int, data: bytes) -> bytes:
         for packet in self._frames.feed(data):
-            self._up.put(packet, self._now_ms)
+            if self.guard is None or self.guard.passes(decode(packet), 1e-3 * self._now_ms):
+                self._up.put(packet, self._now_ms)
         return b""
 
     def next_data(self) -> tuple[int, bytes]:
-        return 0, b"".join(map(frame, self._down.take(self._now_ms)))
+        packets = self._down.take(self._now_ms)
+        if self.guard is not None and self._has_radio:
+            for packet in packets:
+                self.guard.hear(decode(packet), 1e-3 * self._now_ms)
+            for own in self.guard.due(1e-3 * self._now_ms):
+                self._up.put(own.encode(), self._now_ms)
+        return 0, b"".join(map(frame, packets))
 
     def _send(self, packet: Packet | None) -> None:
         if packet is not None:

@@ -69,7 +69,7 @@ export class Errors {
       const [estimator, gains] = partsOf(name);
       groups.set(estimator, [...(groups.get(estimator) ?? []), this.box(name, present.includes(name), gains || "default")]);
     }
-    this.boxes.replaceChildren(element("span", {}, "Compared at the station, not used in flight"), ...[...groups].map(([estimator, boxes]) => element("div", {}, element("span", {}, estimator), ...boxes)));
+    this.boxes.replaceChildren(element("span", {}, "Compared at the station; not used in flight"), ...[...groups].map(([estimator, boxes]) => element("div", {}, element("span", {}, estimator), ...boxes)));
   }
 
   box(name, checked, text) {

@@ -166,7 +166,7 @@ export class Calibrate {
 
   // A dot at the tab while something waits for a person.
   flag(status) {
-    const waits = status?.question ? "a question waits for a yes" : status && !RUNNING.includes(status.phase) && this.events.summary.proposal && !status.decision ? "a result waits to be accepted or rejected" : "";
+    const waits = status?.question ? "a question is waiting for your confirmation" : status && !RUNNING.includes(status.phase) && this.events.summary.proposal && !status.decision ? "a result is waiting to be accepted or rejected" : "";
     const tab = $("open-calibrate");
     tab.classList.toggle("waits", Boolean(waits));
     setIfChanged(tab, "title", waits);

@@ -11,8 +11,8 @@ export const CALIBRATIONS = {
   mass: { label: "Mass", gives: "the mass, from a flight", needs: "free room to fly, as for hover" },
   inertia: { label: "Inertia", gives: "the inertia about three axes, from a flight", needs: "free room to fly; it shakes about each axis" },
   drag: { label: "Drag", gives: "the drag of the whole vehicle and the height at which it acts, from a flight", needs: "free room to fly circles, in still air" },
-  vibration: { label: "Vibration", gives: "the noise of accelerometer and gyroscope, at rest and in hover, for the error-state filter", needs: "at rest on the ground at first, then free room to hover" },
-  tracker_delay: { label: "Tracker's delay", gives: "by how much the tracker's poses are stamped too late, against the gyroscope", needs: "the vehicle in your hands, motors off, in the tracker's view; or free room to fly" },
+  vibration: { label: "Vibration", gives: "the noise of accelerometer and gyroscope, at rest and in hover, for the error-state filter", needs: "at rest on the ground, then with free room to hover" },
+  tracker_delay: { label: "Tracker's delay", gives: "delay of the tracker's time stamps, measured against the gyroscope", needs: "the vehicle in your hands, motors off, in the tracker's view; or free room to fly" },
   tracker_body: { label: "Tracked body", gives: "place and axes of the tracked body on the vehicle, against the IMU", needs: "the accelerometer calibrated; the vehicle in your hands, motors off, in the tracker's view" },
 };
 const EXPERIMENT_OF = { motor: "motor_bench" };

@@ -46,7 +46,7 @@ export class CalibrationResult {
     const { decision } = status, record = proposal?.problem ? null : proposal, isOpen = Boolean(record) && !decision;
     this.place.classList.toggle("old", isOld);
     for (const button of [this.accept, this.reject]) { button.hidden = !isOpen; button.disabled = !this.isOperator || isOld; }
-    this.accept.title = isOld ? "no data from the station for a while" : record && !record.good ? "a figure is beyond its limit; the vehicle applies the values anyway" : "the vehicle applies all values or none";
+    this.accept.title = isOld ? "no recent data from the station" : record && !record.good ? "a figure is beyond its limit; the vehicle applies the values anyway" : "the vehicle applies all values or none";
     this.accept.classList.toggle("caution", Boolean(record) && !record.good);
     this.accept.textContent = record && !record.good ? "Accept anyway" : "Accept";
     this.repeat.disabled = Boolean(blockedReason);

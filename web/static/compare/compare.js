@@ -106,7 +106,7 @@ class Page {
     const picked = { place, units: [], scales: {}, limits: {}, get names() { return charts.names; }, select(names) { charts.names = names; charts.draw(); page.link(); } };
     const choose = element("button", { ariaExpanded: "false", title: "choose signals", onclick: () => menu.toggle(picked, choose, () => {}) }, "Signals");
     place.append(choose);
-    $("tools").append(element("label", {}, "aligned at", this.event), place, toggle("Difference", "each run less the first one", "hasDifference"),
+    $("tools").append(element("label", {}, "aligned at", this.event), place, toggle("Difference", "each run minus the first one", "hasDifference"),
       toggle("One chart per run", "small charts with one scale", "isSplit"),
       element("button", { title: "show the whole time (double-click a chart)", onclick: () => charts.range.reset() }, "Whole time"));
   }

@@ -101,7 +101,7 @@ export function lineOf(seen) {
     const miss = Number.isFinite(error) && flownOn(seen) ? `${Math.round(1e3 * error)} mm error` : "";
     return [`${doing} ${place}`.trim(), clockOf(seen.trajectory), miss, health(found)].filter(Boolean).join(", ");
   }
-  if (mode === "bench") return "A motor turns on the bench";
+  if (mode === "bench") return "A motor is turning on the bench";
   if (status.armed) return `On the ground, motors on, ${health(found)}`;
   if (mode === "starting") return "Starting: keep the vehicle still until gyroscope and pose are ready";
   const bad = failing(preflight).map(({ name, found: value }) => `${name} ${value}`);

@@ -102,7 +102,7 @@ export class EmergencyPress {
     if (press.web === false && press.phase === "sent") return { tone: "waiting", said: `${name}: this page's server does not answer, retrying`, running: `, pressed ${ago} ago` };
     const silent = this.events.age("status") > 1 ? "; no data from the vehicle" : "";
     const isTaken = press.action === "land" && this.events.summary.emergency_land === "emergency";
-    const what = press.phase === "sent" ? "not acknowledged" : isTaken ? "accepted, the microcontroller not yet flying" : "accepted, not yet shown by the vehicle";
+    const what = press.phase === "sent" ? "not acknowledged" : isTaken ? "accepted; the microcontroller does not fly yet" : "accepted, not yet shown by the vehicle";
     const tries = press.try > 1 ? `, try ${press.try} of ${press.tries}` : "";
     return { tone: "waiting", said: `${name}: ${what}${tries}${silent}`, running: `, sent ${ago} ago` };
   }

@@ -15,7 +15,7 @@ export class Presets {
     this.list = element("ul", { className: "presets" });
     this.answer = element("div", { className: "answer", hidden: true, role: "status" });
     this.name = element("input", { placeholder: "name", ariaLabel: "name of the new preset", maxLength: 60 });
-    this.scope = element("select", { ariaLabel: "what the new preset holds" });
+    this.scope = element("select", { ariaLabel: "what the new preset contains" });
     const form = element("form", { className: "tools", onsubmit: (event) => { event.preventDefault(); this.save(false); } }, this.name, this.scope,
       element("button", { disabled: !gains.isOperator, title: "save the confirmed values under this name" }, "Save"));
     place.append(this.answer, this.list, element("h2", {}, "Save the present values"), form);

@@ -110,7 +110,7 @@ export class RunDetail {
     let found = [];
     try { found = await get(`/api/runs/${encodeURIComponent(id)}/marks`); } catch { /* the list says what is wrong with it */ }
     if (id !== this.run?.id || this.marks.contains(document.activeElement)) return;
-    this.marks.replaceChildren(...(found.length ? found.map((mark) => this.mark(mark)) : [element("li", { className: "empty" }, "None. In flight, m marks a moment.")]));
+    this.marks.replaceChildren(...(found.length ? found.map((mark) => this.mark(mark)) : [element("li", { className: "empty" }, "None yet. In flight, press M to mark a moment.")]));
   }
 
   mark({ id, time, text, requester, run_id: run }) {

@@ -6,10 +6,10 @@ import { fixed } from "../core/format.js";
 import { AXES, BUTTONS, DEAD_ZONE, EXPO, PRESETS, forget, isPressed, mappingOf, preset, presetOf, readPad, remember } from "./mapping.js";
 
 const FUNCTIONS = {
-  forward: ["Forward", "Push the stick for forward away from you, all the way"],
-  left: ["Left", "Push the stick for left to the left, all the way"],
-  up: ["Up", "Push the stick for up upwards, all the way"],
-  yaw: ["Turn left", "Push the stick for turning to the left, all the way"],
+  forward: ["Forward", "Push the stick for forward all the way away from you"],
+  left: ["Left", "Push the stick for left all the way to the left"],
+  up: ["Up", "Push the stick for up all the way up"],
+  yaw: ["Turn left", "Push the stick for turning all the way to the left"],
   deadMan: ["Sticks on (hold)", "Press the button that you will hold while flying"],
   land: ["Emergency land", "Press the button for emergency land"],
   cut: ["Cut (hold 0.5 s)", "Press the button for cutting the motors"],

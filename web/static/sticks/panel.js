@@ -101,7 +101,7 @@ class StickPanel {
     const { sticks } = this;
     if (sticks.on) {
       if (sticks.note) return `On: ${sticks.note}.`;
-      if (!this.status) return "On, but no data from the vehicle.";
+      if (!this.status) return "On, but there is no data from the vehicle.";
       if (landing(this.status)) return `On, but ${landing(this.status)}.`;
       if (OBEYING[this.behavior]) return `On: ${commanded(this.behavior, sticks.sent, this.limit, this.holds)}.`;
       return this.isFlying ? `On, but ${words(this.behavior)} ignores the sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but sticks work only in flight: arm and take off first.";

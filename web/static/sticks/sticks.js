@@ -48,9 +48,6 @@ export class Sticks {
     this.clock.onmessage = () => this.tick();
   }
 
-  // Anew from storage: it was set up.
-  remap() { this.pad = null; }
-
   drop(cause) {
     this.keys.clear();
     this.touch.clear();

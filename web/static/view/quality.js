@@ -34,7 +34,7 @@ export function words(level, software, rate) {
 }
 
 export class Quality {
-  // frame: of viser; note: where it is said; shade(shadows): asks for the view with or without shadows.
+  // frame: of viser; note: where it is said; shade(shadows): asks for the view with or without shadows and a shaded ground.
   constructor(frame, note, shade) {
     this.frame = frame; this.note = note; this.shade = shade;
     this.isFull = new URLSearchParams(location.search).has("fixedDpr"); // chosen by hand: nothing is changed

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from quadrotor.errors import LinkError
+from vehicle.boards.betaflight import check
 from vehicle.boards.betaflight.arming import REASONS, why_not_armed
 from vehicle.boards.betaflight.configuration import MAY_LACK, lines_to_enter, mode_lines, required
 from vehicle.boards.betaflight.options import BetaflightOptions
+from vehicle_link.crtp.packets import Packet, frame
 
 OPTIONS = BetaflightOptions()
 
@@ -17,6 +20,36 @@ def fitting() -> dict[str, str]:
 
 def written(settings: dict[str, str], lines: list[str]) -> str:
     return "\r\n".join([*(f"set {name} = {value}" for name, value in settings.items()), *lines, ""])
+
+
+class Chatter:
+    """Port of something that speaks, but no MSP."""
+
+    def __init__(self, said: bytes) -> None:
+        self._said = said
+
+    def read(self) -> bytes:
+        return self._said
+
+    def write(self, data: bytes) -> None: ...
+
+    def fileno(self) -> int:
+        return -1
+
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize(
+    "said",
+    [b"#bDfly>=FtOwly===q=U||q=Mm=XMI=fs\r", frame(Packet(5, 2, bytes(28)).encode()), b"$M>\xff"],
+)
+def test_another_board_behind_the_port_is_told_in_one_line(
+    said: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(check, "ANSWER_S", 0.02)
+    monkeypatch.setattr(check, "RESTART_S", 0.02)
+    with pytest.raises(LinkError, match=r"no answer to MSP VARIANT within .* is this the port"):
+        check.check_board(Chatter(said), BetaflightOptions(), print)
 
 
 def test_a_board_that_fits_needs_no_line() -> None:

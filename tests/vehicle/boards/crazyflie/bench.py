@@ -20,6 +20,7 @@ class RestingCrazyflie(CrazyflieFirmware):
 
     def __init__(self, protocol: int | None = None) -> None:
         super().__init__()
+        self.guard = None
         self._protocol = protocol
         self._plant = np.zeros(1, [("voltage", "f8")])
         self._plant["voltage"] = 16.4

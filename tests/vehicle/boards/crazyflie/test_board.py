@@ -12,6 +12,7 @@ from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import STATE
 from tests.vehicle.boards.crazyflie.bench import Bench
 from vehicle.boards.board import BodyRates, TakesPoses
+from vehicle.boards.crazyflie.board import FALLS
 from vehicle.boards.crazyflie.messages import MANUAL, SETPOINT
 from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle_link.crtp.packets import CrtpPort, Packet
@@ -26,6 +27,8 @@ def ready(**kwargs: object) -> Bench:
     bench = Bench(**kwargs)  # type: ignore[arg-type]
     bench.go(READY_MS)
     assert bench.board.obstacle == ""
+    assert bench.board.failures == [FALLS]  # told before it can be armed
+    bench.board.failures.clear()
     return bench
 
 
