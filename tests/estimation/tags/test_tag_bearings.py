@@ -87,7 +87,9 @@ def test_beacons_leave_their_places_with_the_intrinsics_of_another_camera() -> N
     assert good.misfit(good.take(grey), PLACES) < 0.5
     off = [_of_another(scale).misfit(_of_another(scale).take(grey), PLACES) for scale in (0.9, 0.8)]
     assert 1.0 < off[0] < off[1]
-    with pytest.raises(MeasurementError, match=r"corners of tag \d do not fit .* calibrate the camera"):
+    with pytest.raises(
+        MeasurementError, match=r"corners of tag \d do not fit .* calibrate the camera"
+    ):
         _of_another(0.5).take(grey)  # each tag alone shows it
     assert math.isnan(good.misfit(good.take(grey), {1: PLACES[1]}))  # too few to judge
 
