@@ -46,8 +46,7 @@ def guided(
     from console.trackers.camera import Pictures
     from console.trackers.simulated_board import SimulatedPictures
 
-    is_simulated = isinstance(camera, str)
-    source = SimulatedPictures(board, guide, pace) if is_simulated else Pictures(camera)
+    source = SimulatedPictures(board, guide, pace) if isinstance(camera, str) else Pictures(camera)
     with closing(source):
         for stamp_ns, received_ns, grey in source:
             taken_ns = received_ns if stamp_ns is None else stamp_ns

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from estimation.tags.detector import Picture, Tags, dictionary_of, wrong_exposure
 from quadrotor.errors import MeasurementError
@@ -96,7 +97,7 @@ class BoardView:
         pixels: (N, 2).
     """
 
-    numbers: Array
+    numbers: npt.NDArray[np.integer[Any]]
     on_board: Array
     pixels: Array
 
@@ -109,7 +110,7 @@ class BoardReader:
 
         self.board = board
         self._charuco = board.of_opencv()
-        self._detector = cv2.aruco.CharucoDetector(self._charuco)
+        self._detector: Any = cv2.aruco.CharucoDetector(self._charuco)
         numbers = np.ravel(self._charuco.getIds()).tolist()
         places = np.array(self._charuco.getObjPoints())[:, :, :2] / board.square
         self._places: Tags = dict(zip(numbers, places, strict=True))
@@ -154,7 +155,7 @@ class BoardReader:
             return ""
         wanted = np.array([self._places[number].mean(axis=0) for number in known])
         seen = np.array([tags[number].mean(axis=0) for number in known])
-        to_board, _ = cv2.findHomography(seen, wanted)
+        to_board: Any = cv2.findHomography(seen, wanted)[0]
         if to_board is None:  # all in one line
             return ""
         off = np.linalg.norm(_mapped(to_board, seen) - wanted, axis=1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from bearing_sim.rendered_camera import Pattern
@@ -45,10 +47,12 @@ class Hand:
 
     def hold(self, key: str, *, shown: int = 4, shake: float = 0.0) -> bool:
         """Show so many pictures of a board held for a goal; return whether one was taken."""
+        pixel: Sequence[float]
+        tilts: Sequence[float]
         if key in HELD:
             pixel, width, tilts = HELD[key]
         elif key == "more":
-            pixel, width = self._random.uniform((220, 180), (420, 300)), 0.5
+            pixel, width = self._random.uniform((220, 180), (420, 300)).tolist(), 0.5
             tilts = tuple(self._random.uniform(-TURN, TURN, 2))
         else:
             column, row = map(int, key.split("-")[1:])

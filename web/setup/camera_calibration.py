@@ -242,10 +242,11 @@ def add_camera_calibration(app: FastAPI, cameras: CameraCalibrations) -> None:
         """Return the cameras of this computer, the simulated one last, each with the intrinsics
         that were accepted for it, those in use first.
         """
-        names: dict[int | str, str] = {**cameras.store.devices(), SIMULATED: "simulated camera"}
+        names: list[tuple[int | str, str]] = [*cameras.store.devices().items()]
+        names.append((SIMULATED, "simulated camera"))
         return [
             {"camera": one, "name": name, "history": cameras.store.history(one)}
-            for one, name in names.items()
+            for one, name in names
         ]
 
     @app.get("/api/setup/board.pdf")

@@ -158,6 +158,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "WEBSOCKET /ws/stick": (OPERATOR, None),
     "WEBSOCKET /ws/comparison": (VIEWER, None),
     "WEBSOCKET /ws/picture/{camera}": (VIEWER, None),
+    "WEBSOCKET /ws/camera": (VIEWER, None),
     "WEBSOCKET /ws/fleet": (VIEWER, None),
     "WEBSOCKET /foxglove": (VIEWER, None),
 }
