@@ -138,6 +138,7 @@ def judge(chip: Chip, steps: Iterable[Step]) -> Judgement:
     expected: list[list[bytes]] = [[], []]
     sent: list[list[bytes]] = [[], []]
     before: tuple[int, ...] = (0, 0, 0, 0)
+    silent = 0  # in the last period: these motors keep an older reference
     for given in inputs(steps):
         told = chip.period(given)
         judgement.periods += 1
@@ -149,7 +150,9 @@ def judge(chip: Chip, steps: Iterable[Step]) -> Judgement:
         carried = all(
             reference in pair for reference, *pair in zip(told.references, before, now, strict=True)
         )
-        if not carried and not told.missing and not judgement.different:
+        is_judged = not (told.missing or given.silent or silent)
+        silent = given.silent
+        if not carried and is_judged and not judgement.different:
             judgement.different = (
                 f"period {judgement.periods}: {told.references} on the bus instead of {before} "
                 f"or {now}"
