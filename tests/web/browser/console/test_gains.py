@@ -29,6 +29,8 @@ def test_a_slider_changes_the_vehicle_and_every_page_follows(
     site: Any, page: Any, look: Any, look_at: Any, open_page: Any
 ) -> None:
     other = open_page(site)
+    page.wait_for_selector("#gains .gain", state="attached")
+    assert page.locator("#gains .gain input").count() == 0, "rows are drawn when they are shown"
     for one in (page, other):
         open_gains(one)
     look.text("#gains .absent", "^simulator not there: .* for a simulated vehicle only$")
