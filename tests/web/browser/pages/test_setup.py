@@ -265,16 +265,24 @@ def test_a_camera_is_calibrated_with_a_board_that_is_moved_as_the_guide_says(
     page.click("#camera button:text-is('Calibrate')")
     look.text("#camera > .reason", "2 x 5 squares is not possible: allowed are 3 to 30")
     page.get_by_label("Squares across").fill("7")
+    page.evaluate(
+        """() => { window.said = []; const place = document.querySelector("#camera .instruction");
+        new MutationObserver(() => said.push(place.textContent)).observe(place,
+        { childList: true }); }"""
+    )
     page.click("#camera button:text-is('Calibrate')")
-    look.text("#camera .guided .instruction >> nth=0", "Tilt the board: its (left|right|upper)")
-    page.wait_for_selector("#camera .picture > svg g rect >> nth=3", state="attached")
+    page.wait_for_selector("#camera .guided >> nth=0")
     with httpx.Client(base_url=ground.site.base, cookies=ground.cookies) as other:
         refused = other.post("/api/setup/camera", json={"camera": 0})
         assert (refused.status_code, "is calibrating" in refused.json()["error"]) == (409, True)
+    page.wait_for_selector("#camera .residual-picture circle >> nth=150", timeout=120_000)
+    assert any(
+        one.startswith(("Tilt the board", "Hold the board")) for one in page.evaluate("said")
+    )
+    assert page.locator("#camera .picture > svg g rect").count() > 20
     look.text(
         "#camera .counts >> nth=1", "Residual0[.]1. pixels rms.*Focal lengths(598|599|60[0-2])"
     )
-    assert page.locator("#camera .residual-picture circle").count() > 150
     page.click("#camera button:text-is('Accept')")
     look.text("#camera > .note", "Accepted and stored in .*simulated.yaml")
     look.text("#camera .facts", "focal lengths .*, residual 0[.]1")
