@@ -35,6 +35,10 @@ SHARPEST, WIDEST = 0.4, 2.0
 BLUR_STEP, BLUR_SETTLED = 0.6, 0.02
 """Largest step of the logarithm of the blur's variance, and the limit below which one is the last.
 """
+LARGEST_CELL = 10.0
+"""Pixels per cell up to which those blurs reach from one compared place to the next. The picture of
+a nearer tag is blurred in proportion, and so are the limits above.
+"""
 RIM = 0.2
 """Cells of the rim that are left out."""
 SETTLED = 1e-3
@@ -70,10 +74,13 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
     # A blur that is round in the picture is not in the tag: variances and covariance, cells^2.
     to_cells = np.linalg.inv(cell)
     (uu, uv), (_, vv) = to_cells @ to_cells.T
+    scale = max(1.0, float(np.sqrt(np.abs(np.linalg.det(cell)))) / LARGEST_CELL)
+    if scale > 1.0:
+        grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), math.sqrt(scale * scale - 1.0)), np.uint8)
     blur, surroundings = BLURS[0], 0.0
     none: Any = None
     for start in (*BLURS, *(None,) * STEPS):
-        blur = blur if start is None else start
+        blur = blur if start is None else start * scale
         pixels = _pixels(H, np.column_stack([u.ravel(), v.ravel()]), lens).astype(np.float32)
         seen = cv2.remap(
             grey, pixels[:, None], none, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
@@ -98,7 +105,7 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
         if start is None:
             surroundings = rim / contrast
             step_of_blur = min(max(a[8], -BLUR_STEP), BLUR_STEP)
-            blur = min(max(blur * math.exp(0.5 * step_of_blur), SHARPEST), WIDEST)
+            blur = min(max(blur * math.exp(0.5 * step_of_blur), SHARPEST * scale), WIDEST * scale)
             if np.abs(a[:8]).max() < SETTLED and abs(a[8]) < BLUR_SETTLED:
                 break
     found = _pixels(H, outline, lens)

@@ -49,6 +49,23 @@ def test_a_tag_seen_from_the_side_is_read_from_four_metres() -> None:
     assert found.count(3) == len(found) >= 7
 
 
+@pytest.mark.parametrize("distance", [0.35, 0.5, 0.8])
+def test_a_near_tag_is_read_as_precisely_as_a_far_one(distance: float) -> None:
+    """Its cells are many times as large as the blur of the lens."""
+    random, detector = np.random.default_rng(12), TagDetector(LENS)
+    for turn in np.linspace(0.0, 3.0, 4):
+        R_ct = (
+            FACING
+            @ rotation_exp(np.array([0.4, 0.0, 0.0]))
+            @ rotation_exp(np.array([0.0, 0.0, turn]))
+        )
+        position_c = np.array([*random.uniform(-0.03, 0.03, 2), distance])
+        there = CAMERA.project(CORNERS @ R_ct.T + position_c)
+        [(number, pixels)] = detector.detect(CAMERA.take([tag(3, position_c, R_ct)], random))
+        assert number == 3
+        np.testing.assert_allclose(pixels, there, atol=0.12)
+
+
 @pytest.mark.parametrize("blur", [0.4, 0.6, 0.9])
 def test_a_tag_seen_from_the_side_is_not_found_too_far_away_whatever_the_blur_of_the_lens(
     blur: float,
