@@ -149,7 +149,7 @@ def _one_line(boxed: str) -> str:
     first, *others = [section for section in sections if section]
     said = " ".join(first)
     if misplaced := re.match(
-        r"Unrecognized or misplaced options: (\S+) \(applied to (.+?)\)", said
+        r"Unrecognized or misplaced options: (--\S+) \(applied to (.+?)\)", said
     ):
         return _of_another(*misplaced.groups())
     for pattern, words in WORDS:

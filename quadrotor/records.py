@@ -123,6 +123,9 @@ READING_SAMPLE = np.dtype(
 )
 """One number that a sensor of the user's own measured, in the sensor's unit."""
 
+OWN_SENSORS = 4
+"""Sensors of the user's own that run at a time: each is a process, with a topic of readings."""
+
 JUDGED_READING = np.dtype(
     [
         ("stamp_ns", "i8"),  # when it was measured

@@ -117,7 +117,7 @@ class Tracker:
         if self.rendered < 0 or (self.rendered and (self.of_bearings or len(self.body) > 1)):
             raise UsageError(
                 f"--rendered {self.rendered} with {self.system}: the system camera renders 1 to "
-                f"{most} cameras, and one vehicle"
+                f"{len(TRACKER_PICTURES)} cameras, and one vehicle"
             )
         if self.rendered:
             return

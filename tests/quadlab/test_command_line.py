@@ -74,7 +74,10 @@ CAMERAS = ("tracker", "camera", "--tags", "tags.toml", "--device")
         ([*CAMERAS, "1", "1", "--intrinsics", "a.yaml", "b.yaml"], "camera 1 is given twice"),
         ([*CAMERAS, *"01234", "--intrinsics", *"abcde"], "5 cameras; camera reads at most 4"),
         (["up", "--tracker", "camera --rendered 5"], "5 cameras; camera reads at most 4"),
-        (["tracker", "onboard_camera", "--rendered", "1"], "the system camera one vehicle"),
+        (
+            ["tracker", "onboard_camera", "--rendered", "1"],
+            "the system camera renders 1 to 4 cameras, and one vehicle",
+        ),
         (["log", "inspect", "x.mcap"], "info"),
         (
             ["log", "import", "x.csv", "--out", "y"],

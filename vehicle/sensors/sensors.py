@@ -8,12 +8,11 @@ from pathlib import Path
 from estimation.parameters import NO_SENSORS
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import Record
+from quadrotor.records import OWN_SENSORS, Record
 from vehicle.estimators.navigation import Navigation
 from vehicle.plugins.plugins import Plugins
 from vehicle.sensors.contract import SENSOR
 from vehicle.sensors.external import ExternalSensor
-from vehicle_link.topics.table import SENSORS
 
 PARAMETER = "estimation.sensors"
 
@@ -54,8 +53,10 @@ class OwnSensors:
             self._plugins.check(PARAMETER, name)
             if armed and name not in running:
                 raise RefusedError(f"{PARAMETER}: {name} is added on the ground: disarm first")
-        if len(wanted) > SENSORS:
-            raise RefusedError(f"{PARAMETER} names {len(wanted)} sensors; {SENSORS} run at a time")
+        if len(wanted) > OWN_SENSORS:
+            raise RefusedError(
+                f"{PARAMETER} names {len(wanted)} sensors; {OWN_SENSORS} run at a time"
+            )
 
     def configure(self, chosen: str) -> None:
         """Start the processes of these, unless they run; end those of others."""
@@ -67,7 +68,7 @@ class OwnSensors:
             running[name].close()
         plugins = self._plugins
         taken = {running[name].place for name in wanted if name in running}
-        free = iter(sorted(set(range(1, SENSORS + 1)) - taken))
+        free = iter(sorted(set(range(1, OWN_SENSORS + 1)) - taken))
         self.externals = tuple(
             running.get(name)
             or ExternalSensor(name, plugins.start(name), plugins.waits, next(free))

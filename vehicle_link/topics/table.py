@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from quadrotor.records import OWN_SENSORS
 from vehicle_link.commands import COMMANDS
 from vehicle_link.transport.rmw_keys import RELIABLE, SENSOR_DATA, Qos
 
@@ -47,8 +48,6 @@ class Topic:
         return not self.qos.reliable
 
 
-SENSORS = 4
-"""Sensors of the user's own that run at a time: each is a process, with a topic of readings."""
 TRACKER_PICTURES = ("tracker_picture", *(f"tracker_{k}_picture" for k in (2, 3, 4)))
 """The pictures of up to four cameras of one tracker, in the order of its command."""
 
@@ -111,7 +110,7 @@ _ROWS = (
             stale=1.0,
             page="chart",
         )
-        for place in range(1, SENSORS + 1)
+        for place in range(1, OWN_SENSORS + 1)
     ),
     Topic(
         "parameter_changes",

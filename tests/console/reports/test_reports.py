@@ -308,7 +308,7 @@ def test_the_command_writes_what_was_asked_for_and_refuses_the_rest(
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 2
     assert "none.mcap is not a file" in said[0]
-    assert "--no-pdf (applied to quadlab log info)" in said[1]
+    assert "quadlab log info has no --no-pdf: its options are --" in said[1]
 
 
 def test_an_experiment_without_its_topics_says_which(tmp_path: Path) -> None:
