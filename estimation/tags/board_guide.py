@@ -65,8 +65,8 @@ PLACES = {
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a view has the board: its middle and its width in widths of the picture, and its tilts
-    about the picture's axes, rad; positive with its left, and with its upper edge nearer.
+    """The place of the board in a view: its middle and its width in widths of the picture, and its
+    tilts about the picture's axes, rad; positive with its left, and with its upper edge nearer.
     """
 
     x: float

@@ -55,7 +55,7 @@ class BodyPose(NamedTuple):
 
 
 class Disagreement(NamedTuple):
-    """How two cameras see a body: median distance in m, and turn in rad."""
+    """The disagreement of two cameras on a body: median distance in m, and turn in rad."""
 
     cameras: tuple[int, int]
     apart: float

@@ -13,17 +13,16 @@ import numpy as np
 
 from bearing_sim import Beacons, BearingMeasurement, BearingParameters, parse_layout
 from bearing_sim.bearing_parameters import parse_lost
-from bearing_sim.pose_track import PoseTrack
 from bearing_sim.rendered_camera import Pattern, RenderedCamera
 from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
 from estimation.tags.beacon_markers import BeaconMarkers, Mount
 from estimation.tags.detector import Picture, TagDetector, marked_picture
 from estimation.tags.intrinsics import Intrinsics
 from estimation.tags.led_bearings import bearing_reader
+from quadlab.simulated.camera_motion import CameraMotion
 from quadlab.simulated.parameters import CameraParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
-from quadrotor.rotations import quaternion_to_matrix, rotation_log
 
 WIDTH, HEIGHT = 640, 480
 IN_TIME = 0.9
@@ -78,9 +77,8 @@ class OnboardCamera:
         self._estimated_w = estimated_w
         self._R_bc, self._lens_b = mount.axes_b, np.array(mount.position)
         self._random = np.random.default_rng(p.seed)
-        self._grid, self._track = InstantGrid(), PoseTrack()
+        self._grid, self._motion = InstantGrid(), CameraMotion()
         self._line: DelayLine[BearingMeasurement] = DelayLine()
-        self._last: tuple[int, Array, Array] | None = None
         self.pictures = self.unread = 0
         self._shown: list[tuple[str, int, bytes]] = []
         self._shown_ns: int | None = None
@@ -92,18 +90,14 @@ class OnboardCamera:
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         """Observe the true pose, as `BearingEmulator.observe` does."""
-        after_ns = self._track.add(stamp_ns, position_w, quaternion_wb)
-        R_wb, last = quaternion_to_matrix(quaternion_wb), self._last
-        self._last = stamp_ns, position_w.copy(), R_wb
-        if after_ns is None or last is None:
+        after_ns = self._motion.add(stamp_ns, position_w, quaternion_wb)
+        if after_ns is None:
             return
-        seconds = 1e-9 * (stamp_ns - last[0])
-        velocity_w = (position_w - last[1]) / seconds
-        turning_b = rotation_log(last[2].T @ R_wb) / seconds
+        motion = self._motion
         for instant_ns in self._grid.between(after_ns, stamp_ns, self.parameters.rate):
-            pose = self._track.at(instant_ns)
-            at = np.array(pose.position_w), quaternion_to_matrix(np.array(pose.quaternion_wb))
-            self._read(instant_ns, self.picture(*at, velocity_w, turning_b, instant_ns))
+            at = motion.at(instant_ns)
+            picture = self.picture(*at, motion.velocity_w, motion.turning_b, instant_ns)
+            self._read(instant_ns, picture)
 
     def due(self, now_ns: int) -> list[BearingMeasurement]:
         """Return the frames that have arrived by `now_ns`, in order."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from bearing_sim.pose_track import PoseTrack
 from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
 from bearing_sim.tracker import PoseMeasurement
 from console.trackers.several_cameras import disagreements_of
@@ -12,11 +11,11 @@ from estimation.tags.camera_fusion import CameraFusion
 from estimation.tags.detector import Picture, marked_picture
 from estimation.tags.tag_layout import CameraPlace
 from estimation.tags.tag_tracker import TagTracker
+from quadlab.simulated.camera_motion import CameraMotion
 from quadlab.simulated.camera_scene import LENS, STANDS, TAGS, Scene, layout
 from quadlab.simulated.parameters import OutsideCameraParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.plain_rotations import Array
-from quadrotor.rotations import quaternion_to_matrix, rotation_log
 from vehicle_link.topics import TRACKER_PICTURES
 
 BODY = "quad1"
@@ -50,9 +49,8 @@ class OutsideCameras:
         tags = layout(BODY, told)
         self._trackers = [TagTracker(tags, LENS, name, is_alone=count == 1) for name in told]
         self._fusion, self._names = CameraFusion(count), list(told)
-        self._grid, self._track = InstantGrid(), PoseTrack()
+        self._grid, self._motion = InstantGrid(), CameraMotion()
         self._line: DelayLine[PoseMeasurement] = DelayLine()
-        self._last: tuple[int, Array, Array] | None = None
         self.pictures = 0
         self.off: list[float] = []
         self._shown: list[tuple[str, int, bytes]] = []
@@ -72,19 +70,15 @@ class OutsideCameras:
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         """Observe the true pose, as `SimulatedTracker.observe` does."""
-        after_ns = self._track.add(stamp_ns, position_w, quaternion_wb)
-        R_wb, last = quaternion_to_matrix(quaternion_wb), self._last
-        self._last = stamp_ns, position_w.copy(), R_wb
-        if after_ns is None or last is None:
+        after_ns = self._motion.add(stamp_ns, position_w, quaternion_wb)
+        if after_ns is None:
             return
-        seconds, count = 1e-9 * (stamp_ns - last[0]), len(self._trackers)
-        velocity_w = (position_w - last[1]) / seconds
-        turning_b = rotation_log(last[2].T @ R_wb) / seconds
+        motion, count = self._motion, len(self._trackers)
         rate = self.parameters.rate * count
         for instant_ns in self._grid.between(after_ns, stamp_ns, rate):
-            pose, camera = self._track.at(instant_ns), round(1e-9 * instant_ns * rate) % count
-            at = np.array(pose.position_w), quaternion_to_matrix(np.array(pose.quaternion_wb))
-            grey = self._scene.picture(self._stands[camera], *at, velocity_w, turning_b)
+            at, camera = motion.at(instant_ns), round(1e-9 * instant_ns * rate) % count
+            stand = self._stands[camera]
+            grey = self._scene.picture(stand, *at, motion.velocity_w, motion.turning_b)
             if self._is_covered(camera, instant_ns):
                 grey = np.zeros_like(grey)
             if (place_w := self._read(camera, instant_ns, grey)) is not None:
