@@ -88,6 +88,7 @@ def run(quick: bool = False) -> Report:
             view: Any = page.locator("#scene").bounding_box()
             page.set_viewport_size({"width": round(view["width"]), "height": round(view["height"])})
             page.goto(f"http://127.0.0.1:{empty.get_port()}")
+            page.wait_for_function("window.__viserTestpoints")
             page.wait_for_timeout(3000)
             count("empty viser scene")
         browser.close()
