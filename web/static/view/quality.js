@@ -4,7 +4,7 @@ import { hide, setText } from "../core/dom.js";
 
 export const SLOW = 15; // Hz
 const PATIENCE = 2; // slow samples until less is drawn
-const SAMPLE = 1500, PAUSE = 6000; // ms
+const SAMPLE = 1500, PAUSE = 6000, LATER = 1000; // ms
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software/i;
 // Pixels for each of the page's; null leaves it to viser. Period: least ms between two frames, 20 Hz on a screen of 60 Hz:
 // drawing takes the processor that the laboratory runs on.
@@ -65,11 +65,19 @@ export class Quality {
   constructor(frame, address, note, shade) {
     this.frame = frame; this.address = address; this.note = note; this.shade = shade;
     this.isFull = new URLSearchParams(location.search).has("fixedDpr"); // chosen by hand: nothing is changed
-    this.software = !this.isFull && isSoftware();
-    this.level = this.software ? 1 : 0;
+    this.software = false;
+    this.level = 0;
     this.rates = [];
     this.pace = undefined; // of the frame's window, once it is there
     frame.addEventListener("load", () => { this.applied = undefined; this.pace = paced(frame.contentWindow); });
+    // The page's values and buttons come first: viser keeps the page busy as long as all else together.
+    const later = window.requestIdleCallback ?? ((act) => setTimeout(act, LATER));
+    later(() => this.start(), { timeout: LATER });
+  }
+
+  start() {
+    this.software = !this.isFull && isSoftware();
+    this.level = this.software ? 1 : 0;
     this.load();
     setInterval(() => this.apply(), 1000);
     setTimeout(() => this.sample(), PAUSE);
