@@ -142,10 +142,11 @@ def drawn(browser: Any, page: Any, base: str, rounds: int) -> Report:
         return math.fsum(one["cpuTime"] for one in found["processInfo"])
 
     def count(name: str) -> None:
-        before = spent()
+        before, since = spent(), time.monotonic()
         frames, seconds = page.evaluate(COUNT)
+        cores = (spent() - before) / (time.monotonic() - since)  # a busy page answers late
         rates[name].append(frames / seconds)
-        costs[name].append(1e3 * (spent() - before) / max(frames, 1))
+        costs[name].append(1e3 * cores * seconds / max(frames, 1))
 
     for _ in range(rounds):
         page.set_viewport_size({"width": 1440, "height": 900})
