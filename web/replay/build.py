@@ -22,7 +22,7 @@ from web.replay import timeline
 from web.replay.signals import derived, members_of, signals_of
 from web.replay.track import PARTS, WIDTH, Source, track
 
-VERSION = 5
+VERSION = 6
 """Version of the files; those of another version are made again."""
 MOST_SIGNALS = 4000
 INDEX, TRACK = "replay.json", "track.bin"
@@ -119,6 +119,7 @@ def _timeline(run: Run) -> dict[str, Any]:
         "parameters": parameters,
         "volume": timeline.volume_of(parameters),
         "beacons": timeline.beacons_of(parameters, changes),
+        "sights": timeline.sights_of(run.topics.get("bearings")),
         "spans": spans,
         "airborne": airborne,
         "moments": timeline.moments(armed, airborne, marks, spans["behavior"]),
