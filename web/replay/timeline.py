@@ -176,7 +176,7 @@ def sights_of(bearings: Series | None) -> list[dict[str, Any]]:
     begins = np.append(True, ~alike.all(axis=1))
     late = np.append(np.diff(bearings.time) > SIGHT_LASTS, True)
     begins[1:] |= late[:-1]
-    found = [
+    found: list[dict[str, Any]] = [
         {"t": float(t), "ids": [int(id) for id in ids if not np.isnan(id)], "sigma": float(sigma)}
         for t, (*ids, sigma) in zip(bearings.time[begins], rows[begins], strict=True)
     ]
