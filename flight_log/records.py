@@ -84,7 +84,7 @@ def _walk(
     if not start:
         raise LogFormatError(f"{name} is empty: nothing was recorded")
     if not MAGIC.startswith(start):
-        raise LogFormatError(f"{name} is no MCAP log (wrong first bytes)")
+        raise LogFormatError(f"{name} is not an MCAP log (wrong first bytes)")
     place, state.whole_bytes = len(MAGIC), begin
     if begin:
         place = stream.seek(begin)

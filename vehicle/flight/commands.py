@@ -166,15 +166,19 @@ class CommandHandler:
     def _disarm(self, requester: str) -> None:
         modes = self.modes
         if modes.mode in (Mode.STARTING, Mode.READY):
-            raise RefusedError("not armed, so nothing to disarm")
+            raise RefusedError("the vehicle is not armed: there is nothing to disarm")
         if self.ground.airborne:
-            raise RefusedError("not disarmed: flying; land first, or use the emergency cut")
+            raise RefusedError(
+                "not disarmed: the vehicle is flying; press Land first, or Cut motors"
+            )
         modes.move(Mode.READY, f"disarmed by {requester}")
 
     def _start_behavior(self, command: mailbox.StartBehavior) -> None:
         modes = self.modes
         if modes.mode is Mode.EMERGENCY_LAND:
-            raise RefusedError(f"{command.name} refused: emergency landing; only cut is allowed")
+            raise RefusedError(
+                f"{command.name} refused: emergency landing; only Cut motors is allowed"
+            )
         if modes.mode is Mode.BENCH:
             raise RefusedError(
                 f"{command.name} refused: {self.bench} is on the bench; end it, then arm"
@@ -189,7 +193,7 @@ class CommandHandler:
         if heading.flags and command.name in WITH_HEADING:
             raise RefusedError(
                 f"{command.name} refused: heading not observed, {heading.state}; "
-                "fly to and fro by fly_to or sticks first"
+                "fly back and forth with Fly to or the sticks first"
             )
         if command.name == EXTERNAL and self.own_behaviors.external is not None:
             self.own_behaviors.external.begin(self.tick.stamp_ns, self.tick.reference)
