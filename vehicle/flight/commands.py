@@ -14,7 +14,7 @@ from vehicle.estimators.navigation import Navigation
 from vehicle.flight.configuration import Configuration
 from vehicle.flight.gyroscope import GyroscopeStart
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import Flag, Mode
+from vehicle.flight.modes import MOTORS_ON, Flag, Mode
 from vehicle.flight.motor_bench import Bench, check_bench
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.parameters import VehicleParameters
@@ -60,6 +60,8 @@ class CommandHandler:
                 self._arm(command.requester)
             elif isinstance(command, mailbox.Disarm):
                 self._disarm(command.requester)
+            elif isinstance(command, mailbox.ExpectMove):
+                self._expect_move()
             elif isinstance(command, mailbox.StartBehavior):
                 self._start_behavior(command)
             elif isinstance(command, mailbox.Emergency):
@@ -115,6 +117,11 @@ class CommandHandler:
         bench.turn(motor, command.reference, self.tick.stamp_ns)
         if modes.mode is not Mode.BENCH:
             modes.move(Mode.BENCH, f"{bench} by {command.requester}")
+
+    def _expect_move(self) -> None:
+        if self.modes.mode in MOTORS_ON:
+            raise RefusedError("no move expected: the motors are on; press Disarm first")
+        self.navigation.agreement.expect_move(self.tick.stamp_ns)
 
     def _require_rest(self, refused: str) -> None:
         """Raise RefusedError unless the vehicle is on the ground with its motors off."""
