@@ -107,8 +107,8 @@ def _walk(
             more = size - place - len(behind)
             if more and stream.read(len(MAGIC)) == MAGIC:
                 raise LogFormatError(
-                    f"{name} is two logs one behind the other: the second begins at byte "
-                    f"{place + len(MAGIC)}; part them there"
+                    f"{name} is two logs one after the other: the second begins at byte "
+                    f"{place + len(MAGIC)}; split the file there"
                 )
             if behind != MAGIC:
                 state.tear = "has a wrong end mark"

@@ -61,7 +61,7 @@ export class CameraSection {
     const known = await get("/api/setup/cameras").catch(() => null);
     if (!known) return;
     this.known = known;
-    this.camera.replaceChildren(...optionsOf(known.map(({ camera, name }) => [String(camera), camera === SIMULATED ? `${name}, to try it` : `${camera}: ${name}`]), this.camera.value));
+    this.camera.replaceChildren(...optionsOf(known.map(({ camera, name }) => [String(camera), camera === SIMULATED ? `${name}, to try it out` : `${camera}: ${name}`]), this.camera.value));
     this.describe();
   }
 
