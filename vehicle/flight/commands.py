@@ -168,7 +168,7 @@ class CommandHandler:
         if tilt > limit:
             raise RefusedError(f"not armed: tilted by {tilt:.0f} deg, allowed {limit:.0f} deg")
         self.navigation.take_heading()
-        modes.move(Mode.ARMED, f"by {requester}")
+        modes.move(Mode.ARMED, f"requested by {requester}")
 
     def _disarm(self, requester: str) -> None:
         modes = self.modes

@@ -126,6 +126,7 @@ class StickPanel {
   get step() {
     const { held, centred } = this.sticks;
     if (this.other) return `Ask ${this.other} for control.`;
+    if (this.touch.isOpen) return held ? "Lift your fingers, then touch a pad again." : "Touch a pad again.";
     if (held) return centred ? "Release the button and press it again." : "Let go of the button and of all sticks, then press it again.";
     return centred ? "Press the button again." : "Centre all sticks, then press the button again.";
   }
