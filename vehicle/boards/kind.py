@@ -109,5 +109,7 @@ def find_kind(name: str) -> Kind:
         raise UsageError(f"--board {name!r} is not known; there are {there_are}")
     kind = packaged[name].load()
     if not isinstance(kind, Kind):
-        raise UsageError(f"--board {name}: {packaged[name].value} is no vehicle.boards.kind.Kind")
+        raise UsageError(
+            f"--board {name}: {packaged[name].value} is not a vehicle.boards.kind.Kind"
+        )
     return kind

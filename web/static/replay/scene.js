@@ -30,7 +30,7 @@ export class ReplayScene {
     const reset = element("button", { title: "return to the initial view", onclick: () => { this.camera.reset(); this.draw(); } }, "Reset view");
     const key = (name, words) => element("span", { className: `key ${name}` }, words);
     this.truthKey = key("truth", "truth");
-    const overlay = element("div", { className: "overlay bottom" }, reset, this.truthKey);
+    const overlay = element("div", { className: "overlay bottom" }, this.truthKey, reset);
     const cones = element("input", { type: "checkbox", checked: true, onchange: () => { this.view.cones = cones.checked; this.draw(); } });
     const tools = new ViewTools(overlay, {
       camera: this.look, note: "Grid 0.5 m", more: [element("label", { title: "three standard deviations of a bearing, around each beacon in sight" }, cones, "Bearing cones")],

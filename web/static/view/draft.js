@@ -5,7 +5,7 @@ import { command, request } from "../core/api.js";
 import { element, hide, optionsOf, setIfChanged, setText } from "../core/dom.js";
 import { flightButton } from "../core/flight_button.js";
 import { icon } from "../icons/icons.js";
-import { noteOf, stepOf, titleOf } from "./draft_words.js";
+import { CHECKING, noteOf, stepOf, titleOf } from "./draft_words.js";
 
 const TOOLS = [
   ["target", "fly_to", "Target", "fly to a point: click the ground or drag it in the 3D view"],
@@ -86,7 +86,7 @@ export class DraftBar {
     if (!draft) return;
     const { label, why } = stepOf(draft, this.status);
     setText(this.title, titleOf(draft, this.shaped?.label));
-    setText(this.note, mine ? `${noteOf(draft)}${why && !draft.refusal ? ` · ${why}` : ""}` : `prepared by ${draft.by}`);
+    setText(this.note, mine ? `${noteOf(draft)}${why && !draft.refusal && why !== CHECKING ? ` · ${why}` : ""}` : `prepared by ${draft.by}`);
     setIfChanged(this.note, "title", this.note.textContent);
     setIfChanged(this.bar, "className", draft.refusal ? "refused" : "");
     setText(this.go, label);

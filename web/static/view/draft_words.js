@@ -9,6 +9,7 @@ import { duration, fixed } from "../core/format.js";
  * @typedef {{ label: string, why: string, behavior?: string, values: Record<string, any> }} Step
  */
 
+export const CHECKING = "being checked";
 const THERE = 0.05; // m: a trajectory starts where the vehicle hovers
 const PARAMETERS = / \(behavior\.[^)]*\)/;
 const OWN_NAMES = /^(follow_trajectory|fly_to) refused: /;
@@ -32,7 +33,7 @@ export function titleOf({ kind, points }, label) {
 export function noteOf({ kind, checked, refusal, duration: lasts, speed }) {
   if (kind === "volume") return "Drag the faces.";
   if (refusal) return refusal.replace(OWN_NAMES, "").replace(PARAMETERS, "");
-  if (!checked || lasts === null || lasts === undefined) return "checking …";
+  if (!checked || lasts === null || lasts === undefined) return `${CHECKING} …`;
   return `${duration(lasts)}, up to ${fixed(speed ?? 0, 2)} m/s`;
 }
 
@@ -47,8 +48,8 @@ export function stepOf(draft, status) {
   const goes = kind === "target" || (kind === "trajectory" && draft.away > THERE);
   const behavior = status?.behavior?.toLowerCase();
   const why = !status ? "no data from the vehicle" : !status.airborne ? "take off first" : refusal ? "the vehicle cannot fly it"
-    : !checked ? "being checked" : !goes && behavior !== "hover" ? "wait until it hovers" : "";
+    : !checked ? CHECKING : !goes && behavior !== "hover" ? "wait until it hovers" : "";
   if (goes) return { label: kind === "target" ? "Fly there" : "Fly to its start", why, behavior: "fly_to", values: { x, y, z } };
   const values = kind === "trajectory" ? draft.arguments : { trajectory: "waypoints", waypoints: points.map(triple).join("; ") };
-  return { label: kind === "trajectory" ? "Fly it" : "Fly them", why, behavior: "follow_trajectory", values };
+  return { label: kind === "trajectory" ? "Fly it" : points.length > 1 ? "Fly them" : "Fly there", why, behavior: "follow_trajectory", values };
 }
