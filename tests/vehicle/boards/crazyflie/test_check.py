@@ -58,6 +58,8 @@ def test_it_tells_what_is_there_and_what_each_start_sets_and_sets_nothing(checke
     assert said == [
         "CF2.1, firmware quadlab simulation",
         "battery 4.10 V",
+        "shown on the Gains tab: board.firmware.stabilizer.controller, "
+        "board.firmware.stabilizer.estimator",
         "each start sets stabilizer.estimator = 2  # it is 0",
         "good",
     ]
