@@ -166,7 +166,7 @@ class CrazyflieBoard:
                 self._dialogue = self._request = None  # tried again after a silence
                 if self._is_changing:
                     self._end_change()
-                    self.failures.append(f"{error}; it keeps what it had")
+                    self.failures.append(f"not set: {error}")
                     continue
                 self._heard_s = self._now_s
                 self.refused += 1

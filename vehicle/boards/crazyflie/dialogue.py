@@ -161,15 +161,12 @@ def find(contents: Contents, name: str, what: str) -> Entry:
     others = {n: one for n, one in contents.items() if is_log or not one.kind & READ_ONLY}
     if name in others:
         return others[name]
+    if name in contents:
+        raise LinkError(f"{name} of the Crazyflie is read-only")
     near = " or ".join(difflib.get_close_matches(name, others, 3))
-    is_known = name in contents
     raise LinkError(
-        (
-            f"{name} of the Crazyflie is read-only"
-            if is_known
-            else f"the Crazyflie has no {what} {name}"
-        )
-        + (f"; did you mean {near}?" if near else f"; it has {len(others)} others")
+        f"the Crazyflie has no {what} {name}; "
+        + (f"did you mean {near}?" if near else f"it has {len(others)} others")
     )
 
 

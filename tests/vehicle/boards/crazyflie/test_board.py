@@ -201,7 +201,7 @@ def test_its_console_is_told() -> None:
             "the Crazyflie has no parameter stabilizer.controler; did you mean "
             "stabilizer.controller or stabilizer.estimator?",
         ),
-        ({"parameters": "cpu.flash"}, None, "cpu.flash of the Crazyflie is read-only; it has 20"),
+        ({"parameters": "cpu.flash"}, None, "cpu.flash of the Crazyflie is read-only"),
         ({"parameters": "pid_rat.*"}, None, "no parameter pid_rat.*; did you mean pid_rate."),
         ({"parameters": "motion.disable=1"}, None, "no parameter motion.disable; it has 20 others"),
         ({"parameters": "stabilizer.estimator=900"}, None, "stabilizer.estimator cannot be 900"),
@@ -302,13 +302,16 @@ def test_a_slider_of_its_table_is_set_in_flight_and_shows_what_the_crazyflie_has
     bench.go(300)
     assert bench.board.confirmed == {ki: 500.0}
     [*_, line] = bench.board.failures
-    assert line == "the Crazyflie set pid_rate.roll_ki to 500, not to 400; it keeps what it had"
+    assert line == "not set: the Crazyflie set pid_rate.roll_ki to 500, not to 400"
 
 
 @pytest.mark.parametrize(
     ("word", "said"),
     [
-        ("pid_attitude.rol_kp=7", "has no parameter pid_attitude.rol_kp; did you mean"),
+        (
+            "pid_attitude.rol_kp=7",
+            "has no parameter pid_attitude.rol_kp; did you mean pid_attitude.",
+        ),
         ("stabilizer.estimator=300", "board.parameters: stabilizer.estimator cannot be 300"),
     ],
 )
@@ -323,5 +326,5 @@ def test_a_parameter_that_the_firmware_does_not_have_changes_nothing_but_a_line(
     bench.go(300)
     (line,) = bench.board.failures
     assert said in line
-    assert line.endswith("; it keeps what it had")
+    assert line.startswith("not set: ")
     assert bench.board.obstacle == ""
