@@ -56,6 +56,10 @@ OBEYED_S = 0.5
 """Seconds after which one that still flies is stopped for good."""
 SILENT_S = 1.0
 """Seconds without a sample after which the dialogue begins again: it may have been switched off."""
+TWICE, TWICE_S = 5, 2.0
+"""Times before the last one within so many seconds that tell of two Crazyflies: a restart is one.
+"""
+TWO = "two Crazyflies answer at this address: switch one off, or give each one its own in cfclient"
 ALONE = Info(0), Info.AUTO_ARMED, Info.AUTO_ARMED | Info.ARMED
 """States of arming in which there is nothing to disarm: some arm themselves."""
 FALLS = "without its radio the Crazyflie falls: its firmware then stops the motors after 2 s"
@@ -115,6 +119,7 @@ class CrazyflieBoard:
         self._info, self._console = Info(0), b""
         self._own_position: tuple[float, ...] | None = None
         self._distance = 0.0
+        self._watched, self._is_double = (-math.inf, 0), False
         self._wanted, self._wanted_s = MotorState.OFF, math.inf
         self._command: BodyRates | AttitudeCommand = _IDLE
         self._now_s = self._heard_s = -math.inf
@@ -139,6 +144,8 @@ class CrazyflieBoard:
             return ""  # whatever it is, it does not stop motors in the air
         if self.unfit or self._misfit:
             return self.unfit or self._misfit
+        if self._is_double:
+            return TWO
         if not self._is_ready:
             return "the Crazyflie is not recognised: it has not answered all requests yet"
         return why_not_armed(self._info, self._distance)
@@ -231,6 +238,7 @@ class CrazyflieBoard:
             self.refused += 1
             return
         stamp_ns = self._stamps.stamp_ns(ms, self._now_ns())
+        self._watch_for_two()
         if stamp_ns <= self._newest_ns:
             self.late += 1
             return
@@ -241,6 +249,17 @@ class CrazyflieBoard:
         accelerometer, gyroscope = imu_counts(values)
         sample = accelerometer, gyroscope, self._voltage, self._pressure, self.state
         self._samples.append(RawSample(stamp_ns, *sample))
+
+    def _watch_for_two(self) -> None:
+        """Find out, from times that jump to and fro, whether two answer at one address."""
+        began_s, before = self._watched
+        if self._now_s - began_s < TWICE_S:
+            return
+        is_double = self._stamps.backward - before >= TWICE
+        self._watched = self._now_s, self._stamps.backward
+        if is_double and not self._is_double:
+            self.failures.append(TWO)
+        self._is_double = is_double
 
     # ------------------------------------------------------------------ commands
     def command(self, command: Command) -> None:

@@ -13,13 +13,13 @@ from quadrotor.parameters import ParameterStore
 from quadrotor.records import STATE
 from tests.vehicle.boards.crazyflie.bench import Bench
 from vehicle.boards.board import BodyRates, TakesPoses
-from vehicle.boards.crazyflie.board import FALLS
+from vehicle.boards.crazyflie.board import FALLS, TWO
 from vehicle.boards.crazyflie.firmware_parameters import describe
 from vehicle.boards.crazyflie.messages import MANUAL, SETPOINT, WRITE
 from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle.boards.offered import FIRMWARE, offer
 from vehicle.parameters import VehicleParameters, new_parameters
-from vehicle_link.crtp.packets import CrtpPort, Packet
+from vehicle_link.crtp.packets import CrtpPort, Packet, frame
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 
@@ -180,6 +180,28 @@ def test_one_out_of_reach_goes_on_and_one_switched_off_is_met_again() -> None:
     assert bench.board.found is not known
     assert bench.board.obstacle == ""
     assert bench.firmware.parameters.values["stabilizer.estimator"] == 2
+
+
+def test_two_at_one_address_are_told_once_and_not_armed() -> None:
+    bench = ready()
+    second = Bench()
+    second.go(READY_MS + 437)  # switched on earlier
+
+    def answer() -> None:
+        sent = b"".join(map(frame, map(Packet.encode, bench.firmware.taken)))
+        bench.firmware.taken.clear()
+        second.firmware.receive(0, sent)
+        second.firmware.period((0, 0, 0, 0))
+        bench.far.write(second.firmware.next_data()[1])
+
+    bench.go(6000, answer)
+    assert bench.board.failures == [TWO]
+    bench.board.set_motor_state(MotorState.ON)
+    bench.go(300, answer)
+    assert bench.board.obstacle == TWO
+    assert not bench.firmware.supervisor.armed
+    bench.go(6000)  # one was switched off
+    assert bench.board.obstacle == ""
 
 
 def test_its_console_is_told() -> None:
