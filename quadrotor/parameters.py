@@ -11,10 +11,10 @@ import difflib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
-from pydantic.fields import FieldInfo
 
 from quadrotor.errors import OutOfBoundsError, ReadOnlyError, UnknownParameterError, WrongTypeError
 
@@ -94,7 +94,7 @@ class ParameterStore:
         self._root = root
         self._places: dict[str, tuple[Parameters, str]] = dict(_walk(root, ""))
         self._descriptions = {
-            name: _describe(name, type(owner).model_fields[field])
+            name: _describe(name, type(owner), field)
             for name, (owner, field) in self._places.items()
         }
         self.revision = 0
@@ -257,7 +257,9 @@ def _walk(owner: Parameters, prefix: str) -> Iterator[tuple[str, tuple[Parameter
             yield f"{prefix}{field}", (owner, field)
 
 
-def _describe(name: str, field: FieldInfo) -> ParameterDescription:
+@lru_cache(maxsize=4096)
+def _describe(name: str, owner: type[Parameters], of: str) -> ParameterDescription:
+    field = owner.model_fields[of]
     extra = field.json_schema_extra
     if not isinstance(extra, dict):
         raise TypeError(f"{name} was not made with quadrotor.parameters.parameter")
