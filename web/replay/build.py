@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from console.evaluation.explanation.explain import explain
+from control.behaviors.parameters import flight_volume, keep_out
 from flight_log.attached import parameters_of
 from flight_log.run import Run, read_run
 from quadrotor.errors import StorageError
@@ -117,7 +118,8 @@ def _timeline(run: Run) -> dict[str, Any]:
         "marks": marks,
         "changes": changes,
         "parameters": parameters,
-        "volume": timeline.volume_of(parameters),
+        "volume": flight_volume(parameters.get),
+        "boxes": [(*zip(b.low_w, b.high_w, strict=True),) for b in keep_out(parameters.get)],
         "beacons": timeline.beacons_of(parameters, changes),
         "sights": timeline.sights_of(run.topics.get("bearings")),
         "spans": spans,

@@ -134,17 +134,6 @@ def parameters_in_json(attachment: bytes | None) -> dict[str, Any]:
     }
 
 
-def volume_of(parameters: Mapping[str, Any]) -> list[list[float]] | None:
-    """Return the flight volume, (low, high) of x, y and z in m; None if the log has none."""
-    sides = []
-    for axis in "xyz":
-        side = [parameters.get(f"behavior.volume_{axis}_{end}") for end in ("min", "max")]
-        if not all(isinstance(bound, int | float) for bound in side):
-            return None
-        sides.append([float(bound) for bound in side if bound is not None])
-    return sides
-
-
 def beacons_of(
     parameters: Mapping[str, Any], changes: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:

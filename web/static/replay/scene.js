@@ -78,7 +78,10 @@ export class ReplayScene {
     pen.fillStyle = this.color.ground;
     pen.fillRect(0, 0, this.width, this.height);
     if (this.view.ground) this.ground();
-    if (this.view.volume) this.volume(lead.description.volume);
+    if (this.view.volume) {
+      this.volume(lead.description.volume, this.color.stale);
+      for (const box of lead.description.boxes ?? []) this.volume(box, this.color.x, 0.12);
+    }
     this.beacons(lead.beacons(clock.t));
     if (this.view.cones) this.cones(lead, clock.t);
     for (const run of [...this.runs].reverse()) this.run(run, run === lead ? FULL.lead : FULL.other);
@@ -156,10 +159,14 @@ export class ReplayScene {
     UNIT.forEach((axis, i) => this.line([[0, 0, 0], axis.map((c) => 0.5 * c)], this.color["xyz"[i]], 2));
   }
 
-  volume(box) {
+  // The edges of a box; its faces too, where `shade` is more than 0.
+  volume(box, color, shade = 0) {
     if (!box) return;
     const corner = (k) => box.map((side, axis) => side[(k >> axis) & 1]);
-    for (let k = 0; k < 8; k++) for (const bit of [1, 2, 4]) if (!(k & bit)) this.line([corner(k), corner(k | bit)], this.color.stale, 1);
+    for (let k = 0; k < 8; k++) for (const bit of [1, 2, 4]) if (!(k & bit)) this.line([corner(k), corner(k | bit)], color, 1);
+    this.pen.globalAlpha = shade;
+    for (const [a, b, c] of [[1, 2, 4], [2, 4, 1], [4, 1, 2]]) for (const side of shade ? [0, c] : []) this.area([side, side | a, side | a | b, side | b].map(corner), color);
+    this.pen.globalAlpha = 1;
   }
 
   beacons(rows) {
