@@ -110,7 +110,5 @@ def find_kind(name: str) -> Kind:
         raise UsageError(f"--board {name!r} is not known; there are {there_are}")
     kind = offered[name].load()
     if not isinstance(kind, Kind):
-        raise UsageError(
-            f"--board {name}: {offered[name].value} is not a vehicle.boards.kind.Kind"
-        )
+        raise UsageError(f"--board {name}: {offered[name].value} is not a vehicle.boards.kind.Kind")
     return kind
