@@ -261,7 +261,7 @@ def _add_error_handlers(app: FastAPI) -> None:
         assert isinstance(error, StarletteHTTPException)
         detail = str(error.detail)
         if error.status_code == 404 and detail == "Not Found":
-            detail = f"there is no {request.url.path} here; /api/openapi.json lists what is"
+            detail = f"there is no {request.url.path} here; /api/openapi.json lists what there is"
         return line(error.status_code, detail, error.headers)
 
     async def body_error(_: Request, error: Exception) -> Response:

@@ -135,6 +135,7 @@ export class Quality {
       count++;
       if (performance.now() - start < SAMPLE) inside?.requestAnimationFrame(frame); else end();
     };
-    if (inside && !document.hidden) inside.requestAnimationFrame(frame); else setTimeout(() => this.sample(), PAUSE);
+    const isShown = this.applied !== undefined && !document.hidden;
+    if (inside && isShown) inside.requestAnimationFrame(frame); else setTimeout(() => this.sample(), PAUSE);
   }
 }
