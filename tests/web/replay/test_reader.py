@@ -29,6 +29,7 @@ RUN = MadeRun(
     silence=(11.0, 12.5),
     marks=[(13.0, "gust"), (14.5, "")],
     changes=[(9.0, "control.position.kp_xy", 4.0, 5.5)],
+    keep_out="pillar 1 1.4 -1 1 0 2",
 )
 HEIGHT = ["state.position.z"]
 SECOND = 10**9
@@ -311,6 +312,7 @@ def test_the_time_line_says_what_happened_and_when(replay: Replay) -> None:
     assert "station.bearings.layout" in index["parameters"]
     assert index["beacons"][0]["beacons"][0] == [1, 1.0, 1.0, 0.1]
     assert index["volume"][2] == [0.2, 3.0]
+    assert index["boxes"] == [[[1.0, 1.4], [-1.0, 1.0], [0.0, 2.0]]]
     moments = {one["label"]: one["t"] for one in index["moments"]}
     assert moments["start of recording"] == 0.0
     assert moments["arming"] == 1.0
