@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -34,6 +34,9 @@ class Parameters(BaseModel):
 
         Raises OutOfBoundsError.
         """
+
+
+Section = TypeVar("Section", bound=Parameters)
 
 
 def parameter(
@@ -60,6 +63,12 @@ def parameter(
     extra["choices"] = list(choices)
     extra["flight_step"] = flight_step
     return Field(default, ge=ge, le=le, description=description, json_schema_extra=extra)
+
+
+def section_of(kind: type[Section], prefix: str, values: Mapping[str, Any]) -> Section:
+    """Return a component with those of these values whose names are `prefix` and a field."""
+    known = {name: values[prefix + name] for name in kind.model_fields if prefix + name in values}
+    return kind().model_copy(update=known)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,8 +35,8 @@ class _Landing:
     def begin(self) -> None:
         from vehicle_link.topics import SERVICES
 
-        client = self._node.client("station/start_behavior", SERVICES["start_behavior"])
         try:
+            client = self._node.client("station/start_behavior", SERVICES["start_behavior"])
             client.ask("quadlab up", name="land")
         except (LinkError, RefusedError) as error:
             self._say(str(error))
@@ -66,7 +66,7 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSign
     try:
         session: Any = loopback_session(loopback_port)
     except LinkError as error:
-        print(f"quadlab: not landed, the station is away ({error})", flush=True)
+        print(f"quadlab: not landed, the station does not answer ({error})", flush=True)
         return
     landings = [_Landing(session, name, f"{name}: " if len(names) > 1 else "") for name in names]
     try:

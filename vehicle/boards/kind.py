@@ -44,7 +44,8 @@ class Check(Protocol):
     """Comparison of a board with its options before a flight; `say` receives lines for operators.
 
     Returns the lines that a person has to enter on the board, none when it matches. A board that
-    cannot be flown is reported as one such line. Raises LinkError when it does not answer.
+    cannot be flown is reported as one such line. What only the board knows may be added to the
+    options, as a component `firmware`. Raises LinkError when it does not answer.
     """
 
     def __call__(
@@ -109,5 +110,5 @@ def find_kind(name: str) -> Kind:
         raise UsageError(f"--board {name!r} is not known; there are {there_are}")
     kind = offered[name].load()
     if not isinstance(kind, Kind):
-        raise UsageError(f"--board {name}: {offered[name].value} is no vehicle.boards.kind.Kind")
+        raise UsageError(f"--board {name}: {offered[name].value} is not a vehicle.boards.kind.Kind")
     return kind

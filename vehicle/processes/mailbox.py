@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import msgspec
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link import commands
 from vehicle_link.parameters.change import ParameterChange
 
@@ -17,6 +17,7 @@ Arm = commands.Arm
 Bench = commands.Bench
 ChangeParameters = commands.ChangeParameters
 Disarm = commands.Disarm
+ExpectMove = commands.ExpectMove
 Emergency = commands.Emergency
 StartBehavior = commands.StartBehavior
 
@@ -59,6 +60,7 @@ Command = (
     ChangeParameters
     | Arm
     | Disarm
+    | ExpectMove
     | StartBehavior
     | Emergency
     | Calibrate
@@ -79,6 +81,12 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     revision: int = 0
     previous: dict[str, ParameterValue] = {}
     """The values before the change, in the answer to Calibrate."""
+
+
+class Described(msgspec.Struct, frozen=True, tag="described"):
+    """A parameter that the board alone knows, sent before the answer to an empty change."""
+
+    description: ParameterDescription
 
 
 class Event(msgspec.Struct, frozen=True, tag="event"):
@@ -115,7 +123,7 @@ class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):
 
 Notification = Event | ParameterChange | GyroscopeFound
 """Messages that a stack sends without a request."""
-Outbound = Reply | Notification
+Outbound = Reply | Described | Notification
 
 INFO, WARN, ERROR = 20, 30, 40
 

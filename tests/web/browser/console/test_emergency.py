@@ -76,7 +76,7 @@ def test_a_refusal_and_a_missing_vehicle_are_said_with_their_reason(
     station.refusal, station.away = "", True
     still.keyboard.press("e")
     look.text("#emergency-state", "not acknowledged, try 2 of 3")
-    look.text("#emergency-state", "failed: the base station is not reached")
+    look.text("#emergency-state", "failed: the base station cannot be reached")
 
 
 def test_cut_is_held_and_its_key_too(still: Any, station: Any, until: Any) -> None:
