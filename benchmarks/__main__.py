@@ -13,6 +13,7 @@ import importlib
 import json
 import os
 import platform
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -108,6 +109,7 @@ def main() -> int:
             more[name] = value
             if not options.names or set(options.names) - set(of):
                 parser.error(f"--{name} belongs to {' and '.join(of)} alone")
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all processes of a flight
     conditions = machine()
     reports: list[Report] = []
     asked: list[str] = options.names or list(NAMES)

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -24,6 +26,7 @@ from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
+from vehicle_link.jobs import die_with_parent
 from vehicle_link.serial.ids import MotorState
 
 STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8", "lap")
@@ -158,7 +161,8 @@ def _forked(flight: FailingFlight, failure: str, start: str, seed: int, moment: 
     """Return the outcome of a copy of the flight, `moment` (s) later; the flight is unchanged."""
     fork = multiprocessing.get_context("fork")
     here, there = fork.Pipe(duplex=False)
-    copy = fork.Process(target=_fail, args=(flight, failure, start, seed, moment, there))
+    arguments = flight, failure, start, seed, moment, there, os.getpid()
+    copy = fork.Process(target=_fail, args=arguments)
     copy.start()
     there.close()
     try:
@@ -170,8 +174,15 @@ def _forked(flight: FailingFlight, failure: str, start: str, seed: int, moment: 
 
 
 def _fail(
-    flight: FailingFlight, failure: str, start: str, seed: int, moment: float, told: Connection
+    flight: FailingFlight,
+    failure: str,
+    start: str,
+    seed: int,
+    moment: float,
+    told: Connection,
+    parent: int,
 ) -> None:
+    _follow(parent)
     outcome = Outcome(failure, start, seed, real=False)
     try:
         flight.wait(moment)
@@ -263,16 +274,27 @@ def fly_all(
     ]
     workers = multiprocessing.cpu_count() if minutes == math.inf else 1
     fork = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(workers, mp_context=fork) as pool:
+    with ProcessPoolExecutor(workers, fork, _follow, (os.getpid(),)) as pool:
         submitted = [pool.submit(_until, deadline_s, task) for task in tasks]
-        for number, one in enumerate(as_completed(submitted), start=1):
-            if flights := one.result():
-                found += flights
-                keep(found)
-                landed = sum(outcome.verdict == "landed" for outcome in flights)
-                line = f"{number} of {len(tasks)}: {landed} of {len(flights)} flights landed"
-                print(line, file=sys.stderr, flush=True)
+        try:
+            for number, one in enumerate(as_completed(submitted), start=1):
+                if flights := one.result():
+                    found += flights
+                    keep(found)
+                    landed = sum(outcome.verdict == "landed" for outcome in flights)
+                    line = f"{number} of {len(tasks)}: {landed} of {len(flights)} flights landed"
+                    print(line, file=sys.stderr, flush=True)
+        except BaseException:  # SIGTERM, Ctrl-C: no worker ends its flight first
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
     return sorted(found, key=lambda o: (failures.index(o.failure), starts.index(o.start), o.seed))
+
+
+def _follow(parent: int) -> None:
+    """End this process at SIGTERM, and with the process that started it."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    die_with_parent(parent)
 
 
 def _until(deadline_s: float, fly: Callable[[], list[Outcome]]) -> list[Outcome]:

@@ -190,6 +190,9 @@ def flight_volume(f: Facts, p: PreflightParameters) -> Check:
     wanted = f"x {x_min:g} to {x_max:g}, y {y_min:g} to {y_max:g}, z below {z_max:g} m"
     found = f"at {x:.2f}, {y:.2f}, {z:.2f} m"
     advice = "carry the vehicle inside, or change the flight volume on the Set-up page"
+    if inside and (box := next((box for box in f.boxes if box.gap(f.position_w) < 0.0), None)):
+        inside, found = False, f"{found}, in the keep-out box {box.name}"
+        wanted, advice = "outside of it", "carry the vehicle out, or change behavior.keep_out"
     return Check(name, "ok" if inside else "fail", found, wanted, advice)
 
 

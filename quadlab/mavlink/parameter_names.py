@@ -18,6 +18,7 @@ LONGEST = 16
 VOWELS = "aeiou"
 INT32, REAL32 = 6, 9
 """MAV_PARAM_TYPE_INT32 and MAV_PARAM_TYPE_REAL32."""
+INT32_MAX = 2**31 - 1
 
 
 def short_name(name: str) -> str:
@@ -34,7 +35,8 @@ def short_name(name: str) -> str:
 
 def has_short_name(described: ParameterDescription) -> bool:
     """Return whether MAVLink can carry its values: numbers, and texts that are one of a list."""
-    return described.type != "str" or bool(described.choices)
+    is_wide = described.type == "int" and (described.maximum or 0.0) > INT32_MAX
+    return not is_wide and (described.type != "str" or bool(described.choices))
 
 
 def encoded(described: ParameterDescription, value: ParameterValue) -> tuple[float, int]:

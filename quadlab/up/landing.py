@@ -35,8 +35,8 @@ class _Landing:
     def begin(self) -> None:
         from vehicle_link.topics import SERVICES
 
-        client = self._node.client("station/start_behavior", SERVICES["start_behavior"])
         try:
+            client = self._node.client("station/start_behavior", SERVICES["start_behavior"])
             client.ask("quadlab up", name="land")
         except (LinkError, RefusedError) as error:
             self._say(str(error))

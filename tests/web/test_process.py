@@ -21,7 +21,6 @@ from quadrotor.parameters import ParameterStore
 from web import app
 from web.commands.behaviors import described
 from web.live.sockets import listen
-from web.parameters.follower import flight_volume
 from web.process import print_link
 
 STATIC = Path(app.__file__).parent / "static"
@@ -92,7 +91,7 @@ def test_the_pages_behaviors_are_the_vehicles() -> None:
 
 
 def test_the_flight_volume_is_found_among_the_behavior_parameters() -> None:
-    from control.behaviors.parameters import BehaviorParameters
+    from control.behaviors.parameters import BehaviorParameters, flight_volume
     from quadrotor.parameters import Parameters
 
     class Root(Parameters):

@@ -146,6 +146,14 @@ class TellsLink(Protocol):
 
 
 @runtime_checkable
+class ConfirmsParameters(Protocol):
+    """A board with parameters of its own, which are parameters of the vehicle, too."""
+
+    confirmed: dict[str, ParameterValue]
+    """Values by which those of the vehicle must be replaced; the caller clears it."""
+
+
+@runtime_checkable
 class TakesPoses(Protocol):
     """A board with a state estimator of its own, which needs poses."""
 

@@ -140,6 +140,11 @@ class FlightParameters:
         """Request all values: a comms process that was restarted has missed changes."""
         self._flight.send(mailbox.ChangeParameters(self._fetch_id, "comms", {}))
 
+    def describe(self, described: mailbox.Described) -> None:
+        """Add a parameter that the board alone knows."""
+        one = described.description
+        self._descriptions = (*(d for d in self._descriptions if d.name != one.name), one)
+
     def deliver(self, reply: mailbox.Reply) -> None:
         """Load all values if this is the reply to `fetch`."""
         if reply.request_id == self._fetch_id:

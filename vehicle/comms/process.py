@@ -194,6 +194,8 @@ class Comms:
                 values = self._parameters.values()
                 self._inbound.set_layout(str(values["beacons.layout"]))
                 self._publisher.estimator = str(values[FLOWN_ON])
+        elif isinstance(message, mailbox.Described):
+            self._parameters.describe(message)
         elif isinstance(message, mailbox.Event):
             if self._deferred.defer(message, self._inbound.station_silence):
                 say(message.text)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Protocol
 
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
-from vehicle.boards.board import Board, Command, RawSample
+from vehicle.boards.board import Board, Command, ConfirmsParameters, RawSample
 from vehicle.boards.board_link import BoardLink, LinkStatistics
+from vehicle.boards.offered import FIRMWARE
 from vehicle.flight.lateness import Lateness, LoopCounts, LoopStatistics
 from vehicle.flight.microcontroller_commands import CommandedModes, CommandSender
 from vehicle.flight.modes import Mode
@@ -100,6 +101,7 @@ class FlightLoop:
         self.counts = LoopCounts(self.lateness.histogram)
         self._sender = CommandSender(stack.modes, mcu)
         self._link = BoardLink(mcu)
+        self._confirmed = mcu.confirmed if isinstance(mcu, ConfirmsParameters) else {}
         self._received_ns = monotonic_ns()
         self._silent = False
         self._unusable = [0, 0, 0]  # counts at the newest sample
@@ -134,6 +136,10 @@ class FlightLoop:
             for failure in self._mcu.failures:
                 self._report(failure)
             self._mcu.failures.clear()
+        if self._confirmed:
+            self._stack.handle(mailbox.ChangeParameters("", "board", dict(self._confirmed)))
+            self._confirmed.clear()
+            self._send_outbox()
         if self._progress is not None:
             for line, milliseconds in enumerate(self._mcu.newest_ms):
                 self._progress.answered(line, milliseconds)
@@ -198,6 +204,9 @@ class FlightLoop:
         if isinstance(command, mailbox.ChangeParameters) and not command.parameters:
             # An empty change requests all values, with which a comms process starts its copy.
             store = self._stack.store
+            for one in store.descriptions():
+                if one.name.startswith(FIRMWARE):
+                    self._rings.outbox.push(mailbox.encode(mailbox.Described(one)))
             return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
         if self._silent and isinstance(command, NEEDS_SAMPLES):
             return mailbox.Reply(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import msgspec
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link import commands
 from vehicle_link.parameters.change import ParameterChange
 
@@ -83,6 +83,12 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     """The values before the change, in the answer to Calibrate."""
 
 
+class Described(msgspec.Struct, frozen=True, tag="described"):
+    """A parameter that the board alone knows, sent before the answer to an empty change."""
+
+    description: ParameterDescription
+
+
 class Event(msgspec.Struct, frozen=True, tag="event"):
     """One line for the log and the page; levels as in rcl_interfaces/Log (20 info, 30, 40)."""
 
@@ -117,7 +123,7 @@ class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):
 
 Notification = Event | ParameterChange | GyroscopeFound
 """Messages that a stack sends without a request."""
-Outbound = Reply | Notification
+Outbound = Reply | Described | Notification
 
 INFO, WARN, ERROR = 20, 30, 40
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import LinkError
-from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
 from quadrotor.records import JUDGED_READING, Record, bearings_sample, new_tick, pose_sample
 from vehicle.boards.board import Command, RawSample
 from vehicle.boards.board_link import LinkStatistics
@@ -99,6 +99,7 @@ class FakeMcu:
 
     def __init__(self) -> None:
         self.failures: list[str] = []
+        self.confirmed: dict[str, ParameterValue] = {}
         self.newest_ms = [-1, -1]
         self.link = LinkCounts()
         self.given: list[RawSample] = []

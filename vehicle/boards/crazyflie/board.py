@@ -11,14 +11,16 @@ has the radio lands it (see `guard`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from quadrotor.errors import LinkError, OutOfBoundsError
+from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
 from vehicle.boards.crazyflie.arming import why_not_armed
 from vehicle.boards.crazyflie.dialogue import Found, introduce, set_parameters
+from vehicle.boards.crazyflie.firmware_parameters import FirmwareParameters
 from vehicle.boards.crazyflie.messages import (
     DATA,
     EMERGENCY_STOPPED,
@@ -54,6 +56,10 @@ OBEYED_S = 0.5
 """Seconds after which one that still flies is stopped for good."""
 SILENT_S = 1.0
 """Seconds without a sample after which the dialogue begins again: it may have been switched off."""
+TWICE, TWICE_S = 5, 2.0
+"""Times before the last one within so many seconds that tell of two Crazyflies: a restart is one.
+"""
+TWO = "two Crazyflies answer at this address: switch one off, or give each one its own in cfclient"
 ALONE = Info(0), Info.AUTO_ARMED, Info.AUTO_ARMED | Info.ARMED
 """States of arming in which there is nothing to disarm: some arm themselves."""
 FALLS = "without its radio the Crazyflie falls: its firmware then stops the motors after 2 s"
@@ -74,6 +80,7 @@ class CrazyflieBoard:
         found: what the last dialogue found.
         unfit: why it cannot be flown, as the dialogue found.
         packets: number of packets that came.
+        confirmed: parameters of the vehicle that must follow the Crazyflie's; the caller clears it.
     """
 
     def __init__(
@@ -96,7 +103,8 @@ class CrazyflieBoard:
         self._is_passive, self._is_warned = is_passive, False
         options.check_together()
         self._port, self._options = ports[0], options
-        self._given = options.parameters  # what the newest dialogue sets
+        self.confirmed: dict[str, ParameterValue] = {}
+        self._parameters = FirmwareParameters(options)
         self._is_changing = False  # the dialogue sets parameters of a board that is ready
         self._now_ns = now_ns
         self._frames = FrameReader()
@@ -111,10 +119,11 @@ class CrazyflieBoard:
         self._info, self._console = Info(0), b""
         self._own_position: tuple[float, ...] | None = None
         self._distance = 0.0
+        self._watched, self._is_double = (-math.inf, 0), False
         self._wanted, self._wanted_s = MotorState.OFF, math.inf
         self._command: BodyRates | AttitudeCommand = _IDLE
         self._now_s = self._heard_s = -math.inf
-        self._setpoint_due_s = self._arm_due_s = self._pose_due_s = -math.inf
+        self._setpoint_due_s = self._arm_due_s = self._pose_due_s = self._look_due_s = -math.inf
 
     # ------------------------------------------------------------------ reports
     @property
@@ -135,6 +144,8 @@ class CrazyflieBoard:
             return ""  # whatever it is, it does not stop motors in the air
         if self.unfit or self._misfit:
             return self.unfit or self._misfit
+        if self._is_double:
+            return TWO
         if not self._is_ready:
             return "the Crazyflie is not recognised: it has not answered all requests yet"
         return why_not_armed(self._info, self._distance)
@@ -161,8 +172,8 @@ class CrazyflieBoard:
             except LinkError as error:
                 self._dialogue = self._request = None  # tried again after a silence
                 if self._is_changing:
-                    self._is_changing = False
-                    self.failures.append(f"{error}; it keeps what it had")
+                    self._end_change()
+                    self.failures.append(f"not set: {error}")
                     continue
                 self._heard_s = self._now_s
                 self.refused += 1
@@ -196,12 +207,9 @@ class CrazyflieBoard:
         except StopIteration:
             self._dialogue = self._request = None
             if self._is_changing:
-                self._is_changing = False
-                self.failures += [
-                    f"the Crazyflie has set {name} to {after:g}, it was {before:g}"
-                    for name, (before, after) in self._finding.changed.items()
-                ]
+                self._end_change()
                 return
+            self.confirmed |= self._parameters.confirm(self._finding.confirmed)
             self.found, self.unfit, self._is_ready = self._finding, "", True
             self._info, self._own_position, self._distance = Info(0), None, 0.0
             self._heard_s = self._now_s
@@ -230,6 +238,7 @@ class CrazyflieBoard:
             self.refused += 1
             return
         stamp_ns = self._stamps.stamp_ns(ms, self._now_ns())
+        self._watch_for_two()
         if stamp_ns <= self._newest_ns:
             self.late += 1
             return
@@ -240,6 +249,17 @@ class CrazyflieBoard:
         accelerometer, gyroscope = imu_counts(values)
         sample = accelerometer, gyroscope, self._voltage, self._pressure, self.state
         self._samples.append(RawSample(stamp_ns, *sample))
+
+    def _watch_for_two(self) -> None:
+        """Find out, from times that jump to and fro, whether two answer at one address."""
+        began_s, before = self._watched
+        if self._now_s - began_s < TWICE_S:
+            return
+        is_double = self._stamps.backward - before >= TWICE
+        self._watched = self._now_s, self._stamps.backward
+        if is_double and not self._is_double:
+            self.failures.append(TWO)
+        self._is_double = is_double
 
     # ------------------------------------------------------------------ commands
     def command(self, command: Command) -> None:
@@ -278,8 +298,10 @@ class CrazyflieBoard:
         is_free = self._dialogue is None or self._is_changing
         if is_free and now_s - self._heard_s > SILENT_S:
             self._begin()
-        elif self._dialogue is None and self._is_ready and self._given != self._options.parameters:
-            self._change()
+        elif self._dialogue is None and self._is_ready and now_s >= self._look_due_s:
+            self._look_due_s = now_s + AGAIN_S
+            if changes := self._parameters.changes():
+                self._change(changes)
         if self._request is not None and now_s - self._asked_s > AGAIN_S:
             self._ask(is_again=True)
         given_up_s = now_s - self._wanted_s if self._wanted is MotorState.EMERGENCY else 0.0
@@ -296,18 +318,27 @@ class CrazyflieBoard:
     def _begin(self) -> None:
         """Begin the dialogue, which a sample ends that comes before the first answer."""
         self._finding, self._is_changing = Found(), False
-        self._given, write = self._options.parameters, not self._is_passive
-        self._dialogue = introduce(self._finding, self._options.wanted, write=write)
+        wanted, write = self._parameters.all(), not self._is_passive
+        self._dialogue = introduce(self._finding, self._options.named, wanted, write=write)
         self._request = next(self._dialogue)
         self._ask(is_again=False)
 
-    def _change(self) -> None:
-        """Set the parameters that the options name now; set-points go on meanwhile."""
+    def _change(self, values: Mapping[str, float]) -> None:
+        """Set these parameters; set-points go on meanwhile."""
         self._finding, self._is_changing = Found(), True
-        self._given = self._options.parameters
-        self._dialogue = set_parameters(self._finding, self._options.wanted)
+        self._dialogue = set_parameters(self._finding, values)
         self._request = next(self._dialogue)
         self._ask(is_again=False)
+
+    def _end_change(self) -> None:
+        """Report what was set of a change, which may have failed at one of its parameters."""
+        self._is_changing = False
+        self.failures += [
+            f"the Crazyflie has set {name} to {after:g}, it was {before:g}"
+            for name, (before, after) in self._finding.changed.items()
+            if name in self._finding.confirmed and self._parameters.is_of_text(name)
+        ]
+        self.confirmed |= self._parameters.confirm(self._finding.confirmed)
 
     def _ask(self, *, is_again: bool) -> None:
         assert self._request is not None

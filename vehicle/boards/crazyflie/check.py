@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable
 
 from quadrotor.errors import LinkError
-from quadrotor.parameters import Parameters
+from quadrotor.parameters import Parameters, ParameterStore
 from vehicle.boards.board import RawSample
 from vehicle.boards.crazyflie.board import CrazyflieBoard
+from vehicle.boards.crazyflie.firmware_parameters import describe
 from vehicle.boards.crazyflie.options import CrazyflieOptions
+from vehicle.boards.offered import FIRMWARE
 from vehicle_link import clock
 from vehicle_link.serial.port import Port
 
@@ -22,7 +24,8 @@ def check_board(port: Port, options: Parameters | None, say: Callable[[str], Non
     """Report what is there, and what must change.
 
     Returns what prevents a flight. Other values of its parameters do not: they are set at each
-    start. Raises LinkError when it does not answer, or flies.
+    start. Those that the options name are in `options.firmware` from then on. Raises LinkError when
+    it does not answer, or flies.
     """
     assert isinstance(options, CrazyflieOptions)
     board = CrazyflieBoard([port], options, is_passive=True)
@@ -43,6 +46,9 @@ def check_board(port: Port, options: Parameters | None, say: Callable[[str], Non
         return [why]
     say(f"{board.found.device}, firmware {board.found.firmware}")
     say(f"battery {samples[-1].battery_voltage:.2f} V")
+    options.firmware = describe(board.found.named, options.wanted)
+    if names := ParameterStore(options.firmware).names:
+        say(f"shown on the Gains tab: {', '.join(FIRMWARE + name for name in names)}")
     for name, (before, after) in board.found.changed.items():
         say(f"each start sets {name} = {after:g}  # it is {before:g}")
     if why := board.obstacle:

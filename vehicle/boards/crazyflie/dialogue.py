@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import difflib
 import struct
-from collections.abc import Generator
+from collections.abc import Generator, Iterable, Mapping
+from fnmatch import fnmatchcase
 
 import msgspec
 
@@ -26,6 +27,7 @@ from vehicle.boards.crazyflie.messages import (
     OLDEST,
     PARAMETER_TYPES,
     READ,
+    READ_ONLY,
     TOC,
     TOC_INFO,
     TYPE_BITS,
@@ -52,8 +54,10 @@ class Entry(msgspec.Struct, frozen=True):
             raise LinkError(f"the Crazyflie names an unknown type, {self.kind:#x}") from None
 
 
-Contents = dict[str, Entry]
+Contents = Mapping[str, Entry]
 """Variables by GROUP.NAME."""
+MOST_NAMED = 64
+"""Largest number of parameters that `board.parameters` names."""
 _READ: dict[tuple[int, int, int], Contents] = {}
 """Tables of contents that were read, by port, number of entries and checksum."""
 
@@ -63,20 +67,27 @@ class Found:
 
     Attributes:
         changed: the parameters that were set, {name: (before, after)}.
+        confirmed: the parameters that were to be set, as the Crazyflie has them.
+        named: the parameters that the options name, {name: (layout, value)}.
         forms: layout of each log block's values.
     """
 
     def __init__(self) -> None:
         self.firmware = self.device = ""
         self.changed: dict[str, tuple[float, float]] = {}
+        self.confirmed: dict[str, float] = {}
+        self.named: dict[str, tuple[struct.Struct, float]] = {}
         self.forms: dict[int, struct.Struct] = {}
 
 
-def introduce(found: Found, wanted: dict[str, float], *, write: bool = True) -> Dialogue:
+def introduce(
+    found: Found, named: Iterable[str], wanted: Mapping[str, float], *, write: bool = True
+) -> Dialogue:
     """Get to know a Crazyflie, set these parameters, start its log blocks.
 
     Args:
-        write: False only reads the parameters.
+        named: names and patterns of the parameters that the options name.
+        write: False only reads the parameters, all that are named.
 
     Raises LinkError for a board that cannot be flown.
     """
@@ -85,29 +96,37 @@ def introduce(found: Found, wanted: dict[str, float], *, write: bool = True) -> 
     firmware = yield Request(Packet(CrtpPort.PLATFORM, VERSION, b"\x01"))
     device = yield Request(Packet(CrtpPort.PLATFORM, VERSION, b"\x02"))
     found.firmware, found.device = (_text(data[1:]) for data in (firmware, device))
-    yield from set_parameters(found, wanted, write=write)
+    yield from set_parameters(found, wanted, named, write=write)
     variables = yield from read_contents(CrtpPort.LOG)
     yield Request(Packet(CrtpPort.LOG, CONTROL, bytes((LOG_RESET,))))
     for block in BLOCKS:
         yield from _start(block, variables, found)
 
 
-def set_parameters(found: Found, wanted: dict[str, float], *, write: bool = True) -> Dialogue:
+def set_parameters(
+    found: Found, wanted: Mapping[str, float], named: Iterable[str] = (), *, write: bool = True
+) -> Dialogue:
     """Set those of these parameters that are different, and read them back.
 
     Raises LinkError for a name or a value that the board does not have.
     """
     parameters = yield from read_contents(CrtpPort.PARAMETERS)
+    for name in select(parameters, named):
+        if not write:
+            entry = parameters[name]
+            value = yield from _read(entry, name)
+            found.named[name] = entry.form(PARAMETER_TYPES), value
     for name, value in wanted.items():
         entry = find(parameters, name, "parameter")
-        form, number = entry.form(PARAMETER_TYPES), struct.pack("<H", entry.number)
-        answer = yield Request(Packet(CrtpPort.PARAMETERS, READ, number), 2)
-        (before,) = _unpack(form, answer[3:], name)
-        if before == value:
-            continue
-        found.changed[name] = float(before), value
-        if write:
-            yield from _set(name, number, form, value)
+        form = entry.form(PARAMETER_TYPES)
+        before = yield from _read(entry, name)
+        data = _packed(form, name, value)
+        (after,) = form.unpack(data)
+        if after != before:
+            found.changed[name] = float(before), value
+            if write:
+                yield from _write(entry, name, data)
+        found.confirmed[name] = after
 
 
 def check_version(version: int) -> None:
@@ -127,7 +146,7 @@ def read_contents(port: CrtpPort) -> Generator[Request, bytes, Contents]:
     count, checksum = int(found[1]), int(found[2])
     key = int(port), count, checksum
     if key not in _READ:
-        contents: Contents = {}
+        contents: dict[str, Entry] = {}
         for number in range(count):
             item = yield Request(Packet(port, TOC, ITEM.pack(GET_ITEM, number)), 3)
             group, _, name = item[4:].partition(b"\0")
@@ -137,27 +156,60 @@ def read_contents(port: CrtpPort) -> Generator[Request, bytes, Contents]:
 
 
 def find(contents: Contents, name: str, what: str) -> Entry:
-    """Return the entry of this name. Raises LinkError that suggests a similar one."""
+    """Return the entry of this name. Raises LinkError that suggests similar ones."""
+    is_log = what != "parameter"
+    others = {n: one for n, one in contents.items() if is_log or not one.kind & READ_ONLY}
+    if name in others:
+        return others[name]
     if name in contents:
-        return contents[name]
-    near = difflib.get_close_matches(name, contents, 1)
+        raise LinkError(f"{name} of the Crazyflie is read-only")
+    near = " or ".join(difflib.get_close_matches(name, others, 3))
     raise LinkError(
-        f"the Crazyflie has no {what} {name}"
-        + (f"; did you mean {near[0]}?" if near else f"; it has {len(contents)} others")
+        f"the Crazyflie has no {what} {name}; "
+        + (f"did you mean {near}?" if near else f"it has {len(others)} others")
     )
 
 
-def _set(name: str, number: bytes, form: struct.Struct, value: float) -> Dialogue:
+def select(contents: Contents, named: Iterable[str]) -> list[str]:
+    """Return the parameters of these names and patterns. Raises LinkError."""
+    found: dict[str, None] = {}
+    for name in named:
+        of_pattern = [
+            one
+            for one, entry in contents.items()
+            if fnmatchcase(one, name) and not entry.kind & READ_ONLY
+        ]
+        if not of_pattern:
+            find(contents, name, "parameter")
+        found |= dict.fromkeys(of_pattern)
+    if len(found) > MOST_NAMED:
+        raise LinkError(
+            f"board.parameters names {len(found)} parameters; at most {MOST_NAMED} can be shown: "
+            "name fewer, like pid_rate.*"
+        )
+    return list(found)
+
+
+def _read(entry: Entry, name: str) -> Generator[Request, bytes, float]:
+    number = struct.pack("<H", entry.number)
+    answer = yield Request(Packet(CrtpPort.PARAMETERS, READ, number), 2)
+    return _unpack(entry.form(PARAMETER_TYPES), answer[3:], name)[0]
+
+
+def _packed(form: struct.Struct, name: str, value: float) -> bytes:
     is_float = form.format[-1:] in ("f", "d")
     try:
-        data = form.pack(value if is_float else int(value))
+        return form.pack(value if is_float else int(value))
     except (struct.error, OverflowError):
         raise LinkError(f"board.parameters: {name} cannot be {value:g}") from None
-    (sent,) = form.unpack(data)
+
+
+def _write(entry: Entry, name: str, data: bytes) -> Dialogue:
+    form, number = entry.form(PARAMETER_TYPES), struct.pack("<H", entry.number)
     answer = yield Request(Packet(CrtpPort.PARAMETERS, WRITE, number + data), 2)
     (set_to,) = _unpack(form, answer[2:], name)
-    if set_to != sent:
-        raise LinkError(f"the Crazyflie set {name} to {set_to:g}, not to {value:g}")
+    if (set_to,) != form.unpack(data):
+        raise LinkError(f"the Crazyflie set {name} to {set_to:g}, not to {form.unpack(data)[0]:g}")
 
 
 def _start(block: Block, variables: Contents, found: Found) -> Dialogue:

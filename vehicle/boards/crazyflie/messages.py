@@ -50,8 +50,8 @@ TOC_INFO = struct.Struct("<BHI")
 POSE_DATA = struct.Struct("<B7f")
 PARAMETER_TYPES = {8: "B", 9: "H", 10: "I", 11: "Q", 0: "b", 1: "h", 2: "i", 3: "q", 6: "f", 7: "d"}
 LOG_TYPES = {1: "B", 2: "H", 3: "I", 4: "b", 5: "h", 6: "i", 7: "f"}
-TYPE_BITS = 0x0F
-"""Bits of a type; the others tell whether it is read-only, core or extended."""
+TYPE_BITS, READ_ONLY = 0x0F, 0x40
+"""Bits of a type; of the others, this one tells that a parameter is read-only."""
 
 
 class Info(IntFlag):

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
+from pydantic import Field
+
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
 
@@ -20,23 +24,41 @@ class CrazyflieOptions(Parameters):
     """poses a second that its own estimator is given; 0: none"""
     parameters: str = parameter("stabilizer.controller=1; stabilizer.estimator=2")
     """parameters of its firmware that are set at each start, and when this changes,
-    GROUP.NAME=VALUE; ...: PID and Kalman filter"""
+    GROUP.NAME=VALUE; ...: PID and Kalman filter. Each one is shown as board.firmware.GROUP.NAME, as
+    are those named without a value: pid_rate.roll_kp, or pid_rate.* for a group"""
+    firmware: Parameters = Field(default_factory=Parameters)
+    """the named parameters of its firmware, once these have been read"""
 
     def check_together(self) -> None:
         """Check that `parameters` can be read. Raises OutOfBoundsError."""
-        _ = self.wanted
+        _ = self.named
+
+    @property
+    def named(self) -> dict[str, float | None]:
+        """Return {name or pattern: value, None without one} of `parameters`.
+
+        Raises OutOfBoundsError.
+        """
+        found: dict[str, float | None] = {}
+        for word in filter(None, map(str.strip, self.parameters.split(";"))):
+            name, equals, number = map(str.strip, word.partition("="))
+            value = _number(number) if equals else None
+            if not all(name.partition(".")) or not math.isfinite(value or 0.0):
+                raise OutOfBoundsError(
+                    f"board.parameters has {word!r}; give GROUP.NAME=VALUE; ... with numbers, like "
+                    "stabilizer.controller=1, or GROUP.NAME or GROUP.* without one"
+                )
+            found[name] = value
+        return found
 
     @property
     def wanted(self) -> dict[str, float]:
-        """Return {name: value} of `parameters`. Raises OutOfBoundsError."""
-        found = {}
-        for word in filter(None, map(str.strip, self.parameters.split(";"))):
-            name, _, value = word.partition("=")
-            try:
-                found[name.strip()] = float(value)
-            except ValueError:
-                raise OutOfBoundsError(
-                    f"board.parameters has {word!r}; give GROUP.NAME=VALUE; ... with numbers, like "
-                    "stabilizer.controller=1"
-                ) from None
-        return found
+        """Return {name: value} of those of `parameters` with a value. Raises OutOfBoundsError."""
+        return {name: value for name, value in self.named.items() if value is not None}
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

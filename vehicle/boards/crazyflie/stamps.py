@@ -13,9 +13,13 @@ class RadioStamps:
 
     A packet can only come late, so the newest of the least delays is the clocks' difference, to
     which half the shortest round trip of a request is added. It follows the drift of the clocks.
+
+    Attributes:
+        backward: number of times that were before the last one; a link keeps the order of packets.
     """
 
     def __init__(self) -> None:
+        self.backward = 0
         self._elapsed_ms: int | None = None
         self._offset_ns = 0.0
         self._way_ns = 0.0
@@ -30,6 +34,7 @@ class RadioStamps:
         """Return when the sample with this time, modulo 2^24 ms, was taken."""
         last_ms = self._elapsed_ms
         elapsed_ms = ms if last_ms is None else last_ms + _step(ms - last_ms)
+        self.backward += last_ms is not None and elapsed_ms < last_ms
         delay_ns = now_ns - MS * elapsed_ms
         allowed_ns = self._offset_ns + DRIFT * (now_ns - self._arrived_ns)
         is_new = last_ms is None or abs(delay_ns - self._offset_ns) > 1000 * MS

@@ -19,13 +19,15 @@ from vehicle.boards.crazyflie.messages import (
     MISC,
     PARAMETER_TYPES,
     READ,
+    READ_ONLY,
     TOC,
     TOC_INFO,
+    TYPE_BITS,
     WRITE,
 )
 from vehicle_link.crtp.packets import DATA_MAX, CrtpPort, Packet
 
-BYTE, FLOAT = 8, 6
+BYTE, WORD, FLOAT = 8, 9, 6
 LOG_WORD, LOG_FLOAT = 2, 7
 LOG_APPEND, LOG_START_TENS, LOG_STOP, LOG_DELETE = 7, 3, 4, 2
 """Commands that our client does not use; LOG_START_TENS has its period in units of 10 ms."""
@@ -52,6 +54,7 @@ PARAMETERS: dict[str, tuple[int, float]] = {
         for axis, values in axes.items()
         for gain, value in zip(("kp", "ki", "kd"), values, strict=True)
     },
+    "cpu.flash": (WORD | READ_ONLY, 1024),
 }
 """{name: (type, default)}; the gains are the firmware's defaults for the 2.1+."""
 
@@ -90,7 +93,9 @@ class ParameterPort:
         kinds = {name: kind for name, (kind, _) in PARAMETERS.items()}
         self.contents = Contents(CrtpPort.PARAMETERS, kinds)
         self.values = {name: value for name, (_, value) in PARAMETERS.items()}
-        self._forms = [struct.Struct("<" + PARAMETER_TYPES[kind]) for kind in kinds.values()]
+        self._forms = [
+            struct.Struct("<" + PARAMETER_TYPES[kind & TYPE_BITS]) for kind in kinds.values()
+        ]
 
     def answer(self, channel: int, data: bytes) -> Packet | None:
         if channel == TOC:
@@ -103,7 +108,8 @@ class ParameterPort:
         if number >= len(self._forms):
             return Packet(CrtpPort.PARAMETERS, channel, data[:2] + bytes((NOT_FOUND,)))
         form, name = self._forms[number], self.contents.names[number]
-        if channel == WRITE and len(data) == 2 + form.size:
+        is_fixed = PARAMETERS[name][0] & READ_ONLY
+        if channel == WRITE and len(data) == 2 + form.size and not is_fixed:
             self.values[name] = float(form.unpack_from(data, 2)[0])
         is_whole = form.format[-1] not in "fd"
         value = form.pack(int(self.values[name]) if is_whole else self.values[name])

@@ -10,8 +10,8 @@ const BINS = [["< 50 µs", "below 50 µs"], ["< 100", "below 100 µs"], ["< 200"
 const FRESH = 10; // s for which growth is told
 const COUNTS = [
   ["overruns", "Overruns", "ticks that took longer than one period"],
-  ["missed_frames", "Missed frames", "periods without a sample from the microcontroller"],
-  ["damaged_frames", "Damaged frames", "pieces of data on the serial ports that were not frames"],
+  ["missed_frames", "Missed frames", "periods without a sample from the board"],
+  ["damaged_frames", "Damaged frames", "pieces of data from the board that were not frames"],
 ];
 
 export class LoopPanel {
@@ -36,7 +36,7 @@ export class LoopPanel {
 
   draw() {
     const { status } = this.events.summary, bins = status?.lateness_histogram;
-    setText(this.line, status ? `${fixed(status.tick_rate, 0)}${status.nominal_rate ? ` of ${fixed(status.nominal_rate, 0)}` : ""} Hz · lateness p50 ${late(status.lateness_p50)}, p99 ${late(status.lateness_p99)}, longest ${late(status.lateness_max)} · missed ${fixed(100 * status.missed_share, 1)} %` : "no data yet");
+    setText(this.line, status ? `${fixed(status.tick_rate, 0)}${status.nominal_rate ? ` of ${fixed(status.nominal_rate, 0)}` : ""} Hz · lateness p50 ${late(status.lateness_p50)}, p99 ${late(status.lateness_p99)}, longest ${late(status.lateness_max)}${status.nominal_rate ? ` of a period of ${late(1 / status.nominal_rate)}` : ""} · missed ${fixed(100 * status.missed_share, 1)} %` : "no data yet");
     setText(this.board, status ? boardLink(status) : "no data yet");
     this.histogram.hidden = !bins;
     this.none.hidden = !status || Boolean(bins);

@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import OutOfBoundsError
+from quadrotor.parameters import ParameterStore
 from quadrotor.records import STATE
 from tests.vehicle.boards.crazyflie.bench import Bench
 from vehicle.boards.board import BodyRates, TakesPoses
-from vehicle.boards.crazyflie.board import FALLS
-from vehicle.boards.crazyflie.messages import MANUAL, SETPOINT
+from vehicle.boards.crazyflie.board import FALLS, TWO
+from vehicle.boards.crazyflie.firmware_parameters import describe
+from vehicle.boards.crazyflie.messages import MANUAL, SETPOINT, WRITE
 from vehicle.boards.crazyflie.options import CrazyflieOptions
-from vehicle_link.crtp.packets import CrtpPort, Packet
+from vehicle.boards.offered import FIRMWARE, offer
+from vehicle.parameters import VehicleParameters, new_parameters
+from vehicle_link.crtp.packets import CrtpPort, Packet, frame
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 
@@ -178,6 +182,28 @@ def test_one_out_of_reach_goes_on_and_one_switched_off_is_met_again() -> None:
     assert bench.firmware.parameters.values["stabilizer.estimator"] == 2
 
 
+def test_two_at_one_address_are_told_once_and_not_armed() -> None:
+    bench = ready()
+    second = Bench()
+    second.go(READY_MS + 437)  # switched on earlier
+
+    def answer() -> None:
+        sent = b"".join(map(frame, map(Packet.encode, bench.firmware.taken)))
+        bench.firmware.taken.clear()
+        second.firmware.receive(0, sent)
+        second.firmware.period((0, 0, 0, 0))
+        bench.far.write(second.firmware.next_data()[1])
+
+    bench.go(6000, answer)
+    assert bench.board.failures == [TWO]
+    bench.board.set_motor_state(MotorState.ON)
+    bench.go(300, answer)
+    assert bench.board.obstacle == TWO
+    assert not bench.firmware.supervisor.armed
+    bench.go(6000)  # one was switched off
+    assert bench.board.obstacle == ""
+
+
 def test_its_console_is_told() -> None:
     bench = ready()
     bench.firmware._send(Packet(0, 0, b"SYS: low"))
@@ -195,8 +221,10 @@ def test_its_console_is_told() -> None:
             {"parameters": "stabilizer.controler=1"},
             None,
             "the Crazyflie has no parameter stabilizer.controler; did you mean "
-            "stabilizer.controller?",
+            "stabilizer.controller or stabilizer.estimator?",
         ),
+        ({"parameters": "cpu.flash"}, None, "cpu.flash of the Crazyflie is read-only"),
+        ({"parameters": "pid_rat.*"}, None, "no parameter pid_rat.*; did you mean pid_rate."),
         ({"parameters": "motion.disable=1"}, None, "no parameter motion.disable; it has 20 others"),
         ({"parameters": "stabilizer.estimator=900"}, None, "stabilizer.estimator cannot be 900"),
     ],
@@ -238,10 +266,74 @@ def test_changed_parameters_are_set_and_read_back_while_set_points_go_on() -> No
     assert sum(packet.port == CrtpPort.SETPOINT for packet in bench.firmware.taken) >= 5
 
 
+def shown(parameters: str, **kwargs: object) -> tuple[Bench, VehicleParameters]:
+    """Return a bench whose Crazyflie was checked, and the parameters of its vehicle."""
+    options = CrazyflieOptions(parameters=parameters)
+    checked = Bench(options, is_passive=True)
+    checked.go(READY_MS)
+    options.firmware = describe(checked.board.found.named, options.wanted)
+    offer(options, live=True)
+    tree = new_parameters()
+    offer(None, live=False)
+    assert isinstance(tree.board, CrazyflieOptions)
+    bench = Bench(tree.board)
+    bench.go(READY_MS)
+    bench.board.failures.clear()
+    bench.firmware.taken.clear()
+    return bench, tree
+
+
+def test_parameters_of_its_table_are_the_vehicles_with_the_range_of_their_types() -> None:
+    _, tree = shown("stabilizer.estimator=2; pid_rate.roll_*; stabilizer.controller")
+    store = ParameterStore(tree)
+    names = [name for name in store.names if name.startswith(FIRMWARE)]
+    gains = [f"{FIRMWARE}pid_rate.roll_{gain}" for gain in ("kp", "ki", "kd")]
+    assert names == [f"{FIRMWARE}stabilizer.{one}" for one in ("estimator", "controller")] + gains
+    assert [store.get(name) for name in names] == [2, 1, 250.0, 500.0, 2.5]
+    one = store.description(names[0])
+    assert (one.type, one.minimum, one.maximum, one.unit) == ("int", 0.0, 255.0, "")
+    with pytest.raises(OutOfBoundsError, match=r"estimator = 300 is out of bounds; allowed 0 to"):
+        store.set({names[0]: 300})
+    with pytest.raises(OutOfBoundsError, match=r"roll_kp = 1e\+39 is out of bounds"):
+        store.set({gains[0]: 1e39})
+
+
+def test_a_slider_of_its_table_is_set_in_flight_and_shows_what_the_crazyflie_has() -> None:
+    bench, tree = shown("pid_rate.roll_kp=240; pid_rate.*")
+    store, values = ParameterStore(tree), bench.firmware.parameters.values
+    kp, ki = f"{FIRMWARE}pid_rate.roll_kp", f"{FIRMWARE}pid_rate.roll_ki"
+    assert values["pid_rate.roll_kp"] == store.get(kp) == 240.0
+    store.set({kp: 260.1})
+    bench.go(300)
+    assert values["pid_rate.roll_kp"] == pytest.approx(260.1)
+    assert sum(packet.port == CrtpPort.SETPOINT for packet in bench.firmware.taken) >= 5
+    assert bench.board.confirmed == {}  # it has what was asked for
+    store.set({"board.parameters": "pid_rate.roll_kp=250"})  # the newest change counts
+    bench.go(300)
+    assert values["pid_rate.roll_kp"] == 250.0
+    assert bench.board.confirmed == {kp: 250.0}
+    store.set(bench.board.confirmed)
+    bench.board.confirmed.clear()
+    answer = bench.firmware.parameters.answer
+
+    def stubborn(channel: int, data: bytes) -> Packet | None:
+        return answer(channel, data[:2] if channel == WRITE else data)
+
+    bench.firmware.parameters.answer = stubborn  # type: ignore[method-assign]
+    store.set({ki: 400.0})
+    bench.go(300)
+    assert bench.board.confirmed == {ki: 500.0}
+    [*_, line] = bench.board.failures
+    assert line == "not set: the Crazyflie set pid_rate.roll_ki to 500, not to 400"
+
+
 @pytest.mark.parametrize(
     ("word", "said"),
     [
-        ("pid_attitude.rol_kp=7", "has no parameter pid_attitude.rol_kp; did you mean"),
+        (
+            "pid_attitude.rol_kp=7",
+            "has no parameter pid_attitude.rol_kp; did you mean pid_attitude.",
+        ),
         ("stabilizer.estimator=300", "board.parameters: stabilizer.estimator cannot be 300"),
     ],
 )
@@ -256,5 +348,5 @@ def test_a_parameter_that_the_firmware_does_not_have_changes_nothing_but_a_line(
     bench.go(300)
     (line,) = bench.board.failures
     assert said in line
-    assert line.endswith("; it keeps what it had")
+    assert line.startswith("not set: ")
     assert bench.board.obstacle == ""

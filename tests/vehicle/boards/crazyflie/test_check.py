@@ -9,7 +9,9 @@ import pytest
 from quadrotor.errors import LinkError
 from tests.vehicle.boards.crazyflie.bench import RestingCrazyflie
 from vehicle.boards.crazyflie import check
+from vehicle.boards.crazyflie.arming import why_not_armed
 from vehicle.boards.crazyflie.check import check_board
+from vehicle.boards.crazyflie.messages import Info
 from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle_link import clock
 from vehicle_link.serial.port import MemoryPort
@@ -58,6 +60,8 @@ def test_it_tells_what_is_there_and_what_each_start_sets_and_sets_nothing(checke
     assert said == [
         "CF2.1, firmware quadlab simulation",
         "battery 4.10 V",
+        "shown on the Gains tab: board.firmware.stabilizer.controller, "
+        "board.firmware.stabilizer.estimator",
         "each start sets stabilizer.estimator = 2  # it is 0",
         "good",
     ]
@@ -70,6 +74,23 @@ def test_a_firmware_that_is_too_old_must_change(checked: Checked) -> None:
     [line] = lines
     assert line.startswith("the Crazyflie speaks CRTP 11, older than 12")
     assert said == [f"not good: {line}"]
+
+
+@pytest.mark.parametrize(
+    ("info", "distance", "why"),
+    [
+        (Info.CAN_ARM | Info.LOCKED, 0.0, "is locked after an emergency stop: switch it off"),
+        (Info.CAN_ARM | Info.TUMBLED, 0.0, "is turned over or has crashed: set it down level"),
+        (Info.CAN_ARM | Info.CRASHED, 0.0, "is turned over or has crashed: set it down level"),
+        (Info.CAN_FLY, 0.0, "the Crazyflie's own checks do not pass: see its console"),
+        (Info.CAN_ARM, 0.6, "its own estimate is 0.6 m from ours: wait, or check"),
+    ],
+)
+def test_each_reason_not_to_arm_it_has_its_line(info: Info, distance: float, why: str) -> None:
+    assert why in why_not_armed(info, distance)
+    assert (
+        why_not_armed(Info.CAN_ARM, 0.4) == why_not_armed(Info.AUTO_ARMED | Info.ARMED, 0.0) == ""
+    )
 
 
 def test_nobody_there_and_one_in_the_air_are_told(checked: Checked) -> None:
