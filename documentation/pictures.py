@@ -34,7 +34,7 @@ DRAWN, SETTLED = 12_000, 2000
 """Time in ms until the 3D view is drawn, at the few frames of software, and until charts are."""
 BOUND = 120_000  # ms
 ANNA = {"name": "anna", "password": "correct horse battery"}
-STEP = {"axis": "x", "amplitude": 0.4, "duration": 2.0}
+STEP = {"axis": "x", "amplitude": 0.3, "duration": 2.0}
 GAIN = "control.position.kp_xy"
 PAD = """() => {
   const button = { pressed: false, value: 0 };
@@ -95,6 +95,7 @@ class Photographer:
         page = self.opened(size, touch=touch, view=True)
         page.goto(self.flown.base)
         page.locator("#behaviors button").first.wait_for()
+        page.locator("#help-panel button", has_text="Close").click()
         page.click(f"[data-tab={tab}]")
         page.wait_for_timeout(DRAWN)
         yield page
@@ -177,7 +178,9 @@ def first_flight(camera: Photographer) -> None:
     """Fly an 8, change gains, and take the tabs of the console."""
     camera.flown.take_off()
     camera.console("fly")
-    camera.flown.start("follow_trajectory", "follow", trajectory="figure_eight", laps=6, period=8)
+    camera.flown.start(
+        "follow_trajectory", "follow_trajectory", trajectory="figure_eight", laps=6, period=8
+    )
     with camera.viewed(WINDOW) as page:
         camera.take("fly", page=page)
     with camera.viewed(PHONE, touch=True) as page:
@@ -214,6 +217,7 @@ def step_tests(camera: Photographer) -> None:
         camera.set("control.position.kv_xy", damping)
         until(lambda: camera.flown.browser.post("/api/tuning/run", json=STEP).is_success, PATIENCE)
         boxes.nth(count - 1).wait_for()
+    camera.page.wait_for_timeout(SETTLED)
     camera.take("tune", "#side")
 
 
@@ -234,6 +238,7 @@ def bearings_and_sticks(camera: Photographer) -> None:
     camera.page.locator("#sticks .on, #sticks.on").first.wait_for()
     camera.page.evaluate(FORWARD_RIGHT)
     camera.page.wait_for_timeout(SETTLED / 2)
+    camera.page.locator("#sticks").scroll_into_view_if_needed()
     camera.take("sticks", "#side")
     camera.flown.start("land", "ground")
 
@@ -242,7 +247,9 @@ def recorded(camera: Photographer) -> None:
     """Fly once more with a softer gain, and show the two flights' runs."""
     camera.set(GAIN, 3.0)
     camera.flown.take_off()
-    camera.flown.start("follow_trajectory", "follow", trajectory="figure_eight", laps=1, period=8)
+    camera.flown.start(
+        "follow_trajectory", "follow_trajectory", trajectory="figure_eight", laps=1, period=8
+    )
     camera.post("/api/marks", id="picture1", text="gust from the door")
     until(lambda: camera.behavior() == "hover", PATIENCE)
     camera.flown.start("land", "ground")

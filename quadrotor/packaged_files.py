@@ -6,15 +6,19 @@ import sys
 from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
+from typing import Any
 
 
 def packaged(group: str) -> EntryPoints:
     """Return the entry points of a group."""
-    return _found(tuple((path, _changed_ns(path)) for path in sys.path)).select(group=group)
+    found: EntryPoints = _found(tuple((path, _changed_ns(path)) for path in sys.path)).select(
+        group=group
+    )
+    return found
 
 
 @lru_cache(maxsize=1)
-def _found(_: tuple[tuple[str, int], ...]) -> EntryPoints:
+def _found(_: tuple[tuple[str, int], ...]) -> Any:
     """Return all entry points: they are in a file of each of a hundred packages."""
     return entry_points()
 

@@ -98,10 +98,10 @@ def test_the_flight_volume_is_found_among_the_behavior_parameters() -> None:
         behavior: BehaviorParameters = BehaviorParameters()
 
     values = ParameterStore(Root()).values()
-    box = flight_volume(values.get)
+    box = flight_volume(lambda name: values.get(name))
     assert box is not None
     assert all(low < high and math.isfinite(low + high) for low, high in box)
-    assert flight_volume({}.get) is None
+    assert flight_volume(lambda _: None) is None
 
 
 def test_the_process_serves_without_a_station_and_ends_in_order(tmp_path: Path) -> None:

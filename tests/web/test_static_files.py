@@ -134,13 +134,13 @@ def test_a_joined_file_is_compressed_for_those_who_take_it_and_no_others(script:
 
 
 def test_a_browser_keeps_uplot_under_its_version_and_gets_it_compressed() -> None:
-    page = static_files.FILES.document("console/index.html").body.decode()
-    named, version = re.findall(r'src="/vendor/(uPlot.iife.js)\?([^"]+)"', page)[0]
+    page = static_files.FILES.document("console/index.html").body
+    named, version = re.findall(r'src="/vendor/(uPlot.iife.js)\?([^"]+)"', bytes(page).decode())[0]
 
     def ask(query: str, *headers: tuple[bytes, bytes]) -> httpx.Response:
         scope = {"type": "http", "query_string": query.encode(), "headers": headers, "path": "/"}
         given = uplot.answer(named, Request(scope))
-        return httpx.Response(200, headers=given.headers.items(), content=given.body)
+        return httpx.Response(200, headers=given.headers.items(), content=bytes(given.body))
 
     whole, packed = ask("0"), ask(version, (b"accept-encoding", b"gzip, br"))
     assert packed.text == whole.text
