@@ -455,7 +455,8 @@ def test_a_bin_is_nan_only_where_all_of_it_is() -> None:
 
 # ---------------------------------------------------------------------- what cannot be shown
 @pytest.mark.parametrize(
-    ("content", "why"), [(b"", "is empty"), (b"PK\x03\x04 zip", "no MCAP log"), (None, "to show")]
+    ("content", "why"),
+    [(b"", "is empty"), (b"PK\x03\x04 zip", "not an MCAP log"), (None, "to show")],
 )
 def test_a_log_without_messages_is_refused(tmp_path: Path, content: bytes | None, why: str) -> None:
     log = tmp_path / "a.mcap"
