@@ -98,7 +98,7 @@ class _Reader:
             self._refuse(
                 before.count(b"\n") + 1,
                 column,
-                f"byte 0x{data[error.start]:02x} is no UTF-8 text; save it as a CSV file in UTF-8",
+                f"byte 0x{data[error.start]:02x} is not UTF-8 text; save it as a CSV file in UTF-8",
             )
         return text.replace("\r\n", "\n").replace("\r", "\n")
 

@@ -152,7 +152,7 @@ def _plane(places: Array) -> tuple[Array, Array]:
     extent = float(singular[0]) / math.sqrt(len(places))
     if not (singular[1] > IN_LINE * singular[0] and extent > 1e-6):
         raise DegenerateGeometryError(
-            f"all {len(places)} beacons stand on one line or one spot; "
+            f"all {len(places)} beacons lie on one line or at one point; "
             "allowed are sets that span a plane: move one aside"
         )
     normal: Array = axes[2]

@@ -135,8 +135,8 @@ def parse_beacon_bias(text: str) -> dict[int, Triple]:
             sound = False
         if not sound:
             raise OutOfBoundsError(
-                f"beacon_bias = {text!r:.80}: {part!r:.40} is no bias; allowed is 'id x y z' for "
-                f"each beacon once, separated by semicolons, each of x y z -{BIAS_MAX:g} to "
+                f"beacon_bias = {text!r:.80}: {part!r:.40} is not a bias; allowed is 'id x y z' "
+                f"for each beacon once, separated by semicolons, each of x y z -{BIAS_MAX:g} to "
                 f"{BIAS_MAX:g} deg"
             )
         found[id] = (x, y, z)

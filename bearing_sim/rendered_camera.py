@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -73,19 +74,9 @@ class RenderedCamera:
     background: float = 110.0
     fine: int = 4
 
-    def __post_init__(self) -> None:
-        columns, rows = np.meshgrid(np.arange(self.width), np.arange(self.height))
-        pixels = np.stack([columns, rows], axis=-1).astype(float)
-        wanted = (pixels - self.matrix[:2, 2]) / self.matrix[[0, 1], [0, 1]]
-        rays = wanted.copy()
-        for _ in range(20):
-            rays += wanted - self._distorted(rays)
-        down, right = np.gradient(rays, axis=(0, 1))
-        object.__setattr__(self, "_rays", (rays, right, down))
-
     def project(self, points_c: Array) -> Array:
         """Return pixels (N, 2) of points (N, 3) m in camera axes, in front of the camera."""
-        plane = self._distorted(points_c[:, :2] / points_c[:, 2:])
+        plane = _distorted(points_c[:, :2] / points_c[:, 2:], self.distortion)
         pixels: Array = plane * self.matrix[[0, 1], [0, 1]] + self.matrix[:2, 2]
         return pixels
 
@@ -116,7 +107,8 @@ class RenderedCamera:
         if left >= right or top >= bottom:
             return None
         box = (slice(top, bottom), slice(left, right))
-        rays, along_x, along_y = (one[box] for one in self.__dict__["_rays"])
+        lens = (tuple(map(tuple, self.matrix.tolist())), tuple(self.distortion.tolist()))
+        rays, along_x, along_y = (one[box] for one in _rays(self.width, self.height, *lens))
         when = self.readout * ((np.arange(top, bottom) + 0.5) / self.height - 0.5)
         rows, columns = pattern.picture.shape
         total, hits, count = np.zeros(grey[box].shape), np.zeros(grey[box].shape), 0
@@ -147,19 +139,39 @@ class RenderedCamera:
                 x, y = (i + (j + 0.5) / n) / n - 0.5, (j + (i + 0.5) / n) / n - 0.5
                 yield x, y, self.exposure * (((i + j) % n + 0.5) / n - 0.5)
 
-    def _distorted(self, plane: Array) -> Array:
-        """Return where the lens maps points (…, 2) of the plane at distance 1."""
-        k1, k2, p1, p2, k3 = self.distortion
-        x, y = plane[..., 0], plane[..., 1]
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        return np.stack(
-            [
-                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-            ],
-            axis=-1,
-        )
+
+@lru_cache(maxsize=8)
+def _rays(
+    width: int, height: int, matrix: tuple[tuple[float, ...], ...], distortion: tuple[float, ...]
+) -> tuple[Array, Array, Array]:
+    """Return (height, width, 2): each pixel's ray at distance 1, and its change per column and row.
+
+    Cameras with the same lens share it, because it takes longer than a picture.
+    """
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
+    pixels = np.stack([columns, rows], axis=-1).astype(float)
+    (fx, _, cx), (_, fy, cy), _ = matrix
+    wanted = (pixels - np.array([cx, cy])) / np.array([fx, fy])
+    rays = wanted.copy()
+    for _ in range(20):
+        rays += wanted - _distorted(rays, distortion)
+    down, right = np.gradient(rays, axis=(0, 1))
+    return rays, right, down
+
+
+def _distorted(plane: Array, distortion: Sequence[float] | Array) -> Array:
+    """Return where the lens maps points (…, 2) of the plane at distance 1."""
+    k1, k2, p1, p2, k3 = distortion
+    x, y = plane[..., 0], plane[..., 1]
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        [
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ],
+        axis=-1,
+    )
 
 
 def _moved(pattern: Pattern, dt: Array) -> Array:

@@ -91,7 +91,7 @@ class BeaconLayout:
                 self._set_layout(text, requester)
             except ParameterError as error:
                 raise ParameterError(
-                    f"{STATION_LAYOUT} not changed, the vehicle refuses: {error}"
+                    f"{STATION_LAYOUT} not changed, refused by the vehicle: {error}"
                 ) from None
             except LinkError as error:
                 raise ParameterError(f"{STATION_LAYOUT} not changed: {error}; try again") from None

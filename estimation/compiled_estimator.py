@@ -63,7 +63,7 @@ class CompiledEstimator:
     def convergence(self) -> Convergence:
         """Return whether the estimate may be used for flight, with the reason."""
         if not self._initialized:
-            return Convergence(False, "no measurement gave it a start yet")
+            return Convergence(False, "no measurement to start from yet")
         if self.stale:
             return Convergence(False, f"last measurement applied {self.measurement_age:.2f} s ago")
         return self._judge(self._memory[0])

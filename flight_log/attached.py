@@ -63,9 +63,9 @@ def logged_value(value: Any) -> ParameterValue:
     try:
         found = literal_value(value) if isinstance(value, str) else from_value(value)
     except (ValueError, WrongTypeError) as error:
-        raise LogFormatError(f"{value!r:.80} is no parameter value: {error}") from error
+        raise LogFormatError(f"{value!r:.80} is not a parameter value: {error}") from error
     if not isinstance(found, bool | int | float | str):
-        raise LogFormatError(f"{value!r:.80} is no number, true, false or text")
+        raise LogFormatError(f"{value!r:.80} is not a number, true, false or text")
     return found
 
 

@@ -50,7 +50,7 @@ def check_chunk(name: str, compression: str, stored: int, claimed: int) -> None:
     Raises ValueError when the claim is impossible, LogFormatError when it is too large.
     """
     if compression != "zstd" and claimed > MAX_TIMES * (stored + FRAME):
-        raise ValueError("it claims more than lz4 could have put into it")
+        raise ValueError("it claims more than lz4 can compress into it")
     if claimed > MAX_BYTES:
         raise LogFormatError(
             f"{name} has a chunk of {stored / 1e6:.1f} MB that opens to {claimed / 1e6:.0f} MB; at "

@@ -78,8 +78,8 @@ class SchemaLayouts:
             found = get_types_from_msg(schema.data.decode(), self._name)
         except UsageError as error:
             raise LogFormatError(
-                f"{schema.name!r:.80} is no name of a ROS 2 type; read are package/msg/Name and "
-                "package/Name"
+                f"{schema.name!r:.80} is not the name of a ROS 2 type; read are package/msg/Name "
+                "and package/Name"
             ) from error
         except (TypesysError, UnicodeDecodeError, ValueError) as error:
             raise LogFormatError(f"the description of {schema.name} cannot be read") from error
@@ -121,7 +121,7 @@ class SchemaLayouts:
         try:
             walk.message(self._name, "", shown=True)
         except (struct.error, KeyError, RecursionError) as error:
-            raise LogFormatError(f"{len(payload)} bytes are no {self._name}") from error
+            raise LogFormatError(f"{len(payload)} bytes are not a {self._name}") from error
         return walk.layout
 
 
@@ -144,7 +144,7 @@ class _Walk:
             else:
                 self._array(path, details, is_sequence=kind == Nodetype.SEQUENCE, shown=wanted)
         if self._at > len(self._payload):
-            raise LogFormatError(f"{len(self._payload)} bytes are no {name}: too few")
+            raise LogFormatError(f"{len(self._payload)} bytes are not a {name}: too few")
 
     def _count_part(self) -> None:
         self._parts += 1

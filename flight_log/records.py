@@ -84,7 +84,7 @@ def _walk(
     if not start:
         raise LogFormatError(f"{name} is empty: nothing was recorded")
     if not MAGIC.startswith(start):
-        raise LogFormatError(f"{name} is no MCAP log (wrong first bytes)")
+        raise LogFormatError(f"{name} is not an MCAP log (wrong first bytes)")
     place, state.whole_bytes = len(MAGIC), begin
     if begin:
         place = stream.seek(begin)
@@ -107,8 +107,8 @@ def _walk(
             more = size - place - len(behind)
             if more and stream.read(len(MAGIC)) == MAGIC:
                 raise LogFormatError(
-                    f"{name} is two logs one behind the other: the second begins at byte "
-                    f"{place + len(MAGIC)}; part them there"
+                    f"{name} is two logs one after the other: the second begins at byte "
+                    f"{place + len(MAGIC)}; split the file there"
                 )
             if behind != MAGIC:
                 state.tear = "has a wrong end mark"

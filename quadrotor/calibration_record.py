@@ -70,4 +70,4 @@ def parse_record(text: str) -> CalibrationRecord:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the text"
-        raise MeasurementError(f"no calibration record: {where}: {first['msg']}") from None
+        raise MeasurementError(f"not a calibration record: {where}: {first['msg']}") from None

@@ -1,10 +1,33 @@
-"""Files that installed packages offer under a group of entry points, found without imports."""
+"""Entry points of installed packages, and the files that they name, found without imports."""
 
 from __future__ import annotations
 
 import sys
-from importlib.metadata import EntryPoint, entry_points
+from functools import lru_cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
+from typing import Any
+
+
+def packaged(group: str) -> EntryPoints:
+    """Return the entry points of a group."""
+    found: EntryPoints = _found(tuple((path, _changed_ns(path)) for path in sys.path)).select(
+        group=group
+    )
+    return found
+
+
+@lru_cache(maxsize=1)
+def _found(_: tuple[tuple[str, int], ...]) -> Any:
+    """Return all entry points: they are in a file of each of a hundred packages."""
+    return entry_points()
+
+
+def _changed_ns(path: str) -> int:
+    try:
+        return Path(path or ".").stat().st_mtime_ns
+    except OSError:
+        return 0
 
 
 def packaged_files(group: str) -> dict[str, Path]:
@@ -12,7 +35,7 @@ def packaged_files(group: str) -> dict[str, Path]:
 
     Nothing of a package is run. Modules that are not there, or not of Python, are left out.
     """
-    found = {point.name: _module_file(point) for point in entry_points(group=group)}
+    found = {point.name: _module_file(point) for point in packaged(group)}
     return {name: file for name, file in found.items() if file is not None}
 
 

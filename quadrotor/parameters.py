@@ -11,10 +11,10 @@ import difflib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
-from pydantic.fields import FieldInfo
 
 from quadrotor.errors import OutOfBoundsError, ReadOnlyError, UnknownParameterError, WrongTypeError
 
@@ -34,6 +34,9 @@ class Parameters(BaseModel):
 
         Raises OutOfBoundsError.
         """
+
+
+Section = TypeVar("Section", bound=Parameters)
 
 
 def parameter(
@@ -60,6 +63,12 @@ def parameter(
     extra["choices"] = list(choices)
     extra["flight_step"] = flight_step
     return Field(default, ge=ge, le=le, description=description, json_schema_extra=extra)
+
+
+def section_of(kind: type[Section], prefix: str, values: Mapping[str, Any]) -> Section:
+    """Return a component with those of these values whose names are `prefix` and a field."""
+    known = {name: values[prefix + name] for name in kind.model_fields if prefix + name in values}
+    return kind().model_copy(update=known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +103,7 @@ class ParameterStore:
         self._root = root
         self._places: dict[str, tuple[Parameters, str]] = dict(_walk(root, ""))
         self._descriptions = {
-            name: _describe(name, type(owner).model_fields[field])
+            name: _describe(name, type(owner), field)
             for name, (owner, field) in self._places.items()
         }
         self.revision = 0
@@ -257,7 +266,9 @@ def _walk(owner: Parameters, prefix: str) -> Iterator[tuple[str, tuple[Parameter
             yield f"{prefix}{field}", (owner, field)
 
 
-def _describe(name: str, field: FieldInfo) -> ParameterDescription:
+@lru_cache(maxsize=4096)
+def _describe(name: str, owner: type[Parameters], of: str) -> ParameterDescription:
+    field = owner.model_fields[of]
     extra = field.json_schema_extra
     if not isinstance(extra, dict):
         raise TypeError(f"{name} was not made with quadrotor.parameters.parameter")

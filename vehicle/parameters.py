@@ -8,6 +8,7 @@ from pydantic import Field
 
 from bearing_sim.beacons import parse_layout
 from control.behaviors.parameters import BehaviorParameters
+from control.keep_out import parse_keep_out
 from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, OutOfBoundsError
@@ -101,7 +102,8 @@ ORDERED = (
 
 
 def check_pairs(values: Mapping[str, ParameterValue]) -> None:
-    """Check what no single value shows: pairs out of order, and an invalid layout.
+    """Check what no single value shows: pairs out of order, and an invalid layout or
+    keep-out box.
 
     Args:
         values: the values of all parameters.
@@ -114,6 +116,7 @@ def check_pairs(values: Mapping[str, ParameterValue]) -> None:
                 f"{low} = {values[low]} is not below {high} = {values[high]}; "
                 "change the other one first, or both at once"
             )
+    parse_keep_out(str(values["behavior.keep_out"]))
     try:
         parse_layout(str(values["beacons.layout"]))
     except MeasurementError as error:

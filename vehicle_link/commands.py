@@ -78,6 +78,10 @@ class Record(Request, frozen=True, tag="record"):
     start: bool
 
 
+class ExpectMove(Request, frozen=True, tag="expect_move"):
+    """Expect to be put elsewhere within seconds, motors off: that is no fault of the tracker."""
+
+
 class Simulation(Request, frozen=True, tag="simulation"):
     """Service a simulated vehicle whose motors are off: `swap_battery` installs a full battery,
     `reset` moves the vehicle back to where it started, with a full battery.
@@ -134,6 +138,7 @@ _ROWS = (
     # A cut must not wait for a landing that the flight process does not answer.
     Command(Emergency, "Emergency", at_once=4),
     Command(ChangeParameters, "ChangeParameters", tries=5, has_route=False),
+    Command(ExpectMove, "Command", has_route=False),
     Command(Bench, "Bench", is_forwarded=False, has_route=False),
     Command(Record, "Record", "station", is_forwarded=False, answers=("run_id",)),
     Command(Simulation, "Simulation", "simulator"),

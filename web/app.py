@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import asdict, replace
-from importlib.metadata import PackageNotFoundError, distribution
 from typing import Annotated, Any
 
 from fastapi import FastAPI, HTTPException, Query, Request, WebSocket
@@ -24,6 +23,7 @@ from quadrotor.errors import (
     StorageError,
     UnreachableError,
 )
+from web import uplot
 from web.access.passwords import BusyError
 from web.access.roles import Role, Session
 from web.access.users import add_users
@@ -61,7 +61,6 @@ from web.tuning.routes import add_tuning
 from web.vehicle_context import VehicleContext
 from web.view import proxy as pump
 
-UPLOT = {"uPlot.iife.js": "text/javascript", "uPlot.min.css": "text/css"}
 STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (RefusedError, 409),
     (ParameterError, 422),
@@ -137,15 +136,8 @@ def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
         return FileResponse(STATIC / "core/icon.svg", media_type="image/svg+xml")
 
     @app.get("/vendor/{name}", include_in_schema=False)
-    def vendor(name: str) -> FileResponse:
-        """Return uPlot's file, found without importing its package, which would import IPython."""
-        if name not in UPLOT:
-            raise HTTPException(404, f"no {name} here; there are {', '.join(UPLOT)}")
-        try:
-            path = distribution("uplot-python").locate_file(f"uplot/static/{name}")
-        except PackageNotFoundError as error:
-            raise HTTPException(500, "uplot-python is not installed; run scripts/setup") from error
-        return FileResponse(str(path), media_type=UPLOT[name])
+    def vendor(name: str, request: Request) -> Response:
+        return uplot.answer(name, request)
 
     @app.get("/api/session")
     def session(session: Asker) -> dict[str, Any]:
@@ -269,7 +261,7 @@ def _add_error_handlers(app: FastAPI) -> None:
         assert isinstance(error, StarletteHTTPException)
         detail = str(error.detail)
         if error.status_code == 404 and detail == "Not Found":
-            detail = f"there is no {request.url.path} here; /api/openapi.json lists what is"
+            detail = f"there is no {request.url.path} here; /api/openapi.json lists what there is"
         return line(error.status_code, detail, error.headers)
 
     async def body_error(_: Request, error: Exception) -> Response:

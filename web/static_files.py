@@ -23,6 +23,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.types import Scope
 
+from web import uplot
 from web.joined_files import join_modules, join_styles
 from web.theme import html_tag
 
@@ -32,7 +33,6 @@ PLACE = "/static/"
 LARGEST = 1_000_000
 """Largest file that is held in memory, in bytes."""
 VERSIONED = re.compile(r"v-([0-9a-f]{16})/(.*)", re.DOTALL)
-FOR_GOOD = {"cache-control": "private, max-age=31536000, immutable"}
 JOINED = "joined/"
 """Folder of the joined scripts (`runs/runs.js`, and its `.map`) and styles (`runs/runs.css`)."""
 _STYLES = re.compile(rf'<link rel="stylesheet" href="{PLACE}([^"]+)">\n?')
@@ -68,7 +68,7 @@ class CachedFiles(StaticFiles):
         if found := _SCRIPT.search(text):
             self._join(f"{JOINED}{found[1]}", self._version)
             text = text.replace(f'src="{PLACE}{found[1]}"', f'src="{PLACE}{JOINED}{found[1]}"')
-        text = text.replace('<html lang="en">', html_tag(), 1)
+        text = uplot.with_version(text.replace('<html lang="en">', html_tag(), 1))
         return HTMLResponse(text.replace(f'"{PLACE}', f'"{PLACE}v-{self._version}/'))
 
     def _read(self, name: str) -> str:
@@ -115,7 +115,7 @@ class CachedFiles(StaticFiles):
             return await self._current(path, scope)
         response = await self._current(versioned[2], scope)
         if versioned[1] == self._version:
-            response.headers.update(FOR_GOOD)
+            response.headers.update(uplot.KEPT)
         return response
 
     async def _current(self, path: str, scope: Scope) -> Response:

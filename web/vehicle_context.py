@@ -28,7 +28,7 @@ from web.live.forwarding import Forwarding
 from web.live.latest import Live
 from web.live.station import Station
 from web.live.telemetry import TelemetryFeed
-from web.parameters.follower import ParameterFollower, flight_volume
+from web.parameters.follower import ParameterFollower
 from web.parameters.replica import PageParameters
 from web.parameters.writer import ParameterWriter
 from web.replay.store import ReplayStore
@@ -113,10 +113,7 @@ class VehicleContext:
         )
         self.trajectories = TrajectoryMonitor(live, self.replica, self.scene)
         self.drafts = Drafts(
-            DraftView(view_server),
-            self.trajectories,
-            hub.publish,
-            lambda: flight_volume(self.replica.value),
+            DraftView(view_server), self.trajectories, hub.publish, self.replica.value
         )
         self.loops: Iterable[Runs] = (
             self.scene,

@@ -114,7 +114,7 @@ class Pilot:
     def command(self, name: str, /, **body: Any) -> None:
         self.browser.post(f"/api/commands/{name}", json=body).raise_for_status()
 
-    def start(self, behavior: str, until_flown: str, **arguments: float) -> None:
+    def start(self, behavior: str, until_flown: str, **arguments: float | str) -> None:
         """Start a behavior and wait until the vehicle is in `until_flown`."""
         self.command("start_behavior", name=behavior, arguments=arguments)
         until(lambda: (self.summary().get("status") or {}).get("behavior") == until_flown)

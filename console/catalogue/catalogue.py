@@ -149,7 +149,7 @@ class Catalogue:
         folder = self.folder.resolve()
         path = (folder / entry.file).resolve()
         if path.parent != folder or not (path.suffix == SUFFIX or path.is_dir() or not path.suffix):
-            raise StorageError(f"the file of run {run_id!r} does not lie in {folder}; not opened")
+            raise StorageError(f"the file of run {run_id!r} is not inside {folder}; not opened")
         if not log_of(path).is_file():
             raise StorageError(f"the file of run {run_id} is gone: {path}")
         return path

@@ -61,7 +61,7 @@ class DatabaseFile:
         if not self._path.exists():
             found = f"{self._path.name} is gone from the data folder {self._path.parent}"
         else:
-            found = f"{self._path} is another file than the one that was opened"
+            found = f"{self._path} is not the file that was opened"
         return f"{found}; only recordings are saved; {remedy}"
 
     def _identity(self) -> Identity | None:

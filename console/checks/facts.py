@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from control.behaviors.parameters import Box
+from control.keep_out import KeepOut
 from vehicle_link.transport.heartbeat import LinkState
-
-Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
-"""(least, largest) of x, y and z, m, world axes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +43,7 @@ class Facts:
     gravity_off: float | None = None  # rad, specific force from the estimate's up, same mean
     body_turn: float | None = None  # rad, of the tracked body about the vertical; None: unknown
     volume: Box | None = None
+    boxes: KeepOut = ()  # to keep out of
     parameters_behind: float | None = None  # s since our copy matched the vehicle's; None: never
     free_bytes: float = 0.0
     keep_free: float = 0.0  # bytes

@@ -7,12 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from console.checks.facts import Box, Facts
+from console.checks.facts import Facts
 from console.checks.observed import Observed
 from console.context import StationContext
 from console.parameters.vehicle import VehicleParameters
 from console.runs.disk import folder_problem
 from console.tracker_feed import TrackerFeed
+from control.behaviors.parameters import flight_volume, keep_out
 from vehicle_link.clock import monotonic
 
 JUDGED = ("sticks", "tracker")
@@ -81,7 +82,8 @@ class Gatherer:
             bearings_nominal=max(1.0, self._tracker.bearings_nominal),
             tracker_nominal=max(1.0, self._tracker.nominal),
             battery_warning=_number(self._vehicle.newest("safety.battery_warning")),
-            volume=self._volume(),
+            volume=flight_volume(self._vehicle.newest),
+            boxes=keep_out(self._vehicle.newest),
             parameters_behind=self._behind(),
             free_bytes=recorder.free_bytes,
             keep_free=1e6 * self._station.recorder.keep_free,
@@ -92,17 +94,6 @@ class Gatherer:
             sticks_dropped=self._sticks_dropped(),
             **observed.motion(),
         )
-
-    def _volume(self) -> Box | None:
-        walls = [
-            _number(self._vehicle.newest(f"behavior.volume_{axis}_{end}"))
-            for axis in "xyz"
-            for end in ("min", "max")
-        ]
-        if any(wall is None for wall in walls):
-            return None
-        x_min, x_max, y_min, y_max, z_min, z_max = (float(wall or 0.0) for wall in walls)
-        return ((x_min, x_max), (y_min, y_max), (z_min, z_max))
 
     def _behind(self) -> float | None:
         """Return the seconds since our copy last matched the vehicle's parameters, or None."""

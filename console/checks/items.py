@@ -159,7 +159,7 @@ def tracked_body(f: Facts, p: PreflightParameters) -> Check:
     name, wanted = "tracked body", f"gravity at most {GRAVITY_OFF:.0f}° off"
     if f.body_turn is not None and abs(math.degrees(f.body_turn)) > TURNED:
         advice = (
-            "tilt the vehicle by 20° in the hand, hold it, and check again; then turn the body in "
+            "tilt the vehicle by 20° by hand, hold it, and check again; then turn the body in "
             "the tracking system, or calibrate tracker_body"
         )
         found = f"turned by {math.degrees(f.body_turn):+.0f}° about the vertical when tilted"
@@ -172,7 +172,7 @@ def tracked_body(f: Facts, p: PreflightParameters) -> Check:
         "calibrate tracker_body"
     )
     state: State = "ok" if off <= GRAVITY_OFF else "fail"
-    seen = "unknown until it is tilted in the hand" if f.body_turn is None else "verified"
+    seen = "unknown until it is tilted by hand" if f.body_turn is None else "verified"
     found = f"gravity {off:.0f}° off; turn about the vertical {seen}"
     return Check(name, state, found, wanted, advice)
 
@@ -190,6 +190,9 @@ def flight_volume(f: Facts, p: PreflightParameters) -> Check:
     wanted = f"x {x_min:g} to {x_max:g}, y {y_min:g} to {y_max:g}, z below {z_max:g} m"
     found = f"at {x:.2f}, {y:.2f}, {z:.2f} m"
     advice = "carry the vehicle inside, or change the flight volume on the Set-up page"
+    if inside and (box := next((box for box in f.boxes if box.gap(f.position_w) < 0.0), None)):
+        inside, found = False, f"{found}, in the keep-out box {box.name}"
+        wanted, advice = "outside of it", "carry the vehicle out, or change behavior.keep_out"
     return Check(name, "ok" if inside else "fail", found, wanted, advice)
 
 

@@ -164,7 +164,7 @@ def _compared(check: Check, ours: str) -> Check:
         state="ok" if check.found == ours else "warn",
         found=_short(check.found),
         wanted=_short(ours),
-        advice="bring the same version to both ends",
+        advice="install the same version at both ends",
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -72,7 +73,24 @@ class CommandGateway:
             raise RefusedError(reason)
         self._permit(name, request.requester)
         self._on_asked(name, request.requester)
+        if name == "simulation" and request.action == "reset":
+            self._announce_move(request)
         return self._ask(name, request)
+
+    def _announce_move(self, request: Any) -> None:
+        """Announce a reset to the vehicle, which would report it as a jump of the tracker.
+
+        The reset does not depend on it, for instance while the link is lost.
+        """
+        name = "expect_move"
+        move = new(
+            f"{COMMANDS[name].service}_Request",
+            request_id=f"{request.request_id}-move",
+            requester=request.requester,
+        )
+        if not self._refusal(name):
+            with suppress(NoAnswerError, RefusedError):
+                self._ask(name, move)
 
     def _ask(self, name: str, request: Any) -> Any:
         """Return the answer of the process that carries out the command.

@@ -39,7 +39,7 @@ class LeaseService:
         node.subscribe(presence.name, presence.type_name, self._on_presence, qos=presence.qos)
 
     def permit(self, command: str, requester: str) -> None:
-        """Permit a command of this requester. Raises RefusedError when another has control.
+        """Permit a command of this requester. Raises RefusedError when someone else has control.
 
         Everyone may send an emergency, and it gives no one control.
         """

@@ -84,7 +84,7 @@ class StickHandler:
             # What these sticks held is dropped by their silence, or at once when they let go.
             if not sticks.enabled:
                 self._let_go(sticks, timeout)
-            self._answer(sticks, False, "another has control" if sticks.enabled else "")
+            self._answer(sticks, False, "someone else has control" if sticks.enabled else "")
             return
         with self._changed:
             order = self._watchdog.feed(sticks.axes, sticks.enabled, monotonic(), timeout)

@@ -54,7 +54,7 @@ def read_bench_file(path: Path) -> BenchRecording:
         if len(rows) > 1 and rows[-1][0] <= rows[-2][0]:
             raise MeasurementError(
                 f"{path.name} line {lines.line_num}: time_s = {rows[-1][0]:g} is not after "
-                f"{rows[-2][0]:g}; times must rise"
+                f"{rows[-2][0]:g}; times must increase"
             )
     if len(rows) < ROWS_MIN:
         raise MeasurementError(

@@ -127,7 +127,7 @@ class MassFlight:
         )
         begin = float(self.time[rows][0])
         spread = float(self.mass[rows].std())
-        warnings = () if self.spread < math.inf else ("not flown about: the mean is of the hover",)
+        warnings = () if self.spread < math.inf else ("not flown around: the mean is of the hover",)
         values = self.parameters.vehicle
         return CalibrationRecord(
             name="mass",

@@ -80,7 +80,7 @@ class ThrustCurve:
     def record(self) -> CalibrationRecord:
         """Return the record of the mass and the law."""
         before = self.parameters.vehicle
-        hovering = "" if self.offset_found else "not flown about: the offset is the earlier one"
+        hovering = "" if self.offset_found else "not flown around: the offset is the earlier one"
         return CalibrationRecord(
             name="mass",
             values={

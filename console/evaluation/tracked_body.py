@@ -63,7 +63,9 @@ class TrackedBodyFound:
             "tracker_delay",
             {"delay": f.delay},
             (
-                Quality(name="at 1 m/s the delay is, of position", value=1e3 * f.delay, unit="mm"),
+                Quality(
+                    name="position error by the delay at 1 m/s", value=1e3 * f.delay, unit="mm"
+                ),
                 Quality(name="drift", value=self.drift, unit="ms/min"),
             ),
             (
@@ -74,7 +76,7 @@ class TrackedBodyFound:
                     limit=DELAY_DEVIATION_MAX,
                 ),
                 Quality(
-                    name="drift beyond doubt",
+                    name="drift beyond its uncertainty",
                     value=max(0.0, abs(self.drift) - 2.0 * 60e3 * f.drift_deviation),
                     unit="ms/min",
                     limit=DRIFT_MAX,
@@ -97,7 +99,7 @@ class TrackedBodyFound:
                 Quality(name="turned by", value=math.degrees(turn), unit="deg"),
                 Quality(name="lever arm", value=1e3 * float(np.linalg.norm(f.lever_b)), unit="mm"),
                 Quality(
-                    name="untold, the turn accelerates by up to",
+                    name="acceleration if left uncorrected, up to",
                     value=9.81 * math.sin(min(turn, 0.5 * math.pi)),
                     unit="m/s²",
                 ),

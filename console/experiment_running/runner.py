@@ -225,7 +225,7 @@ class ExperimentRunner:
         self._user_files.close()
         self._cancelled.set()
         if (client := self._client) is not None:
-            client.end(ExperimentEndedError("the station stops"), taken_over=True)
+            client.end(ExperimentEndedError("the station is stopping"), taken_over=True)
         if self._thread is not None:
             self._thread.join(1.0)
 

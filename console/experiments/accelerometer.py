@@ -109,7 +109,7 @@ class Accelerometer:
         wait_ready(client)
         self._in_force, self._held = InForce.of(client), []
         self._simulated = client.simulated
-        client.tell(Progress("Take the vehicle into your hands; its motors stay off"))
+        client.tell(Progress("Take the vehicle in your hands; its motors stay off"))
         client.imu()
         client.wait(LISTEN)
         samples = len(client.imu().time)
@@ -218,7 +218,7 @@ class Accelerometer:
             how = next(name for name in FACES if np.allclose(FACES[name], target))
         else:
             how = words_of(target)
-        return f"Hold the vehicle {how}, still for {self.parameters.hold:g} s"
+        return f"Hold the vehicle still for {self.parameters.hold:g} s: {how}"
 
     def _live(self, state: _Progress) -> dict[str, tuple[float, str]]:
         live = {"poses": (float(len(state.ups)), ""), "rank": (float(state.known.rank), "")}

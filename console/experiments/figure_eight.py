@@ -130,7 +130,9 @@ class FigureEight:
         RefusedError.
         """
         if self._window is None:
-            raise RefusedError("the 8 was not flown to its end, so there is nothing to evaluate")
+            raise RefusedError(
+                "the figure 8 was not flown to its end, so there is nothing to evaluate"
+            )
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
         board = summarize(log).run.get("board", MIKROKOPTER)
         is_ours = board == MIKROKOPTER or self.parameters.laps == REST_TO_REST

@@ -183,5 +183,5 @@ def _duration(arguments: dict[str, ParameterValue]) -> float:
 def _words(arguments: dict[str, ParameterValue]) -> str:
     axis, size = arguments["axis"], abs(float(arguments["amplitude"]))
     if axis == "yaw":
-        return f"It turns to and fro by {size:.2f} rad"
-    return f"It moves to and fro along {axis} by {size:.2f} m"
+        return f"It yaws back and forth by {size:.2f} rad"
+    return f"It moves back and forth along {axis} by {size:.2f} m"

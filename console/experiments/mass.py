@@ -108,15 +108,15 @@ class MassExperiment(CalibrationFlight):
             )
         except RefusedError as error:
             raise RefusedError(
-                f"{error}. With {p.initial:g} kg to begin with and {p.height:g} m to climb it "
-                "pulls only so much: try a larger initial mass or height"
+                f"{error}. An initial mass of {p.initial:g} kg and a climb of {p.height:g} m give "
+                "too little thrust: try a larger initial mass or height"
             ) from error
         # For the next arming: after a take-over it must not start too light again.
         client.change({INITIAL: found[INITIAL]})
         self._until(
             client,
             lambda v: v.behavior == "hover",
-            "It climbs and learns",
+            "It climbs while the mass is estimated",
             2,
             patience,
             "hover after take-off",
@@ -148,7 +148,7 @@ class MassExperiment(CalibrationFlight):
             client.wait(1.0 / RATE)
             view = client.view()
             if k % 10 == 0:
-                _show_progress(client, view, "It flies about: keep clear", 4, k / len(sequence))
+                _show_progress(client, view, "It flies around: keep clear", 4, k / len(sequence))
             if client.finished or view.behavior != "velocity":
                 break
             if np.linalg.norm(view.position_w - place) > FAR:

@@ -66,7 +66,7 @@ class OwnBehavior:
     def evaluate(self, log: Path) -> Result:
         """Judge the errors against the limits. Raises LogFormatError, RefusedError."""
         if self._window is None or self._window[1] - self._window[0] < 0.5:
-            raise RefusedError("the behavior ended at once; the run's events say why")
+            raise RefusedError("the behavior ended immediately; the run's events say why")
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
         flown = {"behavior_s": self._window[1] - self._window[0], "disengaged": self._disengaged}
         return judged(flown | metrics, self.limits)

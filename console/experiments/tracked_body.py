@@ -71,7 +71,7 @@ class TrackerDelay(CalibrationFlight):
                     break
                 up = ups[k * 5 % POSES]  # 5 and 12 are coprime: all poses in turn, far apart
                 client.turn(attitude_of(up))
-                instruction = f"Turn it on, in the tracker's view, to: {words_of(up)}"
+                instruction = f"Keep it in the tracker's view and turn it to: {words_of(up)}"
                 client.tell(Progress(instruction, k + 1, count, k / count))
                 client.wait(EACH)
                 view = client.view()

@@ -100,11 +100,11 @@ class VehicleIdentification:
             )
         if not names:
             return (
-                f"the vehicle at {radio.address} shows nothing to this station: its certificate "
+                f"the vehicle at {radio.address} sends nothing to this station: its certificate "
                 "may be of a vehicle (copy station.pem and station.key from the base), or its "
                 "quadlab is another version"
             )
         return (
-            f"the vehicle at {radio.address} does not understand who we are: it speaks another "
-            "version of quadlab (bring vehicle and station to the same one), or is still starting"
+            f"the vehicle at {radio.address} does not understand this station: it runs another "
+            "version of quadlab (install the same one on both), or is still starting"
         )

@@ -65,7 +65,7 @@ def export(
             progress(0.5 + 0.5 * piece.share)
         problems = tuple(f"{topic}: {line}" for topic, line in tables.problems.items())
         if not rows:
-            why = next(iter(problems), "") or tables.missing or "no message is in that time"
+            why = next(iter(problems), "") or tables.missing or "no message in that interval"
             raise LogFormatError(f"{log.name} has nothing to export: {why}")
         written = files.finish()
     except BaseException as error:

@@ -186,7 +186,7 @@ def _file_of(catalogue: Catalogue, run_id: str) -> Path:
         assert run is not None
         log = catalogue.folder / run.file
     if log.name != run.file or log.suffix not in (SUFFIX, ""):
-        raise StorageError(f"the file of run {run_id!r} does not lie in {catalogue.folder}")
+        raise StorageError(f"the file of run {run_id!r} is not inside {catalogue.folder}")
     return log
 
 

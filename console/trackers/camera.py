@@ -114,7 +114,7 @@ class CameraSource(TagSource):
         if place is not None and place is not self._told:
             self._told = place
             print(
-                "tracker: the tags of the world give the place of a camera, for the file of tags: "
+                "tracker: the world's tags give a camera's pose; add it to the file of tags: "
                 f"cameras.{self._tracker.camera} = {place.text}",
                 flush=True,
             )

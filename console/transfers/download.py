@@ -66,7 +66,7 @@ class Download:
         part = PartFile(folder, file)
         try:
             if part.restarted:
-                job.problem = "another file has this name on board now; begun again"
+                job.problem = "another file has this name on board now; starting over"
             job.bytes, job.total_bytes, job.phase = part.size, file.size, "fetching"
             self.room(file.size - part.size)
             self.fetcher.fetch(part)

@@ -209,7 +209,7 @@ class TransferQueue:
         except CancelledError:
             self._cancelled(job)
         except ChangedError as error:
-            self._set_waiting(job, f"{error}; begun again")
+            self._set_waiting(job, f"{error}; starting over")
         except (NotYetError, LinkError) as error:
             self._set_waiting(job, str(error))
         except NoRoomError as error:

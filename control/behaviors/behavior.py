@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
+from control.keep_out import AROUND, first_encounter
 from control.parameters import ControlParameters
 from control.trajectories.polynomial import Polynomial
 from control.trajectories.trajectory import Trajectory
@@ -184,12 +185,7 @@ def check_inside(
     A path that starts outside (`start_w`) may lead back in.
     """
     p = parameters
-    walls = (
-        ("x", p.volume_x_min, p.volume_x_max),
-        ("y", p.volume_y_min, p.volume_y_max),
-        ("z", p.volume_z_min, p.volume_z_max),
-    )
-    for i, (axis, low, high) in enumerate(walls):
+    for i, (axis, low, high) in enumerate(zip("xyz", p.low_w, p.high_w, strict=True)):
         least, most = float(points_w[:, i].min()), float(points_w[:, i].max())
         start = low if start_w is None else start_w[i]
         below = least < min(low, start) - 1e-6
@@ -200,3 +196,18 @@ def check_inside(
                 f"flight volume; allowed {low:g} to {high:g} m "
                 f"(behavior.volume_{axis}_min, behavior.volume_{axis}_max)"
             )
+
+
+def check_clear(
+    behavior: BehaviorName,
+    path_w: npt.ArrayLike,
+    parameters: BehaviorParameters,
+    *,
+    may_leave: bool = False,
+) -> None:
+    """Raise RefusedError when a polyline (N, 3) comes too near to a keep-out box; `may_leave` as in
+    `first_encounter`.
+    """
+    p = parameters
+    if near := first_encounter(p.boxes, path_w, p.keep_out_margin, may_leave=may_leave):
+        raise RefusedError(f"{behavior.name.lower()} refused: it leads {near}; {AROUND}")

@@ -7,7 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from control.behaviors.behavior import Context, TickInputs, TrajectoryBehavior, check_inside
+from control.behaviors.behavior import (
+    Context,
+    TickInputs,
+    TrajectoryBehavior,
+    check_clear,
+    check_inside,
+)
 from control.behaviors.table import BehaviorName
 from control.trajectories.limits import with_margin
 from control.trajectories.multistep import AXES, LEAD, POSITION, SHAPES, Multistep
@@ -67,16 +73,15 @@ class Excite(TrajectoryBehavior):
                 "try fewer repeats or a shorter duration"
             )
         check_inside(self.name, "the set-point's", np.array(path.ends()), p)
+        check_clear(self.name, path.ends(), p)
         _check_demand(a, path.swing, context)
         _check_rest(context)
         super().__init__(path)
         self.aborted = ""
         margin = p.excite_error_max
         low, high = path.ends()
-        walls_low = (p.volume_x_min, p.volume_y_min, p.volume_z_min)
-        walls_high = (p.volume_x_max, p.volume_y_max, p.volume_z_max)
-        self._low = [max(x - margin, w - OUTSIDE) for x, w in zip(low, walls_low, strict=True)]
-        self._high = [min(x + margin, w + OUTSIDE) for x, w in zip(high, walls_high, strict=True)]
+        self._low = [max(x - margin, w - OUTSIDE) for x, w in zip(low, p.low_w, strict=True)]
+        self._high = [min(x + margin, w + OUTSIDE) for x, w in zip(high, p.high_w, strict=True)]
         span = max(map(abs, path.span)) if a.axis == "yaw" else 0.0
         self._yaw, self._yaw_error = context.point[3], span + p.excite_yaw_max
         self._tilt_cosine = math.cos(math.radians(context.control.limits.tilt_max))

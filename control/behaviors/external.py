@@ -10,6 +10,7 @@ import numpy as np
 from control.behaviors.behavior import Behavior, Context, NoArguments, TickInputs
 from control.behaviors.follow_trajectory import limits_of
 from control.behaviors.table import BehaviorName
+from control.keep_out import AROUND, first_encounter
 from control.trajectories.extrapolation import extrapolate
 from control.trajectories.feasibility import Survey
 from control.trajectories.limits import QUANTITIES, WALLS
@@ -26,8 +27,8 @@ class External(Behavior):
 
     Between two references the last one is extrapolated, at most for behavior.external_timeout. A
     reference is not flown if it is late, if it steps, if the vehicle could not fly it, or if its
-    extrapolation during a silence could not be flown or would leave the flight volume: then the
-    vehicle brakes and hovers.
+    extrapolation during a silence could not be flown or would leave the flight volume or meet a
+    keep-out box: then the vehicle brakes and hovers.
 
     Attributes:
         aborted: why it ended by itself.
@@ -40,6 +41,7 @@ class External(Behavior):
         self._outside = context.outside
         self._timeout, self._step_max = p.external_timeout, p.external_step_max
         self._deceleration = p.brake_deceleration
+        self._boxes, self._margin = p.boxes, p.keep_out_margin
         self._limits = limits_of(p, context.model)
         self._survey = Survey(context.model, self._limits)
         self._flown, self._flown_ns = new_reference(), -1
@@ -118,15 +120,17 @@ class External(Behavior):
                     f"the reference asks for {quantity.name} = {asked:.2f} {quantity.unit}; "
                     f"allowed {most:.2f} ({quantity.source})"
                 )
-        for axis, stop, low, high in zip(
-            "xyz", self._stops(later), self._limits.low_w, self._limits.high_w, strict=True
-        ):
+        stops, limits = self._stops(later), self._limits
+        for axis, stop, low, high in zip("xyz", stops, limits.low_w, limits.high_w, strict=True):
             if not low <= stop <= high:
                 return (
                     f"were it the last reference, the vehicle would stop at {axis} = {stop:.2f} m, "
                     f"outside the flight volume; allowed {low:g} to {high:g} m "
                     f"(behavior.volume_{axis}_min, behavior.volume_{axis}_max)"
                 )
+        path = [present["position_w"][0], *self._now_and_later["position_w"], stops]
+        if near := first_encounter(self._boxes, path, self._margin, may_leave=True):
+            return f"the reference, or where the vehicle would stop after it, is {near}; {AROUND}"
         return ""
 
     def _stops(self, reference: Record) -> list[float]:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from control.behaviors.arguments import FlyToArguments
-from control.behaviors.behavior import Context, Point, TrajectoryBehavior, check_inside
+from control.behaviors.behavior import Context, Point, TrajectoryBehavior, check_clear, check_inside
 from control.behaviors.table import BehaviorName
 from control.trajectories.line import Line
 from control.trajectories.polynomial import motion_of
@@ -45,6 +45,7 @@ def _path(context: Context, end: Point, speed: float) -> Trajectory:
         "yaw_acceleration": p.yaw_acceleration_max,
     }
     if not motion_of(context.reference)[:, 1:].any():
+        check_clear(BehaviorName.FLY_TO, (context.point[:3], end[:3]), p, may_leave=True)
         return Line(context.point, end, **limits)
     path = Retarget(context.reference, end, **limits)
     samples = sample_many(path, np.linspace(0.0, path.duration, 40))
@@ -55,4 +56,5 @@ def _path(context: Context, end: Point, speed: float) -> Trajectory:
         p,
         start_w=context.point[:3],
     )
+    check_clear(BehaviorName.FLY_TO, samples["position_w"], p, may_leave=True)
     return path

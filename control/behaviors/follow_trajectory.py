@@ -16,7 +16,7 @@ from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
 from control.behaviors.trajectory_arguments import FollowTrajectoryArguments, WhichTrajectory
 from control.behaviors.trajectory_choice import CHOICES, Choice
-from control.trajectories.feasibility import Feasibility, examine, fits, refusal
+from control.trajectories.feasibility import Feasibility, encounter, examine, fits, refusal
 from control.trajectories.limits import WALLS, Limits, with_margin
 from control.trajectories.trajectory import Trajectory
 from quadrotor.errors import RefusedError, UnknownParameterError
@@ -79,6 +79,10 @@ def surveyed(
     trajectory = choice.make(context, arguments)
     report = examine(trajectory, context.model, limits)
     breach = report.breach
+    if breach is None or breach.index >= WALLS:
+        near = encounter(trajectory, context.parameters.boxes, context.parameters.keep_out_margin)
+        if near:
+            return trajectory, report, f"follow_trajectory refused: the path comes {near}"
     if breach is None:
         return trajectory, report, ""
     advice = _advice(context, choice, arguments, limits) if breach.index >= WALLS else ""
@@ -91,8 +95,8 @@ def limits_of(p: BehaviorParameters, model: Record) -> Limits:
         float(model["thrust_min"][0]), float(model["thrust_max"][0]), p.trajectory_thrust_margin
     )
     return Limits(
-        low_w=(p.volume_x_min, p.volume_y_min, p.volume_z_min),
-        high_w=(p.volume_x_max, p.volume_y_max, p.volume_z_max),
+        low_w=p.low_w,
+        high_w=p.high_w,
         speed=p.trajectory_speed_max,
         acceleration=p.trajectory_acceleration_max,
         yaw_rate=p.yaw_rate_max,

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from control.keep_out import PARAMETER, KeepOut, Vector, parse_keep_out
+from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
 
 NONE = "none"
+Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+"""Lowest and highest x, y and z, m."""
 
 
 def _wall(default: float, description: str) -> float:
@@ -15,7 +23,7 @@ def _wall(default: float, description: str) -> float:
 
 
 class BehaviorParameters(Parameters):
-    """The flight volume, the default speeds and the landing detector."""
+    """The flight volume, keep-out boxes, the default speeds and the landing detector."""
 
     volume_x_min: float = _wall(-3.0, "flight volume, smallest x")
     volume_x_max: float = _wall(3.0, "flight volume, largest x")
@@ -23,6 +31,11 @@ class BehaviorParameters(Parameters):
     volume_y_max: float = _wall(3.0, "flight volume, largest y")
     volume_z_min: float = _wall(0.2, "flight volume, lowest reference in flight")
     volume_z_max: float = _wall(3.0, "flight volume, highest reference")
+    keep_out: str = parameter(NONE)
+    """boxes that no path comes near: 'name x_min x_max y_min y_max z_min z_max; ...' in m, or
+    none"""
+    keep_out_margin: float = parameter(0.4, unit="m", ge=0.05, le=2.0, step=0.05)
+    """distance of references from keep-out boxes: the vehicle's radius and what it strays"""
     take_off_speed: float = parameter(0.4, unit="m/s", ge=0.05, le=2.0, step=0.05)
     """climb speed of take_off"""
     landing_speed: float = parameter(0.3, unit="m/s", ge=0.05, le=1.0, step=0.05)
@@ -84,3 +97,41 @@ class BehaviorParameters(Parameters):
     """touch-down: for this long"""
     landing_velocity_change: float = parameter(0.2, unit="m/s", ge=0.02, le=1.0, step=0.01)
     """touch-down: while the velocity changes by less than this"""
+
+    @property
+    def low_w(self) -> Vector:
+        """Return the lowest corner of the flight volume, m."""
+        return (self.volume_x_min, self.volume_y_min, self.volume_z_min)
+
+    @property
+    def high_w(self) -> Vector:
+        """Return the highest corner of the flight volume, m."""
+        return (self.volume_x_max, self.volume_y_max, self.volume_z_max)
+
+    @property
+    def boxes(self) -> KeepOut:
+        """Return the keep-out boxes. Raises OutOfBoundsError for a text that was not checked."""
+        return parse_keep_out(self.keep_out)
+
+
+def flight_volume(value: Callable[[str], Any]) -> Box | None:
+    """Return the flight volume, or None while it is not known.
+
+    Args:
+        value: returns the value of a parameter by its full name, None if not known.
+    """
+    x, y, z = (
+        (value(f"behavior.volume_{axis}_min"), value(f"behavior.volume_{axis}_max"))
+        for axis in "xyz"
+    )
+    known = all(isinstance(wall, int | float) for side in (x, y, z) for wall in side)
+    return (x, y, z) if known else None
+
+
+def keep_out(value: Callable[[str], Any]) -> KeepOut:
+    """Return the keep-out boxes, none of a vehicle or a log of another version; `value` as for the
+    flight volume.
+    """
+    with suppress(OutOfBoundsError):
+        return parse_keep_out(str(value(PARAMETER) or NONE))
+    return ()

@@ -48,14 +48,12 @@ def preview(
     from control.behaviors.follow_trajectory import FollowTrajectory, surveyed
     from control.behaviors.parameters import BehaviorParameters
     from control.trajectories.trajectory import sample_many
+    from quadrotor.parameters import section_of
     from quadrotor.records import new_reference
     from quadrotor.vehicle_model import GRAVITY, VehicleModel
 
-    behavior, model = BehaviorParameters(), VehicleModel()
-    for prefix, section in (("behavior.", behavior), ("model.", model)):
-        for name in type(section).model_fields:
-            if prefix + name in parameters:
-                setattr(section, name, parameters[prefix + name])
+    behavior = section_of(BehaviorParameters, "behavior.", parameters)
+    model = section_of(VehicleModel, "model.", parameters)
     reference = new_reference()
     reference["position_w"][0], reference["yaw"] = point[:3], point[3]
     context = Context(reference, behavior, model.mass * GRAVITY, model.record(voltage))

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from control.behaviors.arguments import TakeOffArguments
-from control.behaviors.behavior import Context, TrajectoryBehavior, check_inside
+from control.behaviors.behavior import Context, TrajectoryBehavior, check_clear, check_inside
 from control.behaviors.table import BehaviorName
 from control.trajectories.line import Line
 from quadrotor.parameters import Parameters
@@ -27,5 +27,6 @@ class TakeOff(TrajectoryBehavior):
         x, y, z, yaw = context.point
         top = (x, y, z + arguments.height, yaw)
         check_inside(self.name, "the end at", np.array([top[:3]]), context.parameters)
+        check_clear(self.name, (context.point[:3], top[:3]), context.parameters)
         acceleration = context.parameters.acceleration_max
         super().__init__(Line(context.point, top, speed=arguments.speed, acceleration=acceleration))

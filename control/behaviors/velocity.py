@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+import numpy as np
+
 from control.behaviors.behavior import Behavior, Context, Joy, NoArguments, TickInputs
+from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
 from control.trajectories.velocity_filter import advance, new_velocity_filter
 from quadrotor.records import Record
@@ -29,7 +32,8 @@ class Brake(Behavior):
 class Velocity(Behavior):
     """Behavior flown by sticks.
 
-    Released, stale or missing sticks stop the vehicle, and the flight volume's walls slow it down.
+    Released, stale or missing sticks stop the vehicle, and the flight volume's walls and keep-out
+    boxes slow it down.
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.VELOCITY
@@ -39,8 +43,7 @@ class Velocity(Behavior):
         self._filter = new_velocity_filter(
             context.reference, p.joy_acceleration, p.yaw_acceleration_max
         )
-        self._filter["low_w"] = (p.volume_x_min, p.volume_y_min, p.volume_z_min)
-        self._filter["high_w"] = (p.volume_x_max, p.volume_y_max, p.volume_z_max)
+        set_walls(self._filter, p)
         self._command = self._filter["command"][0]
         self._speeds = (p.joy_speed_xy, p.joy_speed_xy, p.joy_speed_z, p.joy_yaw_rate)
         self._timeout_ns = int(p.joy_timeout * 1e9)
@@ -57,6 +60,15 @@ class Velocity(Behavior):
                 self._command[i] = 0.0 if joy is None else self._speeds[i] * stick_axis(joy[1][i])
         advance(self._filter, tick.dt, reference)
         return False
+
+
+def set_walls(velocity_filter: Record, p: BehaviorParameters, inset: float = 0.0) -> None:
+    """Set the walls of the flight volume and the keep-out boxes, `inset` (m) before them."""
+    f, kept = velocity_filter[0], p.keep_out_margin + inset
+    f["low_w"], f["high_w"] = np.array(p.low_w) + inset, np.array(p.high_w) - inset
+    for k, box in enumerate(p.boxes):
+        f["boxes_low_w"][k] = np.array(box.low_w) - kept
+        f["boxes_high_w"][k] = np.array(box.high_w) + kept
 
 
 def stick_axis(value: float) -> float:

@@ -88,7 +88,7 @@ def _table(path: Path, text: str) -> dict[str, Array]:
         t = names.index("t")
         if rows and row[t] <= rows[-1][t]:
             raise RefusedError(
-                f"{where}, column t: {row[t]:g} s comes after {rows[-1][t]:g} s; times must grow"
+                f"{where}, column t: {row[t]:g} s comes after {rows[-1][t]:g} s; times must rise"
             )
         if len(rows) == ROWS_MAX:
             raise RefusedError(f"{where}: more than {ROWS_MAX} rows; give fewer, they are joined")

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from control.keep_out import AROUND, KeepOut, first_encounter
 from control.trajectories.flatness import wrench_of_reference
 from control.trajectories.limits import QUANTITIES, WALLS, Limits
 from control.trajectories.trajectory import Trajectory, grid_sampler, stretches_of
@@ -154,12 +155,25 @@ class Survey:
         survey(references, self._model, self.limits, *found, stop)
 
 
+def grid_of(trajectory: Trajectory) -> tuple[Record, Array]:
+    """Return references and times (s) of all stretches of a trajectory."""
+    stretches, sample = stretches_of(trajectory), grid_sampler(trajectory)
+    references = np.empty(sum(count for _, _, count in stretches), REFERENCE)
+    times = np.empty(len(references))
+    at = 0
+    for begin, end, count in stretches:
+        times[at : at + count] = np.linspace(begin, end, count)
+        sample(begin, (end - begin) / (count - 1), references[at : at + count])
+        at += count
+    return references, times
+
+
 class _TrajectorySurvey(Survey):
     """Surveys of parts of one trajectory."""
 
     def __init__(self, trajectory: Trajectory, model: Record, limits: Limits) -> None:
         super().__init__(model, limits)
-        self.trajectory, self.sample = trajectory, grid_sampler(trajectory)
+        self.sample = grid_sampler(trajectory)
         self.fine = np.empty(FINER, REFERENCE)
 
     def between(self, low: float, high: float) -> float:
@@ -168,18 +182,6 @@ class _TrajectorySurvey(Survey):
         self.sample(low, step, self.fine)
         self.run(self.fine)
         return step
-
-    def grid(self) -> tuple[Record, Array]:
-        """Return references and times of all stretches."""
-        stretches = stretches_of(self.trajectory)
-        references = np.empty(sum(count for _, _, count in stretches), REFERENCE)
-        times = np.empty(len(references))
-        at = 0
-        for begin, end, count in stretches:
-            times[at : at + count] = np.linspace(begin, end, count)
-            self.sample(begin, (end - begin) / (count - 1), references[at : at + count])
-            at += count
-        return references, times
 
     def breach(self, q: int, low: float, high: float) -> float:
         """Return the time in low..high from which quantity q exceeds its limit, as at `high`."""
@@ -195,7 +197,7 @@ class _TrajectorySurvey(Survey):
 def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibility:
     """Return the extremes of a finite trajectory, flown by the vehicle of `model` (MODEL, (1,))."""
     parts = _TrajectorySurvey(trajectory, model, limits)
-    references, times = parts.grid()
+    references, times = grid_of(trajectory)
     parts.run(references)
     worst, worst_at, first = parts.worst.copy(), parts.worst_at.copy(), parts.first.copy()
     at = times[worst_at]
@@ -228,10 +230,25 @@ def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibilit
     return Feasibility(tuple(extremes), limits)
 
 
+def encounter(trajectory: Trajectory, boxes: KeepOut, margin: float) -> str:
+    """Return where and when a path comes nearer than `margin` (m) to a keep-out box; "" if never.
+
+    The samples of a survey are joined by straight lines.
+    """
+    if not boxes:
+        return ""
+    references, times = grid_of(trajectory)
+    found = first_encounter(boxes, references["position_w"], margin)
+    if found is None:
+        return ""
+    after = np.interp(found.at, np.arange(len(times)), times)
+    return f"{found} after {after:.2f} s; {AROUND}"
+
+
 def fits(trajectory: Trajectory, model: Record, limits: Limits) -> bool:
     """Return whether all samples keep to the limits; faster than `examine`, for searches."""
     parts = _TrajectorySurvey(trajectory, model, limits)
-    parts.run(parts.grid()[0], stop=True)
+    parts.run(grid_of(trajectory)[0], stop=True)
     return bool((parts.first < 0).all())
 
 

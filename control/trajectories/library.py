@@ -25,8 +25,8 @@ def load_trajectory(path: Path) -> Polynomial:
     loader = LOADERS.get(path.suffix.lower())
     if loader is None:
         raise RefusedError(
-            f"{path.name}: {path.suffix or 'no ending'} is no kind of trajectory file; there are "
-            f"{', '.join(LOADERS)}"
+            f"{path.name}: {path.suffix or 'no ending'} is not a kind of trajectory file; "
+            f"there are {', '.join(LOADERS)}"
         )
     found = loader(path)
     report = examine(found, VehicleModel().record(), Limits())

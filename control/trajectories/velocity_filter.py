@@ -12,6 +12,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from control.keep_out import MOST
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
 
@@ -36,6 +37,9 @@ VELOCITY_FILTER = np.dtype(
         ("acceleration_max", "f8", 4),  # m/s^2 and rad/s^2
         ("low_w", "f8", 3),  # m, walls; -inf and inf for none
         ("high_w", "f8", 3),  # m
+        ("boxes_low_w", "f8", (MOST, 3)),  # m, keep-out boxes with their margin; the first with
+        ("boxes_high_w", "f8", (MOST, 3)),  # inf below -inf is none, as are those behind it
+        ("wanted", "f8", 4),  # scratch: the command in world axes, within the walls
     ],
     align=True,
 )
@@ -53,7 +57,43 @@ def new_velocity_filter(reference: Record, acceleration: float, yaw_acceleration
     )
     out["acceleration_max"] = (acceleration, acceleration, acceleration, yaw_acceleration)
     out["low_w"], out["high_w"] = -np.inf, np.inf
+    out["boxes_low_w"], out["boxes_high_w"] = np.inf, -np.inf
     return out
+
+
+@compiled
+def keep_out(velocity_filter: Record, reference: Record) -> None:
+    """Limit the wanted velocity towards each box along the one axis that keeps it out best.
+
+    One axis is enough: while the speed towards a face is at most WALL_RATE times the distance to
+    it, the reference stays before that face, wherever it goes along the others. So a box asks for
+    nothing while the wanted velocity leaves such an axis, and the reference passes beside it. Else
+    the axis is chosen whose face the present motion respects best.
+
+    The distance is the least of the four places p, p + v/w, p + 2 v/w + a/w^2 and
+    q = p + 3 v/w + 3 a/w^2 + j/w^3 (w is BANDWIDTH): the slewed velocity is the derivative of q,
+    and each of the other three follows the next one as a first-order lag, so none overtakes it.
+    """
+    f = velocity_filter[0]
+    r = reference[0]
+    w = BANDWIDTH
+    for k in range(MOST):
+        if f.boxes_low_w[k, 0] > f.boxes_high_w[k, 0]:
+            return
+        is_free, best, best_room, towards, limit = False, 0, -math.inf, 1.0, 0.0
+        for i in range(3):
+            p, v, a = r.position_w[i], r.velocity_w[i] / w, r.acceleration_w[i] / (w * w)
+            q = p + 3.0 * v + 3.0 * a + r.jerk_w[i] / (w * w * w)
+            below = f.boxes_low_w[k, i] - max(p, p + v, p + 2.0 * v + a, q)
+            above = min(p, p + v, p + 2.0 * v + a, q) - f.boxes_high_w[k, i]
+            side = 1.0 if below > above else -1.0  # towards the box
+            most = WALL_RATE * max(below, above)
+            room = most - max(0.0, side * f.slewed[i])
+            is_free = is_free or (room >= 0.0 and most >= side * f.wanted[i])
+            if room > best_room:
+                best, best_room, towards, limit = i, room, side, most
+        if not is_free:
+            f.wanted[best] = towards * min(towards * f.wanted[best], limit)
 
 
 @compiled
@@ -77,8 +117,11 @@ def advance(velocity_filter: Record, dt: float, reference: Record) -> bool:
         if i < 3:
             wanted = min(wanted, WALL_RATE * (f.high_w[i] - r.position_w[i]))
             wanted = max(wanted, WALL_RATE * (f.low_w[i] - r.position_w[i]))
+        f.wanted[i] = wanted
+    keep_out(velocity_filter, reference)
+    for i in range(4):
         slew = f.acceleration_max[i] * h
-        f.slewed[i] += min(slew, max(-slew, wanted - f.slewed[i]))
+        f.slewed[i] += min(slew, max(-slew, f.wanted[i] - f.slewed[i]))
     for i in range(3):
         v = r.velocity_w[i]
         a = r.acceleration_w[i]

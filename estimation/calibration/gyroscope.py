@@ -40,8 +40,8 @@ def identify_gyroscope(
     """
     if motors_on:
         raise MeasurementError(
-            "gyroscope not calibrated: motors are on, and what they shake is no drift; "
-            "disarm, then try again"
+            "gyroscope not calibrated: motors are on, and their vibration would be taken for "
+            "drift; disarm, then try again"
         )
     count = len(angular_velocity_b)
     if count < SAMPLES_MIN:

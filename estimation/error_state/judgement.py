@@ -98,7 +98,7 @@ def inconsistency_of(m: Any) -> str:
     if m["restarted"]:
         return ""
     if not np.isfinite(m["now"]).all():
-        return "its estimate is not a number"
+        return "its estimate is not finite"
     if m["applied"] + m["refused"] < FIT_UPDATES:
         return ""
     return _refusals(m) or _refused_share(m) or _innovations(m)

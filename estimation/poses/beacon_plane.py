@@ -60,7 +60,7 @@ class BeaconPlane:
         extent = float(singular[0]) / math.sqrt(len(beacons))
         if not (singular[1] > IN_LINE * singular[0] and extent > 1e-6):
             raise DegenerateGeometryError(
-                f"{len(beacons)} beacons stand on one line or one spot; "
+                f"{len(beacons)} beacons lie on one line or at one point; "
                 "four that span a plane are needed: move one aside"
             )
         if singular[2] > FLATNESS * singular[0]:

@@ -183,7 +183,7 @@ class PlanarPoseSolver:
             )
         if code == NO_START and not self.plane.spanned:
             return DegenerateGeometryError(
-                "bearings do not determine a pose: three of four beacons stand on one line; "
+                "bearings do not determine a pose: three of four beacons lie on one line; "
                 "move one aside, or give a predicted pose to start from"
             )
         if np.linalg.svd(bearings, compute_uv=False)[2] < 1e-6:

@@ -108,5 +108,5 @@ def read_yaml(path: Path, needed: str) -> Any:
         raise StorageError(f"{path}: {error.strerror}; {needed}") from None
     except (YAMLError, UnicodeDecodeError) as error:
         raise MeasurementError(
-            f"{path} is no YAML: {str(error).splitlines()[0]:.80}; {needed}"
+            f"{path} is not YAML: {str(error).splitlines()[0]:.80}; {needed}"
         ) from None

@@ -116,7 +116,7 @@ class TagTracker:
             return self._place
         if not world:
             raise MeasurementError(
-                "where the camera is is not known: none of the tags with known places is seen ("
+                "the camera's pose is not known: none of the tags with known places is seen ("
                 f"{', '.join(map(str, sorted(self._layout.world)))}); turn it until one is"
             )
         self._seen.append(world)

@@ -36,7 +36,9 @@ class CrazyflieTables(FileTables):
         try:
             kinds, start, self._unit = _kinds(data)
         except (IndexError, ValueError, KeyError, UnicodeDecodeError, struct.error) as error:
-            raise LogFormatError(f"{path.name} is no log of a Crazyflie: {error!s:.80}") from None
+            raise LogFormatError(
+                f"{path.name} is not a log of a Crazyflie: {error!s:.80}"
+            ) from None
         whole = len(data) > 9 and crc32(data[:-4]) == int.from_bytes(data[-4:], "little")
         end = len(data) - 4 if whole else len(data)
         places: dict[int, list[int]] = defaultdict(list)

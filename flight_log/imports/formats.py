@@ -26,7 +26,7 @@ def format_of(path: Path) -> str:
     """Return the format of a file or folder. Raises LogFormatError or StorageError."""
     try:
         if not path.exists():
-            raise StorageError(f"{path} is no file")
+            raise StorageError(f"{path} is not a file")
         if (path / "metadata.yaml").is_file():
             return "rosbag"
         if path.is_dir():

@@ -77,7 +77,7 @@ class _Files:
         path = self._path.parent / rows.file if rows.file else self._path
         if path not in self._opened:
             if rows.file and not path.exists():
-                raise StorageError(f"{path}, which the mapping names, is no file")
+                raise StorageError(f"{path}, which the mapping names, is not a file")
             self._opened[path] = open_source(path, self._wanted)
         return self._opened[path]
 

@@ -107,7 +107,7 @@ def read_stations(path: Path) -> tuple[int, dict[int, Record]]:
                 planes[2 * int(station) + sweep] = plane
     except (OSError, YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise LogFormatError(
-            f"{path.name} next to the log is no configuration of base stations: {error!r:.80}"
+            f"{path.name} next to the log is not a configuration of base stations: {error!r:.80}"
         ) from None
     return make, planes
 

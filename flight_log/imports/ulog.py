@@ -52,7 +52,7 @@ class UlogTables(FileTables):
         except OSError as error:
             raise StorageError(f"cannot read {path}: {error.strerror}") from error
         except (ULogException, ValueError, TypeError, KeyError, IndexError) as error:
-            raise LogFormatError(f"{path.name} is no readable ULog: {error!s:.120}") from None
+            raise LogFormatError(f"{path.name} is not a readable ULog: {error!s:.120}") from None
         self._data: dict[str, dict[str, npt.NDArray[Any]]] = {
             f"{one.name}#{one.multi_id}" if one.multi_id else one.name: one.data
             for one in log.data_list

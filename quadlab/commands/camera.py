@@ -51,7 +51,7 @@ class Camera:
         if self.paper is not None:
             return _print(board, self.paper)
         if self.video is not None and self.out is None:
-            raise UsageError("--video needs --out FILE: a video is no camera of this computer")
+            raise UsageError("--video needs --out FILE: a video is not a camera of this computer")
         data = None if self.out is not None else open_data_folder(self.data)
         found = self._found(board)
         if found.warnings:

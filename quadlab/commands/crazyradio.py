@@ -41,6 +41,6 @@ def _split(word: str) -> tuple[str, int]:
     link, _, port = word.rpartition("=")
     if not link or not port.isdigit() or not 1 <= int(port) <= 65535:
         raise UsageError(
-            f"{word!r} is no LINK=PORT; give one like radio://0/80/2M/E7E7E7E701=19850"
+            f"{word!r} is not LINK=PORT; give one like radio://0/80/2M/E7E7E7E701=19850"
         )
     return link, int(port)

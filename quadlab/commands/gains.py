@@ -28,7 +28,7 @@ class Gains:
             chosen = [("this set", parameters.control)]
         loops = [one.loop for one in margins(chosen[0][1], lag)]
         width = max(len(name) for name, _ in chosen)
-        print(f"phase margin (and delay borne) with motors of {lag:g} s")
+        print(f"phase margin (and delay tolerated) with motors of {lag:g} s")
         print(" " * width + "".join(f"{loop:>16}" for loop in loops))
         for name, gains in chosen:
             found = margins(gains, lag)

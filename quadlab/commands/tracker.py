@@ -109,7 +109,7 @@ class Tracker:
         if not self.rendered and self.tags is None:
             raise UsageError(f"{self.system} needs --tags FILE; see docs/trackers.md")
         if self.video and not self.intrinsics:
-            raise UsageError("--video needs --intrinsics FILE: a video is no camera that is known")
+            raise UsageError("--video needs --intrinsics FILE: the camera of a video is not known")
         if not 1 <= len(cameras) <= most:
             raise UsageError(
                 f"{len(cameras)} cameras; {self.system} reads at most {most}: start it with fewer"

@@ -30,10 +30,10 @@ ROUND_TRIP = Limit(
     0.25,
     1e3,
     "ms",
-    "go nearer, use 5 GHz, and switch the WiFi's power saving off at both ends",
+    "move closer, use 5 GHz, and turn Wi-Fi power saving off at both ends",
 )
 UNANSWERED = Limit(
-    "questions not answered",
+    "requests not answered",
     0.0,
     0.02,
     100.0,
@@ -106,7 +106,7 @@ def _not_measured(figures: Figures) -> list[tuple[str, str]]:
         if math.isnan(figures.throughput) and not figures.armed:
             hidden.append("throughput")
         return [(_list(hidden), "the vehicle speaks another protocol")] if hidden else []
-    found = [(name, "no question was answered") for name in trip]
+    found = [(name, "no request was answered") for name in trip]
     if telemetry:
         came = "one packet" if figures.packets == 1 else "no packet"
         why = f"{came} of telemetry received; its terminal may say why"

@@ -121,6 +121,6 @@ def world_point(
     another frame.
     """
     if frame not in GLOBAL:
-        raise RefusedError(f"places in frame {frame} are not flown to; send a global one")
+        raise RefusedError(f"places in frame {frame} are not supported; send a global one")
     above = origin.place.altitude if frame in RELATIVE else 0.0
     return origin.world_of(Place(latitude, longitude, altitude + above))

@@ -35,7 +35,7 @@ from vehicle_link.termination_signal import Ending
 PERIOD = 0.01
 """Longest wait, in s, for a message before what is due is sent."""
 NOT_FLOWN = {
-    "SET_ATTITUDE_TARGET": "set-points of attitude are not flown; send position or velocity",
+    "SET_ATTITUDE_TARGET": "attitude set-points are not supported; send position or velocity",
     "LOG_ERASE": "runs are deleted on the Runs page alone",
 }
 VIEWER = "ground stations are viewers here; start quadlab mavlink without --viewers to let them fly"

@@ -210,7 +210,7 @@ class Link:
         for message in peer.parse(data):
             kind, system = message.get_type(), message.get_srcSystem()
             if kind == "BAD_DATA":
-                self.complain(peer, kind, f"{at} sends what is not valid: {message.reason}")
+                self.complain(peer, kind, f"{at} sends invalid messages: {message.reason}")
                 continue
             if kind.startswith("UNKNOWN") or system in (0, SYSTEM):
                 continue

@@ -67,7 +67,9 @@ class Missions:
         if self._tries >= TRIES:
             self._from = None
             self._acknowledge(peer, mavlink.MAV_MISSION_OPERATION_CANCELLED)
-            self._say(peer, f"mission upload given up at item {len(self._arrived)}: nothing came")
+            self._say(
+                peer, f"mission upload given up at item {len(self._arrived)}: nothing arrived"
+            )
         else:
             self._ask(now)
 

@@ -3,8 +3,9 @@
 A set-point may be anywhere, but a reference must be flyable and must not step. So a reference of
 our own follows the set-points: its velocity is the set-point's, plus a share of the way that is
 left, and it passes through the filter of the sticks (control.trajectories.velocity_filter), which
-also stops it at the walls of the flight volume. The vehicle checks each reference as always. When
-set-points stop, references stop, and the vehicle brakes and hovers (docs/safety.md).
+also stops it at the walls of the flight volume and at keep-out boxes. The vehicle checks each
+reference as always. When set-points stop, references stop, and the vehicle brakes and hovers
+(docs/safety.md).
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from control.behaviors.parameters import BehaviorParameters
+from control.behaviors.velocity import set_walls
 from control.trajectories.extrapolation import extrapolate
 from control.trajectories.velocity_filter import advance, new_velocity_filter
 from quadlab.mavlink.commands import world_point
@@ -23,6 +26,7 @@ from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import Origin, Vector, swap_world, swap_yaw
 from quadlab.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError
+from quadrotor.parameters import section_of
 from quadrotor.records import Record, new_reference
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.messages import encode, header, new
@@ -117,21 +121,15 @@ class Follower:
     """
 
     def __init__(self, reference: Record, parameters: Mapping[str, Any]) -> None:
-        def limit(name: str) -> float:
-            return float(parameters[f"behavior.{name}"])
-
+        p = section_of(BehaviorParameters, "behavior.", parameters)
         self.reference = reference.copy()
         self._filter = new_velocity_filter(
-            reference, SHARE * limit("acceleration_max"), SHARE * limit("yaw_acceleration_max")
+            reference, SHARE * p.acceleration_max, SHARE * p.yaw_acceleration_max
         )
-        for axis, low, high in zip(
-            range(3), ("x_min", "y_min", "z_min"), ("x_max", "y_max", "z_max"), strict=True
-        ):
-            self._filter["low_w"][0, axis] = limit(f"volume_{low}") + INSET
-            self._filter["high_w"][0, axis] = limit(f"volume_{high}") - INSET
-        self._speed = limit("fly_to_speed")
-        self._speed_max = SHARE * limit("trajectory_speed_max")
-        self._yaw_rate_max = SHARE * limit("yaw_rate_max")
+        set_walls(self._filter, p, INSET)
+        self._speed = p.fly_to_speed
+        self._speed_max = SHARE * p.trajectory_speed_max
+        self._yaw_rate_max = SHARE * p.yaw_rate_max
 
     def step(self, wanted: SetPoint, dt: float) -> None:
         """Advance the reference by dt (s)."""

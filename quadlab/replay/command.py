@@ -162,7 +162,7 @@ class Replay:
                 "--survey needs a run of error_state on bearings, both or sweeps; "
                 "add --estimator error_state --on both"
             )
-        print("surveying: the flight is replayed some hundred times", flush=True)
+        print("surveying: the flight is replayed several hundred times", flush=True)
         if run.source == SWEEPS:
             return [f"base station {line}" for line in survey_stations(recording, run).lines]
         beacons, found = survey_beacons(recording, run, store.of(run))

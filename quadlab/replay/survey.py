@@ -77,7 +77,7 @@ class Survey(NamedTuple):
             sure = f" (± {1e3 * one.deviation_w.max():.0f} mm)" if known else ""
             lines.append(f"{one.number}: moved by {moved} mm{sure}{turned}")
         before, after = 1e3 * self.before, 1e3 * self.after
-        return [*lines, f"not predicted: {before:.2f} mrad rms before, {after:.2f} mrad after"]
+        return [*lines, f"residual: {before:.2f} mrad rms before, {after:.2f} mrad after"]
 
 
 def survey_stations(recording: Recording, run: Run) -> Survey:
@@ -235,7 +235,7 @@ def _fit(
     if not ((np.abs(moves) < FARTHEST * scale).all() and rms[1] < rms[0]):
         raise MeasurementError(
             f"the survey of {run.label!r} finds no layout near the one it began with that fits "
-            f"better: {1e3 * rms[1]:.2f} instead of {1e3 * rms[0]:.2f} mrad not predicted, moved "
+            f"better: {1e3 * rms[1]:.2f} instead of {1e3 * rms[0]:.2f} mrad of residual, moved "
             f"by up to {np.abs(moved[:, :3]).max():.2f} m; is the layout right to about 0.1 m, and "
             "does the flight have 20 s or more of strong motion?"
         )

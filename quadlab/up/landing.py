@@ -66,7 +66,7 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSign
     try:
         session: Any = loopback_session(loopback_port)
     except LinkError as error:
-        print(f"quadlab: not landed, the station is away ({error})", flush=True)
+        print(f"quadlab: not landed, the station does not answer ({error})", flush=True)
         return
     landings = [_Landing(session, name, f"{name}: " if len(names) > 1 else "") for name in names]
     try:

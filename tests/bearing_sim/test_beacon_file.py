@@ -64,8 +64,8 @@ def test_a_written_set_is_read_back(tmp_path: Path, name: str) -> None:
         (GOOD.replace("2,-1,1,0.1", "B2,-1,1,0.1"), 3, 1, "id 'B2'; allowed is an integer"),
         (GOOD.replace("2,-1,1,0.1", "-2,-1,1,0.1"), 3, 1, "id '-2'; allowed is an integer"),
         (GOOD.replace("2,-1,1,0.1", "1,-1,1,0.1"), 3, 1, "id 1 is already on line 2"),
-        (GOOD.encode().replace(b"-1,-1", b"-1,\xff1"), 4, 6, "byte 0xff is no UTF-8 text"),
-        (b"\x89PNG\r\n\x1a\n", 1, 1, "byte 0x89 is no UTF-8 text"),
+        (GOOD.encode().replace(b"-1,-1", b"-1,\xff1"), 4, 6, "byte 0xff is not UTF-8 text"),
+        (b"\x89PNG\r\n\x1a\n", 1, 1, "byte 0x89 is not UTF-8 text"),
     ],
 )
 def test_a_file_that_is_none_is_refused_with_line_and_column(

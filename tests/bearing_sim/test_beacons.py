@@ -55,8 +55,13 @@ def test_a_preset_is_read_by_its_name_told_by_it_and_solvable(name: str) -> None
         (IDS, [*SQUARE[:3], [1, math.nan, 0.1]], MeasurementError, "beacon 4 stands at .*nan"),
         (IDS, [*SQUARE[:3], [1, math.inf, 0.1]], MeasurementError, "beacon 4 .*within ±1000 m"),
         (IDS, [*SQUARE[:3], [1000, -1001, 0.1]], MeasurementError, "give it in metres"),
-        (IDS, [[k, 2 * k, 0.1] for k in range(4)], DegenerateGeometryError, "one line or one spot"),
-        (IDS, [[1, 2, 3]] * 4, DegenerateGeometryError, "one line or one spot"),
+        (
+            IDS,
+            [[k, 2 * k, 0.1] for k in range(4)],
+            DegenerateGeometryError,
+            "one line or at one point",
+        ),
+        (IDS, [[1, 2, 3]] * 4, DegenerateGeometryError, "one line or at one point"),
     ],
 )
 def test_what_is_no_set_of_beacons_is_refused_with_the_reason(

@@ -391,7 +391,7 @@ def test_a_new_layout_acts_at_the_next_frame() -> None:
         ("distribution", "cauchy", "is not one of gaussian, student_t"),
         ("drop_out", 1.1, "allowed 0 to 1"),
         ("layout", "1 0 0 0; 2 1 0 0; 3 2 0 0", "3 beacons; allowed are 4 to 32"),
-        ("layout", "1 0 0 0; 2 1 0 0; 3 2 0 0; 4 3 0 0", "one line or one spot"),
+        ("layout", "1 0 0 0; 2 1 0 0; 3 2 0 0; 4 3 0 0", "one line or at one point"),
         ("layout", "1 0 0 0; 1 1 0 0; 3 1 1 0; 4 0 1 0", "more than once"),
         ("layout", "squar", "neither a preset"),
         ("layout", 3, "must be text"),

@@ -238,7 +238,7 @@ def test_a_folder_gives_what_loads_and_says_what_does_not(tmp_path: Path) -> Non
 
 
 def test_files_of_no_kind_and_files_that_cannot_be_read_are_said(tmp_path: Path) -> None:
-    with pytest.raises(RefusedError, match=r"a.txt: .txt is no kind of trajectory file"):
+    with pytest.raises(RefusedError, match=r"a.txt: .txt is not a kind of trajectory file"):
         load_trajectory(tmp_path / "a.txt")
     for name in ("a.csv", "a.py"):
         with pytest.raises(StorageError, match="cannot be read"):

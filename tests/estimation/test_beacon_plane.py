@@ -54,7 +54,7 @@ def test_three_of_four_on_a_line_span_no_homography() -> None:
     [
         (SQUARE[:3], None, DegenerateGeometryError, "at least 4"),
         (np.outer(np.arange(5), [1, 2, 3]), None, DegenerateGeometryError, "one line"),
-        (np.ones((4, 3)), None, DegenerateGeometryError, "one line or one spot"),
+        (np.ones((4, 3)), None, DegenerateGeometryError, "one line or at one point"),
         (SQUARE + np.diag([0, 0, 0.2, 0])[:4, :3], None, DegenerateGeometryError, "leave their"),
         (SQUARE, [1, 2, 2, 4], DegenerateGeometryError, "beacon 2 appears more than once"),
         (SQUARE, [1, 2, 3], MeasurementError, "3 ids for 4 beacons"),

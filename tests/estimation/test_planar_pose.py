@@ -178,7 +178,7 @@ GOOD = bearings_of(SQUARE, np.array([0.2, 0.1, 1.0]), Rotation.identity())
         (SQUARE, GOOD, 0.0, "sigma"),
         (SQUARE, GOOD, math.nan, "sigma"),
         (np.outer(np.arange(4), [1, 2, 3]), GOOD, SIGMA, "one line"),
-        (np.ones((4, 3)), GOOD, SIGMA, "one line or one spot"),
+        (np.ones((4, 3)), GOOD, SIGMA, "one line or at one point"),
         (SQUARE + np.diag([0, 0, 0.2, 0])[:4, :3], GOOD, SIGMA, "leave their common plane"),
         (SQUARE, np.tile(GOOD[0], (4, 1)), SIGMA, "do not determine a pose"),
     ],
@@ -194,7 +194,7 @@ def test_degenerate_input_is_refused_in_one_line(
 def test_three_beacons_on_a_line_are_refused() -> None:
     beacons = np.array([[-1, 0, 0], [0, 0, 0], [1, 0, 0], [0.0, 1, 0]])
     x = bearings_of(beacons, np.array([0.2, 0.1, 1.0]), Rotation.identity())
-    with pytest.raises(MeasurementError, match="three of four beacons stand on one line"):
+    with pytest.raises(MeasurementError, match="three of four beacons lie on one line"):
         planar_pose(beacons, x, SIGMA)
 
 

@@ -8,7 +8,7 @@ import { boardLink } from "../../web/static/link/board_link.js";
 const NOTHING = { board_command_rate: 0, board_round_trip: 0, board_acknowledged: 0, board_retries: 0, board_waiting: 0 };
 
 test("what a board tells of its link is told, and nothing else", () => {
-  assert.equal(boardLink(NOTHING), "it does not tell");
+  assert.equal(boardLink(NOTHING), "not reported by the board");
   assert.equal(boardLink({ ...NOTHING, board_command_rate: 249.6, board_round_trip: 0.00034 }), "250 commands a second · round trip 340 µs");
   const onGround = { ...NOTHING, armed: false, nominal_rate: 250, board_command_rate: 49.2, board_round_trip: 0.0008 };
   assert.equal(boardLink(onGround), "49 commands a second, motors off · round trip 800 µs, a sample every 4.0 ms");

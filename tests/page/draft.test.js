@@ -33,7 +33,14 @@ test("a trajectory elsewhere is flown to its start first", () => {
 });
 
 test("a volume sets its six walls at once, on the ground too", () => {
-  const { behavior, values, why } = stepOf({ ...target, kind: "volume", points: [[-1, -2, 0.2], [1, 2, 2.5]] }, { airborne: false });
-  assert.deepEqual([behavior, why], [undefined, ""]);
-  assert.deepEqual(values, { "behavior.volume_x_min": -1, "behavior.volume_x_max": 1, "behavior.volume_y_min": -2, "behavior.volume_y_max": 2, "behavior.volume_z_min": 0.2, "behavior.volume_z_max": 2.5 });
+  const set = { "behavior.volume_x_min": -1 }, { behavior, values, why } = stepOf({ ...target, kind: "volume", points: [[-1, -2, 0.2], [1, 2, 2.5]], values: set }, { airborne: false });
+  assert.deepEqual([behavior, why, values], [undefined, "", set]);
+});
+
+test("a keep-out box says where it is, and is not set where the vehicle would refuse it", () => {
+  const box = { ...target, kind: "keep_out", points: [[-1, -2, 0], [1, 2, 2.5]], arguments: { box: "pillar" }, values: { "behavior.keep_out": "pillar" } };
+  assert.equal(titleOf(box, ""), "pillar x −1.00 to 1.00, y −2.00 to 2.00, z 0.00 to 2.50 m");
+  assert.deepEqual(stepOf(box, HOVERS), { label: "Set box", why: "", values: box.values });
+  const around = { ...box, refusal: "behavior.keep_out refused: the vehicle is inside; move" };
+  assert.deepEqual([stepOf(around, HOVERS).why, noteOf(around)], ["the vehicle would refuse it", "the vehicle is inside; move"]);
 });

@@ -99,8 +99,8 @@ BROKEN = {
     "pipe": "a pipe or a device",
     "loop": "is not a file",
     "empty": "is empty: nothing was recorded",
-    "text": "is no MCAP log",
-    "zeros": "is no MCAP log",
+    "text": "is not an MCAP log",
+    "zeros": "is not an MCAP log",
     "magic": "ends before its first record",
     "record": "a record of 5369 MB",
 }

@@ -140,8 +140,8 @@ def robot_7() -> Iterator[str]:
     ("options", "status", "told"),
     [
         (["--robot-id", "7", "--firmware", "3"], 0, "--robot-id 7 --firmware 3"),
-        (["--firmware", "3"], 1, "looked for is robot 1: give its ports, or fly this one with "),
-        (["--robot-id=7"], 1, "looked for is firmware 1: install that one, or fly with --firmware"),
+        (["--firmware", "3"], 1, "expected is robot 1: give its ports, or fly this one with "),
+        (["--robot-id=7"], 1, "expected is firmware 1: install that one, or fly with --firmware"),
     ],
 )
 def test_a_robot_is_found_by_the_id_and_firmware_that_are_asked_for(

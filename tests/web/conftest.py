@@ -84,7 +84,7 @@ class ScriptedStation(Station):
         self.refusal = ""
         self.answers: dict[str, dict[str, Any]] = {}  # fields of a service's answer
         self.away = False
-        self.silence: LinkError = UnreachableError("the base station is not reached")
+        self.silence: LinkError = UnreachableError("the base station cannot be reached")
         self.compared = False
         self.residuals: dict[int, float] | None = None
         self.told: dict[str, Any] | None = None  # fields of its experiment's status
@@ -526,7 +526,7 @@ def station(site: Site) -> Iterator[ScriptedStation]:
     site.station.refusal = ""
     site.station.said = {}
     site.station.away = False
-    site.station.silence = UnreachableError("the base station is not reached")
+    site.station.silence = UnreachableError("the base station cannot be reached")
     site.station.answering.set()
 
 

@@ -21,7 +21,6 @@ from quadrotor.parameters import ParameterStore
 from web import app
 from web.commands.behaviors import described
 from web.live.sockets import listen
-from web.parameters.follower import flight_volume
 from web.process import print_link
 
 STATIC = Path(app.__file__).parent / "static"
@@ -92,17 +91,17 @@ def test_the_pages_behaviors_are_the_vehicles() -> None:
 
 
 def test_the_flight_volume_is_found_among_the_behavior_parameters() -> None:
-    from control.behaviors.parameters import BehaviorParameters
+    from control.behaviors.parameters import BehaviorParameters, flight_volume
     from quadrotor.parameters import Parameters
 
     class Root(Parameters):
         behavior: BehaviorParameters = BehaviorParameters()
 
     values = ParameterStore(Root()).values()
-    box = flight_volume(values.get)
+    box = flight_volume(lambda name: values.get(name))
     assert box is not None
     assert all(low < high and math.isfinite(low + high) for low, high in box)
-    assert flight_volume({}.get) is None
+    assert flight_volume(lambda _: None) is None
 
 
 def test_the_process_serves_without_a_station_and_ends_in_order(tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ from pathlib import Path
 import httpx
 import pytest
 from starlette.applications import Starlette
-from starlette.requests import HTTPConnection
+from starlette.requests import HTTPConnection, Request
 from starlette.routing import Mount
 
-from web import static_files, theme
+from web import static_files, theme, uplot
 from web.static_files import CachedFiles
 
 
@@ -131,3 +131,20 @@ def test_a_joined_file_is_compressed_for_those_who_take_it_and_no_others(script:
     assert plain.headers["vary"] == packed.headers["vary"] == "accept-encoding"
     assert int(packed.headers["content-length"]) < 500 < int(plain.headers["content-length"])
     assert packed.text == plain.text
+
+
+def test_a_browser_keeps_uplot_under_its_version_and_gets_it_compressed() -> None:
+    page = static_files.FILES.document("console/index.html").body
+    named, version = re.findall(r'src="/vendor/(uPlot.iife.js)\?([^"]+)"', bytes(page).decode())[0]
+
+    def ask(query: str, *headers: tuple[bytes, bytes]) -> httpx.Response:
+        scope = {"type": "http", "query_string": query.encode(), "headers": headers, "path": "/"}
+        given = uplot.answer(named, Request(scope))
+        return httpx.Response(200, headers=given.headers.items(), content=bytes(given.body))
+
+    whole, packed = ask("0"), ask(version, (b"accept-encoding", b"gzip, br"))
+    assert packed.text == whole.text
+    assert "uPlot" in whole.text
+    assert int(packed.headers["content-length"]) < 0.5 * int(whole.headers["content-length"])
+    assert "immutable" in packed.headers["cache-control"]
+    assert "cache-control" not in whole.headers, "of another version"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Protocol
 
 import msgspec
 
 from quadrotor.errors import UsageError
+from quadrotor.packaged_files import packaged
 from quadrotor.parameters import Parameters, ParameterStore, ParameterValue
 from vehicle.boards.board import Board, CommandKind, Traits
 from vehicle_link.serial.port import BAUD_RATE, Port
@@ -104,11 +104,11 @@ def find_kind(name: str) -> Kind:
     if name in _HERE:
         here: Kind = import_module(_HERE[name]).KIND
         return here
-    packaged = entry_points(group=GROUP)
-    if name not in packaged.names:
-        there_are = ", ".join([*_HERE, *sorted(packaged.names)])
+    offered = packaged(GROUP)
+    if name not in offered.names:
+        there_are = ", ".join([*_HERE, *sorted(offered.names)])
         raise UsageError(f"--board {name!r} is not known; there are {there_are}")
-    kind = packaged[name].load()
+    kind = offered[name].load()
     if not isinstance(kind, Kind):
-        raise UsageError(f"--board {name}: {packaged[name].value} is no vehicle.boards.kind.Kind")
+        raise UsageError(f"--board {name}: {offered[name].value} is not a vehicle.boards.kind.Kind")
     return kind

@@ -31,7 +31,9 @@ class StartValues:
 
 
 def start_values(
-    newest: Iterable[CalibrationRecord], given: Mapping[str, ParameterValue]
+    newest: Iterable[CalibrationRecord],
+    given: Mapping[str, ParameterValue],
+    of_board: Mapping[str, ParameterValue] | None = None,
 ) -> StartValues:
     """Combine calibrations with the values given on the command line (`--set`), which win.
 
@@ -40,10 +42,11 @@ def start_values(
 
     Args:
         newest: the newest record of each name, oldest first.
+        of_board: the board's own values, with which the others must be allowed together.
     """
-    found = StartValues()
+    found, of_board = StartValues(), of_board or {}
     try:
-        ParameterStore(new_parameters()).preset(given)
+        ParameterStore(new_parameters()).preset({**of_board, **given})
     except ParameterError:  # reported where the vehicle starts with them
         found.values.update(given)
         return found
@@ -52,7 +55,7 @@ def start_values(
         if record.name == GYROSCOPE:
             continue
         try:
-            _check(record.values, found.values, given)
+            _check(record.values, {**of_board, **found.values}, given)
         except ParameterError as error:
             found.refused.append(record.stamp_ns)
             found.lines.append(

@@ -155,12 +155,12 @@ def parse_stored(line: bytes) -> CalibrationRecord:
     """Parse a stored line. Raises MeasurementError with the reason why it is not a record."""
     if len(line) > RECORD_BYTES_MAX:
         raise MeasurementError(
-            f"no calibration record: {len(line)} bytes long, at most {RECORD_BYTES_MAX}"
+            f"not a calibration record: {len(line)} bytes long, at most {RECORD_BYTES_MAX}"
         )
     try:
         text = line.decode()
     except UnicodeDecodeError:
-        raise MeasurementError("no calibration record: not UTF-8 text") from None
+        raise MeasurementError("not a calibration record: not UTF-8 text") from None
     return parse_record(text)
 
 

@@ -68,14 +68,14 @@ def self_checks(
     disk = Check(
         "log's disk",
         "unknown",
-        "not looked at: the flight loop is silent, and may be flying",
+        "not checked: no data from the flight loop, which may be flying",
         advice="start the flight process and its microcontroller, then check again",
         place=PLACE,
     )
     if disarmed:
         least = STOP_BYTES if log is None else log.stop_bytes
         disk = disk_check(PLACE, "log's disk", data / FOLDER, least)
-    firmware = f"revision {identity.firmware}; the motors start with no other"
+    firmware = f"revision {identity.firmware}; the motors start with this one only"
     return [
         clock_check(PLACE),
         real_time_check(PLACE, PRIORITY),

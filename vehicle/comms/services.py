@@ -77,7 +77,7 @@ def check_in_time(
     if valid_until_ns and now_ns > valid_until_ns:
         late = f"{(now_ns - valid_until_ns) * 1e-9:.1f} s too late over the link"
         say(mailbox.WARN, f"{name} by {request.requester} arrived {late}: it was not carried out")
-        raise RefusedError(f"it arrived {late}; command it again")
+        raise RefusedError(f"it arrived {late}; send the command again")
 
 
 def _ask_flight(flight: FlightMailbox, command: Command, request: Message) -> Message:

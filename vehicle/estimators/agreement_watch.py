@@ -15,6 +15,9 @@ HOLD_NS = 1_000_000_000
 QUIET_NS = 5_000_000_000
 """Least time between two lines about single refused measurements."""
 
+MOVE_NS = 3_000_000_000
+"""Time after `expect_move` without reports: the command, the move and the estimate that follows."""
+
 _FLAGS = {
     Agreement.REFUSED: int(Flag.MEASUREMENTS_REFUSED),
     Agreement.JUMPED: int(Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED),
@@ -36,7 +39,7 @@ class AgreementWatch:
 
     def __init__(self, say: Callable[[str, int], None]) -> None:
         self._say = say
-        self._reported_ns = -(1 << 62)
+        self._reported_ns = self._moved_ns = -(1 << 62)
         self.begin()
 
     def begin(self) -> None:
@@ -46,6 +49,10 @@ class AgreementWatch:
         self._refused: int | None = None  # not received yet
         self._reported = 0
         self._farthest = self._largest = 0.0
+
+    def expect_move(self, now_ns: int) -> None:
+        """Report nothing for MOVE_NS: the vehicle, motors off, is put elsewhere on purpose."""
+        self._moved_ns = now_ns + MOVE_NS
 
     def step(self, now_ns: int) -> None:
         """Clear flags that have expired; called once a tick while any is set."""
@@ -70,6 +77,9 @@ class AgreementWatch:
             self._farthest, self._largest = max(self._farthest, far), max(self._largest, turn)
         self._reported = min(self._reported, refused)  # it was reset
         self._refused, self._agreement = refused, now
+        if now_ns < self._moved_ns:
+            self._count(refused)
+            return
         flags = _FLAGS[now]
         if flags:
             self.flags = flags | (self.flags if now_ns < self._end_ns else 0)

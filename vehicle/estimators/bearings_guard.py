@@ -92,7 +92,7 @@ class BearingsGuard:
         if self._behaviors.name not in STEADY:
             raise RefusedError(
                 f"hand-over refused during {self._behaviors.name.name.lower()}, whose path may "
-                "leave the envelope for bearings; request brake and wait for hover"
+                "leave the envelope for bearings; press Brake and wait until it hovers"
             )
 
     # ------------------------------------------------------------------ walls

@@ -41,7 +41,7 @@ class HeadingWatch:
         self._deviation = math.sqrt(estimate["attitude_variance_w"][0, 2])
         if not self.flags and self._deviation > UNKNOWN:
             self.flags = int(Flag.HEADING_UNKNOWN)
-            line = f"heading not observed: {self.state}; fly to and fro, or land"
+            line = f"heading not observed: {self.state}; fly back and forth, or land"
             self._say(line, mailbox.WARN)
         elif self.flags and not self._deviation > KNOWN:
             self.flags = 0

@@ -14,7 +14,7 @@ from vehicle.estimators.navigation import Navigation
 from vehicle.flight.configuration import Configuration
 from vehicle.flight.gyroscope import GyroscopeStart
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import Flag, Mode
+from vehicle.flight.modes import MOTORS_ON, Flag, Mode
 from vehicle.flight.motor_bench import Bench, check_bench
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.parameters import VehicleParameters
@@ -60,6 +60,8 @@ class CommandHandler:
                 self._arm(command.requester)
             elif isinstance(command, mailbox.Disarm):
                 self._disarm(command.requester)
+            elif isinstance(command, mailbox.ExpectMove):
+                self._expect_move()
             elif isinstance(command, mailbox.StartBehavior):
                 self._start_behavior(command)
             elif isinstance(command, mailbox.Emergency):
@@ -116,6 +118,11 @@ class CommandHandler:
         if modes.mode is not Mode.BENCH:
             modes.move(Mode.BENCH, f"{bench} by {command.requester}")
 
+    def _expect_move(self) -> None:
+        if self.modes.mode in MOTORS_ON:
+            raise RefusedError("no move expected: the motors are on; press Disarm first")
+        self.navigation.agreement.expect_move(self.tick.stamp_ns)
+
     def _require_rest(self, refused: str) -> None:
         """Raise RefusedError unless the vehicle is on the ground with its motors off."""
         modes = self.modes
@@ -161,20 +168,24 @@ class CommandHandler:
         if tilt > limit:
             raise RefusedError(f"not armed: tilted by {tilt:.0f} deg, allowed {limit:.0f} deg")
         self.navigation.take_heading()
-        modes.move(Mode.ARMED, f"by {requester}")
+        modes.move(Mode.ARMED, f"requested by {requester}")
 
     def _disarm(self, requester: str) -> None:
         modes = self.modes
         if modes.mode in (Mode.STARTING, Mode.READY):
-            raise RefusedError("not armed, so nothing to disarm")
+            raise RefusedError("the vehicle is not armed: there is nothing to disarm")
         if self.ground.airborne:
-            raise RefusedError("not disarmed: flying; land first, or use the emergency cut")
+            raise RefusedError(
+                "not disarmed: the vehicle is flying; press Land first, or Cut motors"
+            )
         modes.move(Mode.READY, f"disarmed by {requester}")
 
     def _start_behavior(self, command: mailbox.StartBehavior) -> None:
         modes = self.modes
         if modes.mode is Mode.EMERGENCY_LAND:
-            raise RefusedError(f"{command.name} refused: emergency landing; only cut is allowed")
+            raise RefusedError(
+                f"{command.name} refused: emergency landing; only Cut motors is allowed"
+            )
         if modes.mode is Mode.BENCH:
             raise RefusedError(
                 f"{command.name} refused: {self.bench} is on the bench; end it, then arm"
@@ -189,7 +200,7 @@ class CommandHandler:
         if heading.flags and command.name in WITH_HEADING:
             raise RefusedError(
                 f"{command.name} refused: heading not observed, {heading.state}; "
-                "fly to and fro by fly_to or sticks first"
+                "fly back and forth with Fly to or the sticks first"
             )
         if command.name == EXTERNAL and self.own_behaviors.external is not None:
             self.own_behaviors.external.begin(self.tick.stamp_ns, self.tick.reference)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from bearing_sim.beacons import parse_layout
 from control.behaviors.machine import BehaviorMachine
+from control.keep_out import COLUMN, check_around
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.behaviors.behaviors import OwnBehaviors
@@ -25,6 +26,7 @@ from vehicle.safety.ground_contact import GroundContact
 from vehicle.sensors.sensors import OwnSensors
 from vehicle_link.parameters.change import ParameterChange
 
+BOXES = ("keep_out", "keep_out_margin")
 ROUNDING = 1e-9
 """Fraction of a step by which a value computed by the page may exceed it (rounding)."""
 
@@ -94,6 +96,7 @@ class Configuration:
             check_hover(together)
         if self.ground.airborne:
             check_steps(store, checked)
+        self._check_boxes(checked)
         flying = self.modes.mode in FLYING
         self.law.check(checked, flying)
         self.own_behaviors.check(checked, flying)
@@ -101,6 +104,19 @@ class Configuration:
         self.mass.check(checked, flying)
         self.guard.check(checked, flying)
         return checked | self.navigation.check(checked, self.tick.state, flying)
+
+    def _check_boxes(self, checked: Mapping[str, ParameterValue]) -> None:
+        """Check that no new keep-out box is around the vehicle. Raises RefusedError."""
+        present = self.parameters.behavior
+        wanted = present.model_copy(
+            update={f: checked[n] for f in BOXES if (n := f"behavior.{f}") in checked}
+        )
+        x, y, z = self.tick.position_w.tolist()
+        if wanted == present or not math.isfinite(x + y + z):
+            return
+        top = z if self.ground.airborne else z + COLUMN
+        new, old = ((p.boxes, p.keep_out_margin) for p in (wanted, present))
+        check_around(*new, *old, ((x, y, z), (x, y, top)))
 
     def apply(
         self, values: Mapping[str, ParameterValue], requester: str

@@ -20,7 +20,7 @@ class SituationReader:
     """Collector of one Situation per tick.
 
     Args:
-        volume: limits of the flight volume, read in each tick.
+        volume: flight volume and keep-out boxes, read in each tick.
     """
 
     volume: BehaviorParameters
@@ -50,6 +50,8 @@ class SituationReader:
             y - p.volume_y_max,
             z - p.volume_z_max,
         )
+        near = [box for box in p.boxes if box.gap((x, y, z)) < 0.5 * p.keep_out_margin]
+        now.box = near[0].name if near else ""
         now.saturated = tick.saturated
         now.lost_ports = self.modes.lost_ports
         return now

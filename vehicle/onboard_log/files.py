@@ -217,7 +217,7 @@ class OnboardFiles:
                 if len(self._closed) > FACTS_KEPT:
                     self._closed.popitem(last=False)
             elif not begins_as_log(file):
-                raise LogFormatError(f"{name} is no MCAP log")
+                raise LogFormatError(f"{name} is not an MCAP log")
         return facts
 
     def _written_as(self, name: str) -> Written | None:

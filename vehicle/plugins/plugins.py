@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from functools import lru_cache
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from quadrotor.errors import QuadlabError, RefusedError
+from quadrotor.packaged_files import packaged
 from vehicle.plugins.contract import FMU, KINDS, Contract
 from vehicle.plugins.fmu_parameters import kind_of
 from vehicle.plugins.links import Link, NoLink, ProcessLink
@@ -32,7 +32,7 @@ class Plugins:
         self.folder, self.waits = folder, waits
         self._contract, self._taken = contract, taken
         # Once: it reads many files, which is too slow in flight.
-        self._packaged = entry_points(group=contract.group)
+        self._packaged = packaged(contract.group)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all."""

@@ -17,6 +17,7 @@ Arm = commands.Arm
 Bench = commands.Bench
 ChangeParameters = commands.ChangeParameters
 Disarm = commands.Disarm
+ExpectMove = commands.ExpectMove
 Emergency = commands.Emergency
 StartBehavior = commands.StartBehavior
 
@@ -59,6 +60,7 @@ Command = (
     ChangeParameters
     | Arm
     | Disarm
+    | ExpectMove
     | StartBehavior
     | Emergency
     | Calibrate

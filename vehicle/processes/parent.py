@@ -147,7 +147,7 @@ def run_vehicle(
     rings = create_rings()
     started_ns = clock.time_ns()
     folder = data.resolve()
-    values, refused, notices = _with_calibrations(folder, dict(settings or {}))
+    values, refused, notices = _with_calibrations(folder, dict(settings or {}), board)
     config = VehicleConfig(
         parent=os.getpid(),
         rings=rings,
@@ -182,7 +182,7 @@ def run_vehicle(
 
 
 def _with_calibrations(
-    data: Path, settings: dict[str, ParameterValue]
+    data: Path, settings: dict[str, ParameterValue], board: str
 ) -> tuple[dict[str, ParameterValue], list[int], list[tuple[int, str]]]:
     """Return (values to start with, stamps of rejected records, events) of stored calibrations.
 
@@ -195,7 +195,8 @@ def _with_calibrations(
     from vehicle.calibration.in_force import start_values
 
     unusable: list[str] = []
-    found = start_values(CalibrationStore(data, unusable.append).newest(), settings)
+    newest = CalibrationStore(data, unusable.append).newest()
+    found = start_values(newest, settings, find_kind(board).traits.parameters)
     notices = [(mailbox.WARN, line) for line in unusable]
     notices += [(mailbox.WARN if is_bad else mailbox.INFO, line) for is_bad, line in found.lines]
     for _, line in notices:

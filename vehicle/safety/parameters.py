@@ -55,7 +55,7 @@ class SafetyParameters(Parameters):
     """largest distance outside the flight volume before the vehicle reacts"""
     volume_delay: float = parameter(0.2, unit="s", ge=0.0, le=5.0, step=0.05)
     """time it must last"""
-    volume_reaction: str = _reaction("land", "reaction outside the flight volume")
+    volume_reaction: str = _reaction("land", "reaction outside the flight volume or in a box")
     speed_max: float = parameter(6.0, unit="m/s", ge=0.5, le=30.0, step=0.5)
     """speed that is too high"""
     speed_delay: float = parameter(0.2, unit="s", ge=0.0, le=5.0, step=0.05)

@@ -46,6 +46,7 @@ class Situation:
     tilt: float = 0.0  # rad, angle between z_B and z_W
     speed: float = 0.0  # m/s
     outside: float = 0.0  # m beyond the flight volume
+    box: str = ""  # a keep-out box nearer than half of its margin
     saturated: bool = False
     lost_ports: int = 0
 
@@ -144,6 +145,8 @@ class Supervisor:
         if self._lasts("volume", now.outside > p.volume_margin, stamp_ns, p.volume_delay):
             why = f"{now.outside:.1f} m outside the flight volume"
             verdict = self._once("volume", p.volume_reaction, why)
+        if self._lasts("box", bool(now.box), stamp_ns, p.volume_delay) and verdict is None:
+            verdict = self._once("box", p.volume_reaction, f"in the keep-out box {now.box}")
         fast = self._lasts("speed", now.speed > p.speed_max, stamp_ns, p.speed_delay)
         if verdict is None and fast:
             verdict = self._once("speed", p.speed_reaction, f"{now.speed:.1f} m/s")

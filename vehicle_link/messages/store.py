@@ -88,7 +88,7 @@ def decode(payload: bytes | memoryview, type_name: str) -> Message:
         return typestore().deserialize_cdr(payload, stored_name(type_name))
     except (SerdeError, AssertionError, IndexError, TypeError, UsageError) as error:
         raise LinkError(
-            f"{len(payload)} bytes are no {type_name} ({error}); "
+            f"{len(payload)} bytes are not a {type_name} ({error}); "
             "do both ends run the same version of quadlab?"
         ) from error
 

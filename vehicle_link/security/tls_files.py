@@ -106,7 +106,7 @@ def read_key(path: Path, remedy: str) -> PrivateKeyTypes:
     try:
         return load_pem_private_key(text, None)
     except TypeError:
-        raise LinkError(f"{path} is locked by a password; {remedy}") from None
+        raise LinkError(f"{path} is encrypted; {remedy}") from None
     except (ValueError, UnsupportedAlgorithm):
         raise LinkError(f"{path} {_no('private key', text)}; {remedy}") from None
 

@@ -40,12 +40,12 @@ _WHAT_TIME = encode_request(_STOPPED, Id.TIME)
 class Finding(Enum):
     """The kinds of result of a search behind one device."""
 
-    FOUND = "the microcontroller that was looked for"
+    FOUND = "the expected microcontroller"
     OTHER_ROBOT = "another robot's microcontroller"
     OTHER_FIRMWARE = "a microcontroller with another firmware"
     RUNNING = "a microcontroller with running motors"
     SILENT = "nothing received"
-    GARBAGE = "bytes that are no frames"
+    GARBAGE = "bytes that are not frames"
     DEAF = "frames, but no answers"
     ECHO = "our own bytes"
     MISSING = "no such device"
@@ -230,7 +230,7 @@ class _Probe:
             return Finding[self._problem.problem.name], self._problem.why
         if self._running:
             return Finding.RUNNING, (
-                "its motors are running, so it was not asked: a question carries a command; "
+                "its motors are running, so it was not queried: a query carries a command; "
                 "end what flies it first"
             )
         if all(id in self._answers for id in _IDENTITY):
@@ -266,12 +266,12 @@ class _Probe:
         text = f"robot {found_id}, firmware {found_firmware}"
         if found_id != robot_id:
             return Finding.OTHER_ROBOT, (
-                f"{text}; looked for is robot {robot_id}: give its ports, "
+                f"{text}; expected is robot {robot_id}: give its ports, "
                 f"or fly this one with --robot-id {found_id}"
             )
         if found_firmware != firmware:
             return Finding.OTHER_FIRMWARE, (
-                f"{text}; looked for is firmware {firmware}: install that one, "
+                f"{text}; expected is firmware {firmware}: install that one, "
                 f"or fly with --firmware {found_firmware} if you know that it speaks the same"
             )
         return Finding.FOUND, text

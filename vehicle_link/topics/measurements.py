@@ -261,5 +261,5 @@ def decode_picture(payload: bytes) -> bytes:
     """Return the JPEG. Raises LinkError; MeasurementError if another node sent no JPEG."""
     jpeg = decode(payload, PICTURE).data.tobytes()
     if not jpeg.startswith(JPEG):
-        raise MeasurementError(f"a picture of {len(jpeg)} bytes that is no JPEG; send JPEG")
+        raise MeasurementError(f"a picture of {len(jpeg)} bytes that is not a JPEG; send JPEG")
     return bytes(jpeg)

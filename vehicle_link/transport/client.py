@@ -146,7 +146,7 @@ class ServiceClient:
         waited, peer = time.monotonic() - started, peer_of(self._name)
         log.debug("%s: no answer in %.3f s of %g s", self._name, waited, timeout)
         if waited < UNREACHED_WITHIN:
-            raise UnreachableError(f"{peer} is not reached; is it running?")
+            raise UnreachableError(f"{peer} cannot be reached; is it running?")
         if waited < 0.9 * timeout:  # it was reached, and since then it or the link has ended
             raise NoAnswerError(f"contact with {peer} broke before it answered")
         raise NoAnswerError(f"{peer} has not answered within {timeout:g} s")

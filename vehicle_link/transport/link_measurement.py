@@ -131,7 +131,7 @@ def _only_name(session: zenoh.Session, host: str, port: int) -> str:
         time.sleep(0.1)
     raise LinkError(
         f"the link to {host}:{port} is open, but the vehicle sends us nothing: our certificate may "
-        "be no station's, or its quadlab is another version; say its name with --name to try on"
+        "not be a station's, or it runs another version of quadlab; to try anyway, give --name"
     )
 
 

@@ -50,7 +50,7 @@ def disagreement(their_protocol: str, their_version: str) -> str:
     if their_protocol == protocol():
         return ""
     ours, theirs = _number(version()), _number(their_version)
-    remedy = "bring both to the same version of quadlab"
+    remedy = "install the same version of quadlab on both"
     if ours and theirs and ours != theirs:
         remedy = f"update quadlab on the {'vehicle' if theirs < ours else 'station'}"
     return (

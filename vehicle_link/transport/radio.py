@@ -215,7 +215,7 @@ class Radio:
                 elif connected_for > patience:
                     self.reopened += 1
                     self._report(
-                        f"the link to {self.address} is open but brought nothing for "
+                        f"the link to {self.address} is open but delivered nothing for "
                         f"{patience:g} s: reopened"
                     )
                     return min(2 * patience, LONGEST)

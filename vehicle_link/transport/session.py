@@ -170,7 +170,7 @@ def parse_endpoint(text: str) -> tuple[str, int]:
         host, port = place, str(VEHICLE_PORT)
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise UsageError(
-            f"{text!r} is no address of a vehicle; write its name or address, "
+            f"{text!r} is not the address of a vehicle; write its name or address, "
             f"with :port unless it is {VEHICLE_PORT}"
         )
     return host.strip("[]"), int(port)

@@ -190,7 +190,9 @@ def _keep_an_admin(
     if session.scalars(others.where(AccountRow.role == Role.ADMIN.value)).first() is not None:
         return
     if even_alone or session.scalars(others).first() is not None:
-        raise RefusedError(f"{row.name} is the last admin and cannot be {what}; name another first")
+        raise RefusedError(
+            f"{row.name} is the last admin and cannot be {what}; make another user admin first"
+        )
 
 
 def _renew(session: Transaction, row: AccountRow) -> None:

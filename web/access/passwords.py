@@ -34,7 +34,7 @@ def check_password(name: str, password: str) -> None:
         came = f"it has {len(plain)}" if plain else "it is empty"
         raise RefusedError(
             f"the password is too short: {came}, at least {SHORTEST} characters are needed; "
-            "a few words in a row are easy to keep in mind"
+            "a few words in a row are easy to remember"
         )
     if len(plain) > LONGEST:
         raise RefusedError(f"the password has {len(plain)} characters; allowed are {LONGEST}")
@@ -112,7 +112,7 @@ class Hashing:
     async def run(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Run a function in the hashing threads. Raises BusyError if the queue is full."""
         if self._under_way >= WAITING:
-            raise BusyError("too many people sign in at once; try again in a few seconds")
+            raise BusyError("too many sign-ins at once; try again in a few seconds")
         self._under_way += 1
         loop = asyncio.get_running_loop()
         try:

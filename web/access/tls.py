@@ -44,14 +44,14 @@ def private_tls(data: Path, names: tuple[str, ...]) -> Tls:
 def given_tls(certificate: Path, key: Path) -> Tls:
     """Return a certificate (with its chain) and key in PEM.
 
-    Raises UsageError if they are unreadable, not PEM, locked by a password, do not fit each other
+    Raises UsageError if they are unreadable, not PEM, encrypted, do not fit each other
     or are not valid today.
     """
     held = _read(certificate, "--tls-certificate")
     _readable(key, "--tls-key")
 
     def locked() -> str:
-        raise UsageError(f"--tls-key {key} is locked by a password; give it without one")
+        raise UsageError(f"--tls-key {key} is encrypted; give one without a password")
 
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key, locked)

@@ -137,7 +137,7 @@ def add_beacons(app: FastAPI, context: VehicleContext) -> None:
         request: Request,
         session: Operator,
         name: Annotated[
-            str, Query(max_length=100, description="what a refusal calls the CSV file")
+            str, Query(max_length=100, description="name of the CSV file in refusals")
         ] = "file",
     ) -> dict[str, Any]:
         """Set a new layout, all or nothing.

@@ -12,6 +12,7 @@ from typing import Any
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from bearing_sim.observability import FieldOfView
+from control.behaviors.parameters import Box
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import stamp_of
 from web.beacons.drag import BeaconDrags, Drag
@@ -20,7 +21,6 @@ from web.beacons.map import BoundSlice, MapRequest
 from web.beacons.marks import BeaconMarks
 from web.beacons.sight_lines import RATE, PoseHistory, SightLines
 from web.live.latest import STALE, Live
-from web.view.lines import Box
 from web.view.server import ViewServer
 
 HIGHEST = 20.0  # m

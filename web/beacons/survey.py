@@ -106,7 +106,7 @@ class BeaconSurvey:
             if self._decision:
                 raise RefusedError(f"the survey of run {self._run_id} is {self._decision} already")
             if self._work.name != "ready":
-                raise RefusedError("no survey proposes anything; survey a flight first")
+                raise RefusedError("there is no survey to accept; survey a flight first")
             proposal: LayoutProposal = self._work.result
             return proposal
 

@@ -33,7 +33,7 @@ CENTRED = 0.05
 """Largest deflection at which the button starts to count; a page sends exact zeros then."""
 CAUSES = (
     "released",
-    "the window lost the focus",
+    "the window lost focus",
     "the tab is hidden",
     "the pad was unplugged",
     "the page froze",
@@ -180,7 +180,7 @@ async def serve(
         say: called with (level, line) for everyone's list of events.
     """
     if not session.role.may(Role.OPERATOR):
-        await socket.close(1008, "viewers have no sticks")
+        await socket.close(1008, "viewers cannot use the sticks; ask an operator")
         return
     await socket.accept()
     switch, label = DeadManSwitch(), session.label
@@ -195,9 +195,9 @@ async def serve(
         was_on = switch.on
         if switch.take(frame, time.monotonic()):
             if not may(label):
-                switch.refuse("another has control")
+                switch.refuse("someone else has control")
             elif not output.send(switch, frame.axes, label, partial(tell, frame.number, "station")):
-                switch.refuse("another page has the sticks")
+                switch.refuse("another page sends the sticks")
         if switch.on:
             return
         output.release(switch, "" if frame.held else label)

@@ -104,10 +104,15 @@ class TrajectoryMonitor:
         self._scene.plan(None)
 
     @property
+    def is_airborne(self) -> bool:
+        status = self._live.current("status")
+        return status is not None and bool(status.airborne)
+
+    @property
     def here(self) -> Start:
         """Return x, y, z (m) and yaw (rad) of the start of a preview."""
-        status, reference = self._live.current("status"), self._live.current("reference")
-        if reference is not None and status is not None and status.airborne:
+        reference = self._live.current("reference")
+        if reference is not None and self.is_airborne:
             return (*point_of(reference.position), float(reference.yaw))
         state = self._live.current("state")
         if state is None:

@@ -124,7 +124,9 @@ async def serve(
             with contextlib.suppress(TimeoutError):
                 message = await asyncio.wait_for(queue.get(), wait)
                 if message is None:
-                    await socket.close(1013, "this page did not keep up; it starts afresh")
+                    await socket.close(
+                        1013, "this page was too slow for the events; it reads them again"
+                    )
                     return
                 if message is SUMMARY_NOW:
                     due = 0.0

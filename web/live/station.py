@@ -197,7 +197,7 @@ class Station:
 
     def _require_node(self) -> Node:
         if self._node is None:
-            raise UnreachableError("the base station is not reached; is it running?")
+            raise UnreachableError("the base station cannot be reached; is it running?")
         return self._node
 
     def _open(self) -> None:

@@ -10,7 +10,7 @@ from vehicle_link.parameters.change import SIMULATOR, authority_of
 from web.parameters.replica import LAYOUT, PageParameters
 
 DEFAULTS, CALM = "defaults", "simulator defaults"
-MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)
+MEASURED = ("model.", "imu.", "beacons.layout", "behavior.keep_out", LAYOUT)
 """Parameters measured on this vehicle and in its room; the preset of defaults excludes them."""
 
 

@@ -1,6 +1,6 @@
 """Updates of the pages' replica: all parameters are read when a snapshot is due.
 
-The parameters that the 3D view shows, flight volume and beacons, follow the replica.
+The parameters that the 3D view shows, flight volume, boxes and beacons, follow the replica.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import FieldOfView
+from control.behaviors.parameters import flight_volume, keep_out
 from quadrotor.errors import QuadlabError
 from vehicle_link.parameters.change import (
     SIMULATOR,
@@ -24,7 +25,6 @@ from vehicle_link.parameters.change import (
 from web.live.latest import Live
 from web.live.station import Station
 from web.parameters.replica import PageParameters
-from web.view.lines import Box
 from web.view.scene import Scene
 
 PERIOD = 0.5  # s between checks of the status
@@ -81,6 +81,7 @@ class ParameterFollower:
                     await self._read(status)
             if (box := flight_volume(self._replica.value)) is not None:
                 self._scene.set_volume(box)
+            self._scene.boxes.set_boxes(keep_out(self._replica.value))
             self._scene.mass = float(self._replica.value("model.mass") or 0.0)
 
     def show_beacons(self) -> None:
@@ -134,14 +135,3 @@ class ParameterFollower:
             descriptions += described
             values |= read
         self._replica.load(values, revision, instance, since, descriptions)
-
-
-def flight_volume(value: Any) -> Box | None:
-    """Return the box of `behavior.volume_…`, or None; `value(name)` returns a parameter's value."""
-    bounds = []
-    for axis in "xyz":
-        low, high = value(f"behavior.volume_{axis}_min"), value(f"behavior.volume_{axis}_max")
-        if low is None or high is None:
-            return None
-        bounds.append((float(low), float(high)))
-    return (bounds[0], bounds[1], bounds[2])

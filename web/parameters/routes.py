@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
 
 ON_THE_GROUND = "ground"
-PLACES = (LAYOUT, "beacons.layout")
+PLACES = (LAYOUT, "beacons.layout", "behavior.keep_out")
 NAME = r"^[^\x00-\x1f\x7f]+$"
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from console.evaluation.explanation.explain import explain
+from control.behaviors.parameters import flight_volume, keep_out
 from flight_log.attached import parameters_of
 from flight_log.run import Run, read_run
 from quadrotor.errors import StorageError
@@ -22,7 +23,7 @@ from web.replay import timeline
 from web.replay.signals import derived, members_of, signals_of
 from web.replay.track import PARTS, WIDTH, Source, track
 
-VERSION = 5
+VERSION = 6
 """Version of the files; those of another version are made again."""
 MOST_SIGNALS = 4000
 INDEX, TRACK = "replay.json", "track.bin"
@@ -117,8 +118,10 @@ def _timeline(run: Run) -> dict[str, Any]:
         "marks": marks,
         "changes": changes,
         "parameters": parameters,
-        "volume": timeline.volume_of(parameters),
+        "volume": flight_volume(parameters.get),
+        "boxes": [(*zip(b.low_w, b.high_w, strict=True),) for b in keep_out(parameters.get)],
         "beacons": timeline.beacons_of(parameters, changes),
+        "sights": timeline.sights_of(run.topics.get("bearings")),
         "spans": spans,
         "airborne": airborne,
         "moments": timeline.moments(armed, airborne, marks, spans["behavior"]),

@@ -11,7 +11,6 @@ import html
 import json
 import re
 from collections.abc import Callable, Sequence
-from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from web.joined_files import join_modules, join_styles
 from web.replay.build import build_replay
 from web.replay.reader import Replay
 from web.static_files import STATIC
+from web.uplot import read_uplot
 
 POINTS = 10_000
 """A topic with more than twice as many samples is kept as least and greatest of this many bins."""
@@ -104,12 +104,12 @@ def _page(name: str) -> str:
 
     page = (STATIC / "replay/replay.html").read_text(encoding="utf-8")
     sheets = [
-        join_styles([file], read) if place == "static" else _vendor(file)
+        join_styles([file], read) if place == "static" else read_uplot(file).decode()
         for place, file in _STYLE.findall(page)
     ]
     joined = join_modules("replay/replay.js", read, "", "").text
     code = joined.rpartition("//# sourceMappingURL")[0]
-    scripts = [_vendor("uPlot.iife.js"), None, code]
+    scripts = [read_uplot("uPlot.iife.js").decode(), None, code]
     tags = [
         f"<script>\n{_inside(one)}</script>\n" if one else '<script src="run.js"></script>\n'
         for one in scripts
@@ -121,11 +121,6 @@ def _page(name: str) -> str:
     return page.replace(
         '<body class="page replay">', f'<body class="page replay" data-run="{shown}">'
     )
-
-
-def _vendor(name: str) -> str:
-    path = distribution("uplot-python").locate_file(f"uplot/static/{name}")
-    return Path(str(path)).read_text(encoding="utf-8")
 
 
 def _inside(code: str) -> str:

@@ -68,7 +68,9 @@ class ReplayStore:
             if kept is not None and (kept.identity == now or (not newer and is_being_written(log))):
                 return kept
             if sum(not one.problem for one in self._building.values()) >= WAITING:
-                raise RefusedError(f"{WAITING} replays wait already; try again in some minutes")
+                raise RefusedError(
+                    f"{WAITING} replays are queued already; try again in some minutes"
+                )
             building = self._building[log] = Building(identity=now)
         threading.Thread(
             target=self._build, args=(log, building), name="replay-build", daemon=True
@@ -112,7 +114,7 @@ class ReplayStore:
             except JobError as error:
                 problem = (
                     f"the replay of {log.stem} could not be built: {error}; "
-                    "is there memory and room on the disk?"
+                    "is there enough memory and disk space?"
                 )
             except QuadlabError as error:
                 problem = str(error)

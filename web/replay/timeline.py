@@ -24,6 +24,8 @@ SPANS = {"mode": ("status", "mode"), "behavior": ("status", "behavior")}
 _WORDS = ("text", "label", "words", "note", "notes", "msg", "message", "description", "name")
 _PEOPLE = ("requester", "operator", "author", "who", "by", "person")
 _WARNING = 30  # rcl_interfaces/Log
+SIGHT_LASTS = 0.3
+"""Time in s after which a frame of bearings is no sight of its beacons any more."""
 LAYOUTS = ("station.bearings.layout", "bearings.layout", "beacons.layout")
 
 Times = npt.NDArray[np.float64]
@@ -132,17 +134,6 @@ def parameters_in_json(attachment: bytes | None) -> dict[str, Any]:
     }
 
 
-def volume_of(parameters: Mapping[str, Any]) -> list[list[float]] | None:
-    """Return the flight volume, (low, high) of x, y and z in m; None if the log has none."""
-    sides = []
-    for axis in "xyz":
-        side = [parameters.get(f"behavior.volume_{axis}_{end}") for end in ("min", "max")]
-        if not all(isinstance(bound, int | float) for bound in side):
-            return None
-        sides.append([float(bound) for bound in side if bound is not None])
-    return sides
-
-
 def beacons_of(
     parameters: Mapping[str, Any], changes: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
@@ -162,6 +153,24 @@ def beacons_of(
             ]
             found.append({"t": t, "beacons": rows})
     return found
+
+
+def sights_of(bearings: Series | None) -> list[dict[str, Any]]:
+    """Return the changes of the beacons in sight: t, ids, and sigma (rad) of the bearings."""
+    names = [] if bearings is None else [n for n in bearings.names if n.startswith("beacon_ids[")]
+    if bearings is None or not len(bearings) or "sigma" not in bearings:
+        return []
+    rows = bearings.rows([*names, "sigma"])
+    alike = (rows[1:] == rows[:-1]) | (np.isnan(rows[1:]) & np.isnan(rows[:-1]))
+    begins = np.append(True, ~alike.all(axis=1))
+    late = np.append(np.diff(bearings.time) > SIGHT_LASTS, True)
+    begins[1:] |= late[:-1]
+    found: list[dict[str, Any]] = [
+        {"t": float(t), "ids": [int(id) for id in ids if not np.isnan(id)], "sigma": float(sigma)}
+        for t, (*ids, sigma) in zip(bearings.time[begins], rows[begins], strict=True)
+    ]
+    found += [{"t": float(t) + SIGHT_LASTS, "ids": [], "sigma": 0.0} for t in bearings.time[late]]
+    return sorted(found, key=lambda one: one["t"])[:MOST_LINES]
 
 
 def _numbered(kind: str, label: str, times: list[float]) -> list[Moment]:

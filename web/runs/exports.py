@@ -60,7 +60,10 @@ class ViserExports:
         try:
             written_ns = log_of(log).stat().st_mtime_ns
             if is_being_written(log):
-                raise RefusedError(f"run {run_id} is being recorded; its 3D recording comes after")
+                raise RefusedError(
+                    f"run {run_id} is being recorded; its 3D recording can be made "
+                    "once it has ended"
+                )
         except OSError as error:
             raise StorageError(f"cannot read {log}: {error.strerror}") from error
         with self._lock:
@@ -91,4 +94,4 @@ def _finish(log: Path, file: Path, export: Export, reason: str) -> str:
         export.path = file
         return ""
     file.with_name(f"{file.name}.new").unlink(missing_ok=True)
-    return reason or "its process wrote no file"
+    return reason or "the process wrote no file"

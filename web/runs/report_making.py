@@ -60,7 +60,9 @@ class ReportMaking:
         """
         try:
             if is_being_written(log):
-                raise RefusedError(f"run {run_id} is being recorded; its report comes after")
+                raise RefusedError(
+                    f"run {run_id} is being recorded; its report can be made once it has ended"
+                )
         except OSError as error:
             raise StorageError(f"cannot read {log}: {error.strerror}") from error
         with self._lock:

@@ -11,13 +11,14 @@ from typing import Any
 from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import FieldOfView
+from control.behaviors.parameters import flight_volume, keep_out
 from flight_log import read_attachments, read_log, summarize
 from flight_log.attached import json_value, logged_value
 from quadrotor.errors import QuadlabError, StorageError
 from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
 from web.live.latest import Live
-from web.parameters.follower import BEARINGS, flight_volume
+from web.parameters.follower import BEARINGS
 from web.view.scene import Scene
 from web.view.server import ViewServer
 
@@ -106,6 +107,7 @@ class _Flight:
     def _scene_of_parameters(self) -> None:
         if (box := flight_volume(self._values.get)) is not None:
             self._scene.set_volume(box)
+        self._scene.boxes.set_boxes(keep_out(self._values.get))
         fields = BearingParameters.model_fields
         known = ((name, self._values.get(f"{BEARINGS}{name}")) for name in fields)
         own: dict[str, Any] = {name: value for name, value in known if value is not None}

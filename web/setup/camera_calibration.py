@@ -83,7 +83,7 @@ class CameraCalibrations:
             waits = self._state == "ready" and not self._decision
             if waits and requester != self._requester:
                 raise RefusedError(
-                    f"the result of {self._requester} for {_called(self._camera)} waits to be "
+                    f"the result of {self._requester} for {_called(self._camera)} must be "
                     "accepted or cancelled first"
                 )
             self._camera, self._requester, self._state = camera, requester, "running"
@@ -124,7 +124,7 @@ class CameraCalibrations:
         """Store the result. Raises RefusedError without one, StorageError."""
         with self._lock:
             if self._found is None or self._decision:
-                raise RefusedError("no result waits to be accepted: calibrate a camera first")
+                raise RefusedError("there is no result to accept: calibrate a camera first")
             self._file = str(self.store.keep(self._camera, self._found, requester))
             self._decision = "accepted"
         self._wake()

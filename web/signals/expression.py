@@ -22,7 +22,7 @@ from web.signals.functions import FUNCTIONS, Node, Step, applied, constant
 LONGEST = 300
 """Largest number of characters."""
 DEEPEST = 40
-"""Largest number of brackets and signs within each other."""
+"""Largest number of nested brackets and signs."""
 _HEAD = re.compile(r"\s*([^=\[\]()]{0,40}?)\s*(?:\[([^\[\]=]{0,12})\])?\s*=(.*)", re.DOTALL)
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _WORD = re.compile(r"[A-Za-z_][\w./\[\]]*")
@@ -144,7 +144,7 @@ class _Parser:
     def _signed(self) -> Node:
         self._depth += 1
         if self._depth > DEEPEST:
-            raise self._error(f"more than {DEEPEST} brackets and signs within each other")
+            raise self._error(f"more than {DEEPEST} nested brackets and signs")
         if self._take("-"):
             inner = self._signed()
             node = applied(np.negative, inner.unit, inner)

@@ -70,10 +70,10 @@ HEALTH = (
         ),
     ),
     scaled(
-        one("consistency", "consistency", "", "noise as met", "estimator/consistency"),
-        one("refused.share", "refused", "%", "noise as met", "estimator/refused_share", 100.0),
+        one("consistency", "consistency", "", "adaptation", "estimator/consistency"),
+        one("refused.share", "refused", "%", "adaptation", "estimator/refused_share", 100.0),
         *(
-            one(f"noise.{kind}", f"{kind} ×", "", "noise as met", f"estimator/{kind}_noise_scale")
+            one(f"noise.{kind}", f"{kind} ×", "", "adaptation", f"estimator/{kind}_noise_scale")
             for kind in ("accelerometer", "gyroscope", "measurement")
         ),
     ),

@@ -79,7 +79,7 @@ class StepTests:
             raise RefusedError("a step test is running; wait for its end, or brake")
         status = self._live.current("status")
         if status is None:
-            raise LinkError("the vehicle's status is old or missing; a test needs the link")
+            raise LinkError("the vehicle's status is out of date; a test needs the link")
         begin_ns = stamp_of(status)
         gains = self.gains()
         self._starting = True

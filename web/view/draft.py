@@ -1,5 +1,5 @@
-"""Drafts in the 3D view: a target, way-points, a trajectory's start or a flight volume that an
-operator moves by its handles before anything is commanded.
+"""Drafts in the 3D view: a target, way-points, a trajectory's start, a flight volume or a keep-out
+box that an operator moves by its handles before anything is commanded.
 
 A disc moves a point in its level plane, the pair of cones along one axis. Nodes are created when
 first needed and hidden when not, because viser keeps a tombstone of every removed node.
@@ -21,10 +21,10 @@ from web.beacons.shapes import Point, along_axis, cones, distance_to_ray, on_pla
 from web.view.lines import PLANNED, REFUSED, edges, line_color
 from web.view.server import ViewServer
 
-Kind = Literal["target", "waypoints", "trajectory", "volume"]
+Kind = Literal["target", "waypoints", "trajectory", "volume", "keep_out"]
 MOST = 12  # way-points, as the vehicle's behavior takes them
 LEVEL = 2  # axis
-THINNEST = 0.2  # m between two walls of a volume
+THINNEST = 0.1  # m between two faces of a box
 NEAR = 0.3  # m; a click this close to a handle is meant for it
 GROUND: Point = (0.0, 0.0, 0.0)
 UP: Point = (0.0, 0.0, 1.0)
@@ -35,9 +35,10 @@ class Draft:
     """A command that an operator prepares.
 
     Attributes:
-        points: m, world. Of a volume the lowest and the highest corner, of a trajectory its start.
+        points: m, world. Of a volume or box the lowest and the highest corner, of a trajectory its
+            start.
         by: who may move it.
-        arguments: those of follow_trajectory, for a trajectory.
+        arguments: those of follow_trajectory, for a trajectory; of a keep-out box `box`, its name.
     """
 
     kind: Kind
@@ -46,9 +47,13 @@ class Draft:
     arguments: dict[str, ParameterValue] = field(default_factory=dict)
 
     @property
+    def is_box(self) -> bool:
+        return self.kind in ("volume", "keep_out")
+
+    @property
     def grips(self) -> list[tuple[Point, int | None]]:
         """Return the place of each handle and the axis along which it moves, None for the plane."""
-        if self.kind != "volume":
+        if not self.is_box:
             return [(point, axis) for point in self.points for axis in (None, LEVEL)]
         low, high = self.points
         middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
@@ -63,7 +68,7 @@ class Draft:
         """Return the draft with one handle at another place, to a centimetre and within reach."""
         x, y, z = (round(max(-FARTHEST, min(FARTHEST, c)), 2) for c in place)
         points = list(self.points)
-        if self.kind != "volume":
+        if not self.is_box:
             points[grip // 2] = (x, y, max(0.0, z))
             return replace(self, points=tuple(points))
         axis, end = divmod(grip, 2)
@@ -74,10 +79,18 @@ class Draft:
         return replace(self, points=tuple(points))
 
     def clicked(self, place: Point) -> Draft:
-        """Return the draft after a click on the ground: one way-point more, or its point above."""
+        """Return the draft after a click on the ground: one way-point more, or its point or box
+        above.
+        """
+        x, y, _ = place
         if self.kind == "volume":
             return self
-        x, y, _ = place
+        if self.kind == "keep_out":
+            low, high = self.points
+            centre = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2)
+            way = (round(x - centre[0], 2), round(y - centre[1], 2))
+            moved = [(round(p + way[0], 2), round(q + way[1], 2), r) for p, q, r in self.points]
+            return replace(self, points=tuple(moved)) if is_sound(tuple(moved)) else self
         if self.kind == "waypoints":
             if len(self.points) >= MOST:
                 return self
@@ -110,7 +123,7 @@ class DraftView:
         self._draft = draft
         color = PLANNED if is_good else REFUSED
         grips = draft.grips if draft is not None else []
-        points = draft.points if draft is not None and draft.kind != "volume" else ()
+        points = draft.points if draft is not None and not draft.is_box else ()
         self._grips = {}
         for k, point in enumerate(points):
             if k == len(self._marks):
@@ -131,7 +144,7 @@ class DraftView:
             self._grips[f"/draft/along_{k}"] = i
         for node in self._cones[len(along) :]:
             node.visible = False
-        self._show_box(draft)
+        self._show_box(draft, color)
         self._server.offer(self._grips, self._dragged)
         if opens:
             self._listen(draft is not None)
@@ -151,8 +164,8 @@ class DraftView:
             self._cones.append(node)
         return self._cones[k]
 
-    def _show_box(self, draft: Draft | None) -> None:
-        if draft is not None and draft.kind == "volume":
+    def _show_box(self, draft: Draft | None, color: tuple[int, int, int]) -> None:
+        if draft is not None and draft.is_box:
             (x0, y0, z0), (x1, y1, z1) = draft.points
             lines = edges(((x0, x1), (y0, y1), (z0, z1)))
             if self._box is None:
@@ -163,9 +176,9 @@ class DraftView:
                     thickness=2.0,
                     thickness_units="screen",
                 )
-            self._box.points = lines
+            self._box.points, self._box.colors = lines, np.asarray(line_color(color), np.uint8)
         if self._box is not None:
-            self._box.visible = draft is not None and draft.kind == "volume"
+            self._box.visible = draft is not None and draft.is_box
 
     def _listen(self, listens: bool) -> None:
         """Let browsers offer clicks, which end at the pump as drags do."""

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
-"""Lowest and highest x, y and z, m."""
+from control.behaviors.parameters import Box
 
 PLANNED, REFUSED = (157, 120, 210), (214, 90, 80)
 """Colours of what may be flown next, and of what the vehicle would refuse, sRGB."""

@@ -54,7 +54,11 @@ server.
 _INJECTION = f"""<script>document.hasFocus=()=>true
 for(const{{prototype:gl}}of[WebGLRenderingContext,WebGL2RenderingContext]){{
 const get=gl.getExtension;gl.getExtension=function(n){{
-return n==="WEBGL_debug_renderer_info"?null:get.call(this,n)}}}}</script>
+return n==="WEBGL_debug_renderer_info"?null:get.call(this,n)}}}}
+if(new URLSearchParams(location.search).has("plain")){{
+const{{prototype:canvas}}=HTMLCanvasElement,make=canvas.getContext
+canvas.getContext=function(kind,of){{
+return make.call(this,kind,{{...of,antialias:false}})}}}}</script>
 <style>{TOKENS}html,body,canvas[data-engine]{{background:var(--ground)!important}}
 [data-floating-window],.mantine-Paper-root[style*="position: fixed"]{{display:none!important}}
 .mantine-Notifications-root{{inset:44px auto auto 12px!important;max-width:min(340px,100%)}}

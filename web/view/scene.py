@@ -1,4 +1,4 @@
-"""3D scene: vehicle, ghost of the truth, trails, error vector, flight volume, ground; cameras.
+"""3D scene: vehicle, ghost of the truth, trails, error vector, volume, boxes, ground; cameras.
 
 Nodes are created once and then only moved, shown or hidden. At 30 Hz this is below 60 kB/s a client
 while flying, 12 kB/s on the ground while bearings arrive, and almost nothing otherwise. Unchanged
@@ -14,14 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from control.behaviors.parameters import Box
 from quadrotor.constants import GRAVITY
 from web.beacons.scene import BeaconScene
 from web.beacons.shapes import Point, point_of, wxyz_of
 from web.live.latest import Live
 from web.view.airframe import Airframe
+from web.view.boxes import BoxesView
 from web.view.cameras import Cameras
 from web.view.ground import add_ground
-from web.view.lines import PLANNED, REFUSED, Box, edges, line_color
+from web.view.lines import PLANNED, REFUSED, edges, line_color
 from web.view.options import ViewOptions, ramp
 from web.view.server import ViewServer
 from web.view.trails import Color, Trail
@@ -48,6 +50,7 @@ class Scene:
         self._ground = _add_room(api)
         self._volume: Any = None
         self._volume_box: Box | None = None
+        self.boxes = BoxesView(api)
         self._vehicle = Airframe(api, "/vehicle")
         self._ghost = Airframe(api, "/truth", ghost=True)
         self._flown = Trail(api, "/flown", ORANGE, 2.5)
@@ -94,6 +97,7 @@ class Scene:
             node.visible = options.ground
         if self._volume is not None:
             self._volume.visible = options.volume
+        self.boxes.show(options.volume)
         self._flown.show(options.flown)
         self._wanted.show(options.reference)
 

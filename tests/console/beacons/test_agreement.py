@@ -48,7 +48,7 @@ def test_what_one_of_them_refuses_neither_has(linked: Any) -> None:
     vehicle.microcontroller.motor_state = MotorState.OFF
     vehicle.stack.navigation.source = "poses"
     assert not refused.accepted
-    assert refused.reason.startswith(f"{STATION_LAYOUT} not changed, the vehicle refuses: ")
+    assert refused.reason.startswith(f"{STATION_LAYOUT} not changed, refused by the vehicle: ")
     assert "bearings" in refused.reason
     assert (linked.layout, vehicle.layout) == ("paper", "paper")
     with pytest.raises(ParameterError):
@@ -79,4 +79,4 @@ def test_a_command_that_is_held_up_on_the_link_is_not_carried_out(
     monkeypatch.setattr(link, "vehicle_ns", lambda: passed)
     late = linked.call("start_behavior", name="take_off")
     assert not late.accepted
-    assert "s too late over the link; command it again" in late.reason
+    assert "s too late over the link; send the command again" in late.reason

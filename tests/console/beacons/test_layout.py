@@ -78,7 +78,7 @@ def test_other_parameters_do_not_ask_the_vehicle(store: StationStore, vehicle: V
 @pytest.mark.parametrize(
     ("refusal", "says"),
     [
-        (ParameterError("bearings are flown on"), "the vehicle refuses: bearings are flown on"),
+        (ParameterError("bearings are flown on"), "refused by the vehicle: bearings are flown on"),
         (LinkError("1 s"), "layout not changed: 1 s; try again"),
     ],
 )

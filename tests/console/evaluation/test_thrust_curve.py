@@ -50,5 +50,5 @@ def test_a_hover_finds_the_thrust_there_and_keeps_the_offset() -> None:
     hover = 4.0 * (SLOPE * (145.0 + OFFSET)) ** 2
     assert 4.0 * (curve.slope * (145.0 + curve.offset)) ** 2 == pytest.approx(hover, rel=0.002)
     assert "thrust_error_share" not in curve.limits()
-    assert curve.record().warnings == ("not flown about: the offset is the earlier one",)
+    assert curve.record().warnings == ("not flown around: the offset is the earlier one",)
     assert hover / MASS != pytest.approx(GRAVITY, rel=0.01)  # the mass is given, not assumed

@@ -602,7 +602,7 @@ def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result,
         ),
         (
             PROPOSED.model_copy(update={"figures": (Quality(name="rms", value=float("nan")),)}),
-            "nothing is proposed: no calibration record: figures.0.value",
+            "nothing is proposed: not a calibration record: figures.0.value",
         ),
     ],
 )

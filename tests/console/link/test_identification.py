@@ -132,7 +132,7 @@ def test_a_vehicle_that_does_not_understand_the_question_is_of_another_version(
     tls, port = ensure_certificates(tmp_path), free_port(socket.SOCK_DGRAM)
     _vehicle(closed, port, tls)
     station = _station(closed, port, tls)
-    station.until(lambda link: "speaks another version of quadlab (" in link.problem())
+    station.until(lambda link: "runs another version of quadlab (" in link.problem())
 
 
 def test_a_vehicle_of_another_name_is_told_by_its_name(tmp_path: Path, closed: list[Any]) -> None:
@@ -166,7 +166,7 @@ def test_a_vehicle_s_certificate_at_the_station_is_told_until_the_right_one_is_t
     shutil.copytree(ours.folder, wrong.folder)
     _copy_pair(ours, "vehicle", wrong)
     station = _station(closed, port, wrong, silent=math.inf)
-    station.until(lambda link: "shows nothing to this station: its certificate" in station.told)
+    station.until(lambda link: "sends nothing to this station: its certificate" in station.told)
     dialled = station.link.radio
     assert dialled
     told: set[str] = set()

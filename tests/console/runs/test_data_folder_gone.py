@@ -96,7 +96,7 @@ def test_another_database_under_the_name_is_not_taken_for_the_one_that_was_opene
 ) -> None:
     shutil.copy(data / DATABASE, data / "copy")
     (data / "copy").replace(data / DATABASE)
-    other = f"{data / DATABASE} is another file than the one that was opened"
+    other = f"{data / DATABASE} is not the file that was opened"
     keepers.refuse_with(f"{other}; only recordings are saved; {REMEDY}")
 
 

@@ -89,7 +89,7 @@ def test_a_file_that_leads_elsewhere_is_not_moved(catalogue: Catalogue, tmp_path
     outside = tmp_path / "precious.mcap"
     outside.write_text("precious")
     catalogue.add(RunEntry("bad", "q", 1, 1.0, "../precious.mcap", 1, 1, "", True, False, "", ""))
-    with pytest.raises(StorageError, match="does not lie in"):
+    with pytest.raises(StorageError, match="is not inside"):
         delete_run(catalogue, "bad", "anna")
     assert outside.read_text() == "precious"
 

@@ -19,7 +19,7 @@ from quadlab.__main__ import main
 from quadrotor.errors import LogFormatError
 from vehicle_link.messages import decode
 
-HOVERED = ("--set", "experiment.duration=5", "--seed", "7")
+EIGHT = ("experiment.manoeuvre=figure_eight", "experiment.duration=8")
 
 
 def flown(out: Path, *words: str) -> dict[str, Any]:
@@ -52,23 +52,25 @@ def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str,
 
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Return a hover on bearings of seed 7, with its report."""
+    """Return an 8 on bearings of seed 7, with its report."""
     pytest.importorskip("matplotlib")
-    return flown(tmp_path_factory.mktemp("reported"), "bearings", *HOVERED, "--report")
+    words = ("bearings", *sets(*EIGHT), "--seed", "7", "--report")
+    return flown(tmp_path_factory.mktemp("reported"), *words)
 
 
-@pytest.fixture(scope="module")
-def on_the_tracker(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Return a hover that never flies on bearings, with beacons of another layout."""
-    words = ("hover", "--set", "bearings.layout=wide")
-    return flown(tmp_path_factory.mktemp("tracker"), *words)
+@pytest.fixture
+def short_hover(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("console.experiments.hover.DURATION", 0.5)  # s; how it flies is irrelevant
 
 
-def test_the_eight_on_bearings_is_flown_and_judged(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    words = ("--set", "experiment.manoeuvre=figure_eight", "--set", "experiment.duration=8")
-    one = fly(capsys, tmp_path, *words, "--seed", "7")
+def layouts(report: dict[str, Any]) -> tuple[str, str]:
+    """Return the layouts of the emulated beacons and of those that the vehicle knows."""
+    values = json.loads(read_attachments(Path(report["log"]))["parameters.json"])
+    return values["bearings.layout"], values["beacons.layout"]
+
+
+def test_the_eight_on_bearings_is_flown_and_judged(reported: dict[str, Any]) -> None:
+    one = reported
     metrics = one["metrics"]
     assert one["verdict"] == "passed"
     assert 0.005 < metrics["position_rms_m"] <= 0.04  # on the tracker it would be 3 mm
@@ -86,13 +88,12 @@ def test_the_eight_on_bearings_is_flown_and_judged(
 def test_the_same_seed_gives_the_same_messages_with_and_without_a_report(
     reported: dict[str, Any], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    again = fly(capsys, tmp_path, *HOVERED)
+    again = fly(capsys, tmp_path, *sets(*EIGHT), "--seed", "7")
     messages = [
         [(m.topic, m.publish_ns, m.payload) for m in read_log(Path(report["log"]))]
         for report in (reported, again)
     ]
     assert messages[0] == messages[1]
-    assert estimators(Path(again["log"])) == ["complementary", "error_state", "complementary"]
 
 
 def test_recorded_sticks_fly_the_complementary_filter(
@@ -139,21 +140,29 @@ def test_the_report_is_a_page_a_paper_four_plots_and_a_table(reported: dict[str,
     assert "Fig. 6 of the paper" in page.read_text()
     written = text.read_text()
     assert f"| position_rms_m | {report['metrics']['position_rms_m']:.5g} | 0.0" in written
-    assert "`experiment.manoeuvre` = hover" in written
+    assert "`experiment.manoeuvre` = figure_eight" in written
     assert picture.name in written
 
 
-def test_beacons_of_a_file_are_where_station_and_vehicle_have_them(
+def test_beacons_of_a_file_are_known_to_both_and_gains_whose_limits_nobody_knows_are_not_judged(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "five.csv"
     rows = ["7,1.5,1.5,0.1", "8,-1.5,1.5,0.1", "9,-1.5,-1.5,0.1", "10,1.5,-1.5,0.1", "11,0,0,0.1"]
     file.write_text("\n".join(["id,x,y,z", *rows]))
-    report = fly(capsys, tmp_path, "--beacons", str(file), "--set", "experiment.duration=5")
-    values = json.loads(read_attachments(Path(report["log"]))["parameters.json"])
-    assert values["beacons.layout"] == values["bearings.layout"]
-    assert values["beacons.layout"].startswith("7 1.5 1.5 0.1; 8 -1.5")
+    settings = sets(
+        "experiment.duration=5", "experiment.estimator=complementary", "experiment.gains=bearings"
+    )
+    words = ("--beacons", str(file), *settings)
+    assert main(["fly", "bearings", *words, "--out", str(tmp_path), "--json"]) == 3
+    report = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    emulated, known = layouts(report)
+    assert known == emulated
+    assert known.startswith("7 1.5 1.5 0.1; 8 -1.5")
     assert report["metrics"]["position_rms_m"] < 0.05
+    assert report["verdict"] == "not_judged"
+    for name in ("position_rms_m", "estimate_position_rms_m", "estimate_attitude_rms_deg"):
+        assert name in report["reason"]
 
 
 def test_a_file_that_holds_no_beacons_is_refused_with_line_and_column(
@@ -194,29 +203,23 @@ def test_without_matplotlib_a_report_is_refused_before_the_flight(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_log_that_never_flew_on_bearings_is_told(on_the_tracker: dict[str, Any]) -> None:
-    with pytest.raises(LogFormatError, match="never flew on bearings"):
-        read_flight(Path(on_the_tracker["log"]), "quad1")
-
-
-def test_the_vehicle_is_told_where_the_emulated_beacons_stand_unless_it_is_told_otherwise(
-    on_the_tracker: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.usefixtures("short_hover")
+def test_beacons_are_where_they_are_emulated_unless_the_vehicle_is_told_otherwise(
+    tmp_path: Path,
 ) -> None:
-    def layouts(report: dict[str, Any]) -> tuple[str, str]:
-        values = json.loads(read_attachments(Path(report["log"]))["parameters.json"])
-        return values["bearings.layout"], values["beacons.layout"]
-
-    assert layouts(on_the_tracker) == ("wide", "wide")
-    monkeypatch.setattr("console.experiments.hover.DURATION", 0.5)  # s; how it flies is irrelevant
-    words = ("--set", "bearings.layout=wide", "--set", "beacons.layout=paper")
-    other = flown(tmp_path, "hover", *words)
+    wide = ("hover", *sets("bearings.layout=wide"))
+    one = flown(tmp_path, *wide)
+    assert layouts(one) == ("wide", "wide")
+    other = flown(tmp_path, *wide, *sets("beacons.layout=paper"))
     assert layouts(other) == ("wide", "paper")
+    with pytest.raises(LogFormatError, match="never flew on bearings"):
+        read_flight(Path(one["log"]), "quad1")
 
 
 def test_a_coarser_sensor_is_held_to_limits_of_its_own(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    coarse = fly(capsys, tmp_path, "--set", "experiment.duration=8", "--set", "bearings.sigma=5")
+    coarse = fly(capsys, tmp_path, *sets("experiment.duration=5", "bearings.sigma=5"))
     assert coarse["metrics"]["position_rms_m"] > 0.025
     assert coarse["verdict"] == "passed"
 
@@ -233,23 +236,6 @@ def test_bearings_that_are_all_turned_fail_by_the_attitude_they_give(
     assert turned["verdict"] == "failed"
     assert turned["metrics"]["fallbacks"] == 0.0
     assert 2.5 < turned["metrics"]["estimate_attitude_rms_deg"] < 3.5
-
-
-def test_gains_whose_limits_nobody_knows_are_not_judged_with_a_status_of_their_own(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    words = (
-        *sets(
-            "experiment.duration=5",
-            "experiment.estimator=complementary",
-            "experiment.gains=bearings",
-        ),
-    )
-    assert main(["fly", "bearings", *words, "--out", str(tmp_path), "--json"]) == 3
-    report = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
-    assert report["verdict"] == "not_judged"
-    for name in ("position_rms_m", "estimate_position_rms_m", "estimate_attitude_rms_deg"):
-        assert name in report["reason"]
 
 
 def test_one_beacon_that_is_off_is_named_once_and_left_out(

@@ -362,7 +362,7 @@ def test_noise_wrong_sums_and_other_systems_are_dropped_with_one_line(
     for _ in range(5):
         ground.turn()
     assert asked(wired) == []
-    assert [line for line in wired.lines if "sends what is not valid" in line] == wired.lines
+    assert [line for line in wired.lines if "sends invalid messages" in line] == wired.lines
     assert len(wired.lines) == 1
     assert ground.command(ARM, 1.0) == ACCEPTED, "what is half there does not spoil what follows"
 

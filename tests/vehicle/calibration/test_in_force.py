@@ -8,6 +8,7 @@ import pytest
 
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.parameters import ParameterValue
+from vehicle.boards.kind import find_kind
 from vehicle.calibration.in_force import start_values
 from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore
 from vehicle.processes import mailbox
@@ -56,6 +57,13 @@ def test_one_that_all_was_given_against_is_not_in_force() -> None:
     assert line.endswith("is not in force: --set model.mass=1.3")
 
 
+def test_one_is_judged_with_the_values_of_the_board_that_is_flown() -> None:
+    one_cell = record("battery", {"safety.battery_warning": 3.4})
+    assert start_values([one_cell], {}).refused == [one_cell.stamp_ns]
+    found = start_values([one_cell], {}, find_kind("crazyflie").traits.parameters)
+    assert (found.values, found.refused) == (one_cell.values, [])
+
+
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
@@ -95,14 +103,18 @@ def test_the_gyroscopes_drift_of_another_start_says_nothing() -> None:
 def test_a_vehicle_starts_with_what_its_folder_holds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert _with_calibrations(tmp_path, {"model.mass": 1.2}) == ({"model.mass": 1.2}, [], [])
+    assert _with_calibrations(tmp_path, {"model.mass": 1.2}, "mikrokopter") == (
+        {"model.mass": 1.2},
+        [],
+        [],
+    )
     store = CalibrationStore(tmp_path, lambda _: None)
     bad = record("inertia", {"model.inertia_xx": 7.0}, 3)
     for one in (MASS, MOTOR, bad):
         store.append(one)
     history = tmp_path / FOLDER / HISTORY
     history.write_bytes(history.read_bytes() + b'{"na')
-    values, refused, notices = _with_calibrations(tmp_path, {"model.mass": 1.2})
+    values, refused, notices = _with_calibrations(tmp_path, {"model.mass": 1.2}, "mikrokopter")
     assert values == {"model.mass": 1.2} | MOTOR.values
     assert refused == [MASS.stamp_ns, bad.stamp_ns]
     levels = [mailbox.WARN, mailbox.INFO, mailbox.WARN, mailbox.INFO]

@@ -54,9 +54,9 @@ def test_steps_that_flight_would_not_allow_are_taken_on_the_ground(wired: Any) -
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "no calibration record: the text: Invalid JSON"),
-        ('{"values": {}}', "no calibration record: name: Field required"),
-        ('{"name": "motor", "extra": 1}', "no calibration record: extra: Extra inputs"),
+        ("", "not a calibration record: the text: Invalid JSON"),
+        ('{"values": {}}', "not a calibration record: name: Field required"),
+        ('{"name": "motor", "extra": 1}', "not a calibration record: extra: Extra inputs"),
         (proposal({"model.motor_slope": 0.0127, "model.motor_offset": 99.0}), "99 is out of bound"),
         (proposal({"model.motor_slope": 0.0127, "model.gone": 1.0}), "unknown parameter"),
         (proposal({"safety.battery_warning": 12.5}), "is not below"),

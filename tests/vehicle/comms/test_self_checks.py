@@ -69,7 +69,7 @@ def test_while_the_flight_loop_is_silent_the_disk_is_left_alone_and_said_so(
     assert answer.accepted
     disk = lines(answer)["log's disk"]
     assert disk.state == "unknown"
-    assert disk.found == "not looked at: the flight loop is silent, and may be flying"
+    assert disk.found == "not checked: no data from the flight loop, which may be flying"
     assert disk.advice
 
 

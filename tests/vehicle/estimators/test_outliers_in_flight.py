@@ -12,7 +12,7 @@ from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record
 from tests.support.arrays import Array
 from tests.support.lab import Lab
 from tests.support.narrowing import now
-from vehicle.estimators.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
+from vehicle.estimators.agreement_watch import HOLD_NS, MOVE_NS, QUIET_NS, AgreementWatch
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
 
@@ -133,6 +133,20 @@ def test_poses_that_are_all_too_old_are_flown_on_for_a_second_at_most(estimator:
     assert "no pose measurement for 1.0 s" in lab.said
     assert lab.view().mode == "emergency_land"
     assert tilt < 30.0
+
+
+@pytest.mark.parametrize("estimator", ["complementary", "error_state"])
+def test_only_a_move_that_was_not_announced_is_reported_as_a_jump(estimator: str) -> None:
+    lab = Lab(settings={"estimation.estimator": estimator}).ready()
+    assert lab.stack.handle(mailbox.ExpectMove("1", "anna")).accepted
+    lab.robot.place((1.0, 0.5, 0.0))
+    lab.wait(1e-9 * MOVE_NS)
+    assert lab.stack.state["position_w"][0] == pytest.approx((1.0, 0.5, 0.0), abs=0.05)
+    assert [e.text for e in lab.kept.events if e.level > mailbox.INFO] == []
+    lab.robot.place((0.0, 0.0, 0.0))
+    lab.wait(0.2)
+    assert "the tracker jumped" in lab.said
+    assert lab.flags & Flag.TRACKER_JUMPED
 
 
 # ---------------------------------------------------------------------- the watch alone

@@ -216,7 +216,9 @@ def test_files_that_are_no_logs_are_not_listed(vehicle: Vehicle) -> None:
     (vehicle.log.folder / "foreign.mcap").write_bytes(magic + b"no index" * 9 + magic)
     (vehicle.log.folder / "text.mcap").write_text("not a log at all")
     (vehicle.log.folder / "empty.mcap").touch()
-    assert vehicle.ask("onboard_part", name="text.mcap", length=9).reason.endswith("is no MCAP log")
+    assert vehicle.ask("onboard_part", name="text.mcap", length=9).reason.endswith(
+        "is not an MCAP log"
+    )
     answer = vehicle.ask("onboard_files")
     assert [file.name for file in answer.files] == [vehicle.log.files()[0].path.name]
     assert answer.free_bytes == 10**10

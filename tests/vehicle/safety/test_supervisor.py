@@ -156,6 +156,7 @@ TRIGGERS = [
     ({"innovation": 0.7, "jumped": True}, "innovation", 0.3, Reaction.DESCEND, "tracker jumped"),
     ({"pose_age": 1.2}, "pose", 0.0, Reaction.DESCEND, "no pose measurement for 1.2 s"),
     ({"outside": 0.6}, "volume", 0.2, Reaction.LAND, "0.6 m outside the flight volume"),
+    ({"box": "pillar"}, "volume", 0.2, Reaction.LAND, "in the keep-out box pillar"),
     ({"speed": 6.5}, "speed", 0.2, Reaction.BRAKE, "6.5 m/s"),
     ({"saturated": True}, "saturation", 1.0, Reaction.LAND, "saturated for 1 s"),
     ({"lost_ports": 1}, "port", 0.0, Reaction.LAND, "serial port"),

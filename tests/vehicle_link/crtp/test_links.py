@@ -178,7 +178,7 @@ def test_a_link_or_port_given_twice_and_a_word_that_is_none_are_refused(
     for words, said in (
         ([f"{one}=19850", f"{one}=19851"], f"link {one} is given twice; give each Crazyflie"),
         ([f"{one}=19850", f"{two}=19850"], "port 19850 is given twice"),
-        ([one], f"'{one}' is no LINK=PORT; give one like"),
+        ([one], f"'{one}' is not LINK=PORT; give one like"),
     ):
         assert main(["crazyradio", *words]) == 2
         assert said in capsys.readouterr().err

@@ -52,7 +52,7 @@ def test_not_a_number_travels() -> None:
 
 @pytest.mark.parametrize("value", [None, [1.0], 2**63])
 def test_a_value_ros_has_no_scalar_for_is_refused(value: object) -> None:
-    with pytest.raises(WrongTypeError, match="is no parameter value"):
+    with pytest.raises(WrongTypeError, match="is not a parameter value"):
         to_value(value)
 
 

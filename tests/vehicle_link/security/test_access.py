@@ -201,4 +201,6 @@ def test_another_protocol_is_told_with_the_end_to_update(theirs: str, remedy: st
 
 def test_one_protocol_is_no_disagreement_whatever_the_version() -> None:
     assert disagreement(protocol(), "99.1") == ""
-    assert disagreement("00000000", version()).endswith("bring both to the same version of quadlab")
+    assert disagreement("00000000", version()).endswith(
+        "install the same version of quadlab on both"
+    )

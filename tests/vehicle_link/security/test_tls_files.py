@@ -69,7 +69,7 @@ def _locked(path: Path) -> None:
         ("vehicle.key", lambda path: path.write_bytes(b"\n"), f"is empty; {HAVE_MADE}"),
         ("vehicle.key", _folder, f"is a folder, a file is needed; {HAVE_MADE}"),
         ("vehicle.key", _damaged, f"holds a damaged private key; {HAVE_MADE}"),
-        ("vehicle.key", _locked, f"is locked by a password; {HAVE_MADE}"),
+        ("vehicle.key", _locked, f"is encrypted; {HAVE_MADE}"),
         (
             "vehicle.key",
             lambda path: path.write_bytes(path.with_suffix(".pem").read_bytes()),

@@ -210,10 +210,10 @@ def test_everything_else_is_one_clear_line(lab: ExitStack, tmp_path: Path) -> No
     lab.callback(held.close)
     (tmp_path / "file").write_text("")
     cases = {
-        start(lab, Robot(1, robot_id=7)): (Finding.OTHER_ROBOT, "robot 7, firmware 1; looked for"),
+        start(lab, Robot(1, robot_id=7)): (Finding.OTHER_ROBOT, "robot 7, firmware 1; expected is"),
         start(lab, Robot(1, revision=3)): (
             Finding.OTHER_FIRMWARE,
-            "looked for is firmware 1: install",
+            "expected is firmware 1: install",
         ),
         start(lab, Mute(1)): (Finding.SILENT, "silent for 1.0 s; is the microcontroller switched"),
         start(lab, Slow(1)): (Finding.GARBAGE, "its baud rate is not 115200"),

@@ -276,7 +276,7 @@ def test_a_service_that_is_slow_or_absent_is_a_link_error(link: Link) -> None:
     proceed.set()
     absent = link.web.client("absent", SERVICES["arm"])
     assert not absent.wait(0.05)
-    with pytest.raises(UnreachableError, match=r"^the vehicle is not reached"):
+    with pytest.raises(UnreachableError, match=r"^the vehicle cannot be reached"):
         absent.call(new(REQUEST))
 
 
@@ -603,5 +603,5 @@ def test_endpoints_are_read(text: str, expected: tuple[str, int]) -> None:
 
 @pytest.mark.parametrize("text", ["", ":7447", "quad1:", "quad1:http", "quad1:99999"])
 def test_an_endpoint_that_cannot_be_read_is_a_usage_error(text: str) -> None:
-    with pytest.raises(UsageError, match="is no address of a vehicle"):
+    with pytest.raises(UsageError, match="is not the address of a vehicle"):
         parse_endpoint(text)

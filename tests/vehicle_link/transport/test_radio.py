@@ -159,7 +159,7 @@ def test_a_link_that_stands_but_is_deaf_is_opened_anew_with_patience(
     vehicle.talks.clear()  # its session continues, but nothing is sent over it
     wait_for(lambda: dialled.reopened == 2)
     assert lab.said == [
-        f"the link to {dialled.address} is open but brought nothing for {patience} s: reopened"
+        f"the link to {dialled.address} is open but delivered nothing for {patience} s: reopened"
         for patience in ("0.3", "0.6")
     ]
     assert beside.silent() < 0.3  # no other was affected

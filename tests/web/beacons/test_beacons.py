@@ -149,7 +149,7 @@ def test_a_file_that_is_none_is_refused_where_it_is_wrong(
 
 
 def test_the_vehicles_refusal_reaches_the_page(operator: httpx.Client, station: Any) -> None:
-    station.refusal = f"{LAYOUT} not changed, the vehicle refuses: on bearings"
+    station.refusal = f"{LAYOUT} not changed, refused by the vehicle: on bearings"
     answer = operator.put("/api/beacons", json=SQUARE)
     assert answer.status_code == 409
     assert answer.json()["error"] == station.refusal

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import re
 import threading
@@ -55,15 +56,38 @@ class Look:
         self._expect(self._page.locator(selector)).to_have_value(value, timeout=BOUND)
 
 
-@pytest.fixture(scope="module")  # its event loop must not outlive the module: others run their own
-def chromium(request: pytest.FixtureRequest, chromium_path: str) -> Iterator[Any]:
-    """Yield a browser, with WebGL for a module that sets `NEEDS_WEBGL`."""
+@pytest.fixture(scope="session")
+def launch(chromium_path: str) -> Iterator[Callable[[list[str]], Any]]:
+    """Yield `launch(flags)`, which returns the browser of these flags.
+
+    All modules of a process share it and its driver, because both take 1 s of processor time to
+    start. Their event loop is the running one from then on.
+    """
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    flags = WITH_WEBGL if getattr(request.module, "NEEDS_WEBGL", False) else PLAIN
+    running: dict[str, Any] = {}
     with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium_path, args=flags)
-        yield browser
-        browser.close()
+        loop = asyncio.get_running_loop()
+
+        def find(flags: list[str]) -> Any:
+            asyncio._set_running_loop(loop)
+            key = " ".join(flags)
+            if key not in running or not running[key].is_connected():
+                launched = playwright.chromium.launch(executable_path=chromium_path, args=flags)
+                running[key] = launched
+            return running[key]
+
+        yield find
+        asyncio._set_running_loop(loop)
+
+
+@pytest.fixture(scope="module")
+def chromium(request: pytest.FixtureRequest, launch: Callable[[list[str]], Any]) -> Iterator[Any]:
+    """Yield a browser without contexts, with WebGL for a module that sets `NEEDS_WEBGL`."""
+    browser = launch(WITH_WEBGL if getattr(request.module, "NEEDS_WEBGL", False) else PLAIN)
+    yield browser
+    for context in browser.contexts:
+        context.close()
+    asyncio._set_running_loop(None)  # other tests run loops of their own in this thread
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -81,9 +81,9 @@ def test_what_was_refused_from_outside_needs_a_release_too() -> None:
     switch = DeadManSwitch()
     switch.take(given(), 0.0)
     assert switch.take(HELD, 0.02)
-    switch.refuse("another has control")
+    switch.refuse("someone else has control")
     assert not switch.take(HELD, 0.04)
-    assert switch.why == "another has control"
+    assert switch.why == "someone else has control"
     switch.take(given(), 0.06)
     assert switch.take(HELD, 0.08)
 
@@ -210,7 +210,7 @@ def test_who_loses_control_loses_the_sticks_and_is_told(
             "n": 3,
             "by": "web",
             "on": False,
-            "why": "another has control",
+            "why": "someone else has control",
         }
         assert station.sticks[-1] == (STILL, False)
         station.control(label)

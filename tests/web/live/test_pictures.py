@@ -31,7 +31,7 @@ def test_a_page_gets_jpegs_while_it_looks_and_none_are_taken_for_nobody(
         station.deliver(TOPIC, picture(b"\xff\xd8 one"))
         assert page.recv(PATIENCE) == b"\xff\xd8 one"
         station.deliver(TOPIC, picture(b"\x89PNG"))  # from another node
-        assert page.recv(PATIENCE) == "a picture of 4 bytes that is no JPEG; send JPEG"
+        assert page.recv(PATIENCE) == "a picture of 4 bytes that is not a JPEG; send JPEG"
         station.deliver(TOPIC, picture(b"\xff\xd8 two"))
         assert page.recv(PATIENCE) == b"\xff\xd8 two"
     until(lambda: station.forwarded == set())

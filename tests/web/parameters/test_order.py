@@ -188,7 +188,7 @@ def test_a_set_within_the_steps_is_one_change() -> None:
 def test_a_walk_refused_on_the_way_goes_back() -> None:
     path, vehicle, replica = flying()
     before = replica.values()
-    vehicle.errors = {3: RefusedError("another has control now")}
+    vehicle.errors = {3: RefusedError("someone else has control now")}
     with pytest.raises(RefusedError, match="control now; all values are as before"):
         asyncio.run(path.change({KP: 16.0, RATES: "exact"}, "x", walks=True))
     assert vehicle.values == before

@@ -16,7 +16,7 @@ from flight_log import LogWriter, read_log
 from flight_log.run import common_stamps, gaps
 from quadrotor.errors import LogFormatError, MeasurementError, OutOfBoundsError
 from vehicle_link.messages import decode, encode, header, new, time_message
-from vehicle_link.topics import PICTURE, encode_picture
+from vehicle_link.topics import PICTURE, encode_bearings, encode_picture
 from web.replay import timeline
 from web.replay.build import build_replay
 from web.replay.reader import Replay
@@ -382,6 +382,22 @@ def test_a_picture_is_the_newest_one_at_an_instant_to_the_byte(tmp_path: Path) -
     with pytest.raises(OutOfBoundsError, match=told):
         replay.picture("camera_picture", 2.0)
     assert replay.described()["topics"]["tracker_picture"]["count"] == 4
+
+
+def test_the_beacons_in_sight_are_those_of_the_newest_frame_until_it_is_old(tmp_path: Path) -> None:
+    log = tmp_path / "a.mcap"
+    frames = [(0.0, [4, -2]), (0.1, [4, -2]), (0.2, [4]), (0.3, [7, 8]), (2.0, [7, 8])]
+    with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
+        for t, ids in frames:
+            stamp_ns = SECOND + _ns(t)
+            payload = encode_bearings(stamp_ns, ids, np.eye(3)[: len(ids)], 0.02)
+            kind = "quadlab_msgs/BearingArray"
+            writer.write("/quad1/bearings", kind, payload, stamp_ns, stamp_ns)
+    sights = shown(log).described()["sights"]
+    assert [one["ids"] for one in sights] == [[4, -2], [4], [7, 8], [], [7, 8], []]
+    expected = [0.0, 0.2, 0.3, 0.6, 2.0, 2.3]
+    assert [one["t"] for one in sights] == pytest.approx(expected, abs=1e-6)
+    assert sights[0]["sigma"] == pytest.approx(0.02)
 
 
 def _ns(seconds: float) -> int:

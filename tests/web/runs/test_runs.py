@@ -145,7 +145,7 @@ def test_several_runs_are_deleted_and_brought_back_with_reasons_for_the_others(
     answer = operator.post("/api/trash", json={"runs": [RUN, "nope", "elsewhere"]}).json()
     assert answer["done"] == [RUN]
     assert "no run 'nope'" in answer["refused"]["nope"]
-    assert "does not lie in" in answer["refused"]["elsewhere"]
+    assert "is not inside" in answer["refused"]["elsewhere"]
     assert operator.get(DOWNLOAD).status_code == 404
     [deleted] = viewer.get("/api/trash").json()
     assert deleted["id"] == RUN

@@ -33,14 +33,18 @@ class Desk:
         live.put("reference", encode(new("quadlab_msgs/Reference", position=(0.0, 0.0, 1.0))))
         live.put("status", encode(new("quadlab_msgs/VehicleStatus", airborne=True)))
         monitor = TrajectoryMonitor(live, cast(Any, self), cast(Any, self))
-        box = ((-3.0, 3.0), (-3.0, 3.0), (0.2, 3.0))
-        self.drafts = Drafts(DraftView(server), monitor, self.told.append, lambda: box)
+        self.set: dict[str, Any] = {
+            f"behavior.volume_{axis}_{end}": wall
+            for axis, walls in zip("xyz", ((-3.0, 3.0), (-3.0, 3.0), (0.2, 3.0)), strict=True)
+            for end, wall in zip(("min", "max"), walls, strict=True)
+        }
+        self.drafts = Drafts(DraftView(server), monitor, self.told.append, self.set.get)
 
     told: list[Any]
     plans: list[bool]
 
     def values(self) -> dict[str, Any]:
-        return {}
+        return self.set
 
     def plan(self, points: Any, feasible: bool = True) -> None:
         self.plans.append(points is not None and feasible)
@@ -126,7 +130,34 @@ def test_the_faces_of_a_volume_move_along_their_axis_and_never_cross(desk: Desk)
     assert desk.points[1][0] == 2.0
     assert desk.points[1][1:] == (3.0, 3.0)
     moved = Draft("volume", ((-1.0, -1.0, 0.2), (1.0, 1.0, 2.0)), ME).moved(1, (-5.0, 0.0, 0.0))
-    assert moved.points == ((-1.0, -1.0, 0.2), (-0.8, 1.0, 2.0))
+    assert moved.points == ((-1.0, -1.0, 0.2), (-0.9, 1.0, 2.0))
+
+
+def test_a_volume_and_a_keep_out_box_tell_the_parameters_to_set_all_or_none(desk: Desk) -> None:
+    desk.open("volume", points=[(-1.0, -2.0, 0.2), (1.0, 2.0, 2.5)])
+    found = now(desk.drafts.summary() or {})
+    assert list(found["values"].values()) == [-1.0, -2.0, 0.2, 1.0, 2.0, 2.5]
+    assert "behavior.volume_y_max" in found["values"]
+    pillar = "pillar -2.0 -1.5 0.0 0.5 0.0 2.0"
+    desk.set |= {"behavior.keep_out": pillar, "behavior.keep_out_margin": 0.4}
+    desk.open("keep_out", arguments={"box": "pillar"})
+    desk.drag("/draft/along_1", (-1.5, 0.25, 1.0), (-1.3, 0.25, 1.0))
+    found = now(desk.drafts.summary() or {})
+    assert found["values"] == {"behavior.keep_out": "pillar -2.0 -1.3 0.0 0.5 0.0 2.0"}
+    assert found["removal"] == {"behavior.keep_out": "none"}
+    desk.open("keep_out")
+    found = desk.judged()
+    assert (found["arguments"], found["removal"], found["refusal"]) == ({"box": "box_1"}, None, "")
+    assert found["values"]["behavior.keep_out"].startswith(f"{pillar}; box_1 1.15 1.65 ")
+    desk.click((0.3, 0.3, 0.0))
+    assert "the vehicle at (0.00, 0.00, 1.00) m is inside" in desk.judged()["refusal"]
+
+
+def test_a_path_into_a_keep_out_box_is_red_and_names_it(desk: Desk) -> None:
+    desk.set["behavior.keep_out"] = "pillar 0.8 1.0 -1.0 1.0 0.0 2.0"
+    desk.open("target", points=[(2.0, 0.0, 1.0)])
+    assert "the keep-out box pillar at (0.40, 0.00, 1.00) m" in desk.judged()["refusal"]
+    assert now(desk.plans)[-1] is False
 
 
 def test_a_draft_that_the_vehicle_could_not_fly_says_why_and_one_that_it_could_its_time(

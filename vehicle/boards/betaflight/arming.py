@@ -24,7 +24,7 @@ REASONS: tuple[tuple[str, str], ...] = (
     ("GPS", "GPS rescue waits for satellites: turn GPS rescue off indoors"),
     ("RESCUE_SW", "its GPS-rescue switch is on: switch it off"),
     ("DSHOT_TELEM", "motors send no telemetry: check the speed controllers or `dshot_bidir`"),
-    ("REBOOT_REQD", "its settings want a restart: switch it off and on"),
+    ("REBOOT_REQD", "its settings need a restart: switch it off and on"),
     ("DSHOT_BBANG", "DShot does not work by bit-banging: set `dshot_bitbang = OFF`"),
     ("NO_ACC_CAL", "its accelerometer was never calibrated: do that in the configurator, level"),
     ("MOTOR_PROTO", "no motor protocol is chosen: set `motor_pwm_protocol`"),

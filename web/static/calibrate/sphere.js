@@ -35,7 +35,7 @@ export class PoseSphere {
     this.text = element("p", { className: "covered" });
     const sign = (name, text) => element("span", { className: name }, text);
     this.place = element("div", { className: "poses", hidden: true }, this.svg,
-      element("div", {}, this.text, element("p", { className: "signs" }, sign("held", "held, which way was up"), sign("next", "next"), sign("now", "the vehicle now"))));
+      element("div", {}, this.text, element("p", { className: "signs" }, sign("held", "held: the direction of up"), sign("next", "next"), sign("now", "the vehicle now"))));
   }
 
   // done, next: of posesOf; now: [x, y, z], where up is in body axes, or null.

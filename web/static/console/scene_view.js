@@ -20,11 +20,11 @@ export class View {
     this.name = crypto.randomUUID?.() ?? String(Math.random());
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = `${scheme}://${location.host}${here("/viser")}?view=${this.name}`;
-    $("scene").src = `${here("/viser/")}?websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
+    const byHand = new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5&plain" : "";
     listenInside($("scene"));
     themeFrame($("scene"));
     const full = element("input", { type: "checkbox", onchange: () => this.quality.choose(full.checked) });
-    this.quality = new Quality($("scene"), $("quality"), (shadows) => this.ask({ shadows }));
+    this.quality = new Quality($("scene"), `${here("/viser/")}?websocket=${encodeURIComponent(socket)}${byHand}`, $("quality"), (shadows) => this.ask({ shadows }));
     const tools = new ViewTools(document.querySelector("#view .overlay.bottom"), {
       camera: "free", isEnabled: isOperator, note: "Layers are shared by all pages; grid 0.5 m",
       more: [element("label", { title: "shadows and all pixels, however slow it is; in this browser only" }, full, "Full quality")],

@@ -41,7 +41,7 @@ export class Invitation {
   // Said only where it was: without https, browsers give no clipboard.
   async copied() {
     const isCopied = await (navigator.clipboard?.writeText(this.link.value) ?? Promise.reject(new Error("none"))).then(() => true, () => false);
-    this.note.textContent = `A link for one ${this.role}, for one use${isCopied ? "; it is copied" : ""}.`;
+    this.note.textContent = `A link for one ${this.role}, for one use${isCopied ? "; copied to the clipboard" : ""}.`;
     if (!isCopied) this.link.focus();
   }
 

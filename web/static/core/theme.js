@@ -50,7 +50,11 @@ export const font = (ratio = 1, style = "") => `${style} ${ratio * parseFloat(ge
 
 // What the axes of all plots have in common, for uPlot.
 export const axisLook = () => ({ stroke: () => paint("var(--dim)"), font: font(), labelFont: font(), ticks: { show: false },
-  grid: { stroke: () => paint("var(--grid)"), width: 1 } });
+  grid: { stroke: () => paint("var(--grid)"), width: 1 }, values: (_, ticks) => ticks.map(numberText) });
+
+// uPlot's own text has three decimals at most, so that ticks of 0.0005 read as 0.001.
+/** @param {number | null} tick */
+const numberText = (tick) => (tick === null ? "" : String(Number(tick.toPrecision(9))).replace("-", "−"));
 
 const chosen = () => root.dataset.theme ?? "";
 

@@ -26,6 +26,7 @@ const PATHS = {
   figure_eight: "M10 10C8 6 3 6 3 10s5 4 7 0 7-4 7 0-5 4-7 0z",
   circle: `${ring(10, 10, 6.5)}M14.5 8l2 2 1.8-2.2`,
   waypoints: `M4.8 13.6l4-7M11.2 6.5l3.8 5${ring(4, 15, 1.6)}${ring(10, 5, 1.6)}${ring(16, 13, 1.6)}`,
+  keep_out: "M3 6.5l7-4 7 4v7l-7 4-7-4zM6 7l8 7M14 7l-8 7",
   volume: "M3 6.5l7-4 7 4v7l-7 4-7-4zM3 6.5l7 4 7-4M10 10.5v7",
   file: "M5 2.5h6l4 4v11H5zM11 2.5v4h4",
   near_hovering: `M2 12l4.6-1.2M13.4 9.2L18 8${ring(10, 10, 3.5)}`,

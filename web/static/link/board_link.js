@@ -12,5 +12,5 @@ export function boardLink(status) {
     ...(trip ? [`round trip ${late(trip)}${nominal ? `, a sample every ${late(1 / nominal)}` : ""}`] : []),
     ...(share ? [`${fixed(100 * share, 1)} % acknowledged after ${fixed(retries, 2)} retries, ${waiting} packets waiting`] : []),
   ];
-  return parts.join(" · ") || "it does not tell";
+  return parts.join(" · ") || "not reported by the board";
 }

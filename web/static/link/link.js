@@ -45,7 +45,7 @@ export class LinkPanel {
       element("div", { className: "link-state" }, element("span", {}, "Radio"), this.state, this.since), this.outages, this.problem, this.way, this.reaction,
       ...Object.values(this.strips).map(({ place: line }) => line),
       element("h2", {}, "This page to the station"), this.verdict, ...Object.values(this.page).map(({ place: line }) => line),
-      element("p", { className: "span" }, "last five minutes · in the log as link_status, this page's own link is not"));
+      element("p", { className: "span" }, "last five minutes; logged as link_status, except for this page's own link"));
     this.loop = new LoopPanel(place, { events, ages });
     this.addViewers(place);
     telemetry.addEventListener("frame", () => { this.frames += 1; });

@@ -40,7 +40,7 @@ export class LinkStrip {
     let low = Infinity, high = -Infinity;
     this.each(now, (_, value) => { if (value < low) low = value; if (value > high) high = value; });
     const isKnown = high >= low;
-    setText(this.largest, !isKnown ? "" : this.zero ? `most ${this.format(high)}` : `${this.format(low)} to ${this.format(high)}`);
+    setText(this.largest, !isKnown ? "" : this.zero ? `max ${this.format(high)}` : `${this.format(low)} to ${this.format(high)}`);
     this.canvas.ariaLabel = isKnown ? `${this.label}, last five minutes: ${this.format(low)} to ${this.format(high)}` : `${this.label}: no data`;
     this.paint(now, low, high, isKnown);
   }

@@ -23,8 +23,8 @@ export class Alignment extends EventTarget {
     const kind = BEST.find((one) => runs.every((run) => moment(run, one) !== undefined));
     this.selects = runs.map((run, k) => element("select", { ariaLabel: `moment of the ${k ? "second" : "first"} run`, onchange: () => this.update() },
       ...run.description.moments.map((one) => element("option", { value: one.label, selected: one === moment(run, kind) }, `${one.label}, ${stamp(one.t, 1)}`))));
-    this.offset = element("input", { type: "number", step: "0.01", value: "0", ariaLabel: "second run moved by hand, s", onchange: () => { this.hand = Number(this.offset.value) || 0; this.update(); } });
-    place.append(element("span", { className: "note" }, "aligned at"), this.selects[0], element("span", { className: "note" }, "="), this.selects[1], element("label", { className: "note" }, "moved ", this.offset, " s"));
+    this.offset = element("input", { type: "number", step: "0.01", value: "0", ariaLabel: "second run shifted by hand, s", onchange: () => { this.hand = Number(this.offset.value) || 0; this.update(); } });
+    place.append(element("span", { className: "note" }, "aligned at"), this.selects[0], element("span", { className: "note" }, "="), this.selects[1], element("label", { className: "note" }, "shifted by ", this.offset, " s"));
     this.update();
   }
 

@@ -42,7 +42,7 @@ export class ReplayPanel extends EventTarget {
   setRuns(runs) {
     this.runs = runs;
     this.lines = runs.flatMap((run, k) => lines(run).map((line) => ({ ...line, at: line.t - run.shift, isOther: k > 0 }))).sort((a, b) => a.at - b.at).slice(0, MOST);
-    this.rows = this.lines.map((line) => element("li", { className: `${line.kind}${line.isOther ? " second" : ""}` },
+    this.rows = this.lines.map((line) => element("li", { className: `of-${line.kind}${line.isOther ? " second" : ""}` },
       element("button", { className: "link", title: "go there", onclick: () => { this.clock.pause(); this.clock.seek(line.at); } }, stamp(line.at, 1)), element("span", {}, line.text)));
     this.events.replaceChildren(...(this.rows.length ? this.rows : [element("li", { className: "empty" }, "No events in this run.")]));
     const findings = runs.flatMap((run, k) => run.description.findings.map((one) => ({ ...one, at: one.from - run.shift, isOther: k > 0 })));

@@ -97,6 +97,12 @@ export class Run {
 
   beacons(t) { return this.description.beacons.filter((one) => one.t <= t).at(-1)?.beacons ?? []; }
 
+  // The beacons in sight at t, their places, and the bearings' standard deviation in rad; null without.
+  sight(t) {
+    const found = this.description.sights.filter((one) => one.t <= t).at(-1);
+    return found?.ids.length ? { sigma: found.sigma, places: this.beacons(t).filter(([id]) => found.ids.includes(id)).map((one) => one.slice(1)) } : null;
+  }
+
   // Values and ages at t, by name.
   at(names, t) { return get(`${this.base}/at?t=${t.toFixed(6)}${query(this.known(names))}`); }
 

@@ -12,6 +12,7 @@ const TRAIL = 20; // s
 const WHOLE = 2500; // points of a whole path
 const ROTORS = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 const ROUND = Array.from({ length: 17 }, (_, k) => [Math.cos((k * Math.PI) / 8), Math.sin((k * Math.PI) / 8)]);
+const DEVIATIONS = 3; // of a cone to a beacon
 const UNIT = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 const FULL = { lead: { dash: [], alpha: 1 }, other: { dash: [6, 5], alpha: 0.55 } };
 
@@ -22,16 +23,17 @@ export class ReplayScene {
     this.clock = clock;
     this.runs = [];
     this.camera = new Camera();
-    this.view = { ...SHOWN };
+    this.view = { ...SHOWN, cones: true };
     this.look = "follow";
     this.canvas = element("canvas", { tabIndex: 0, ariaLabel: "3D view: drag to turn, Shift and drag to move, wheel or + and − to zoom" });
     this.canvas.setAttribute("role", "img");
     const reset = element("button", { title: "return to the initial view", onclick: () => { this.camera.reset(); this.draw(); } }, "Reset view");
     const key = (name, words) => element("span", { className: `key ${name}` }, words);
     this.truthKey = key("truth", "truth");
-    const overlay = element("div", { className: "overlay bottom" }, reset, this.truthKey);
+    const overlay = element("div", { className: "overlay bottom" }, this.truthKey, reset);
+    const cones = element("input", { type: "checkbox", checked: true, onchange: () => { this.view.cones = cones.checked; this.draw(); } });
     const tools = new ViewTools(overlay, {
-      camera: this.look, note: "Grid 0.5 m",
+      camera: this.look, note: "Grid 0.5 m", more: [element("label", { title: "three standard deviations of a bearing, around each beacon in sight" }, cones, "Bearing cones")],
       onCamera: (look) => { this.look = look; this.camera.choose(look); this.draw(); },
       onView: (change) => { tools.show(Object.assign(this.view, change)); this.hasTruth(); this.draw(); },
     });
@@ -76,8 +78,12 @@ export class ReplayScene {
     pen.fillStyle = this.color.ground;
     pen.fillRect(0, 0, this.width, this.height);
     if (this.view.ground) this.ground();
-    if (this.view.volume) this.volume(lead.description.volume);
+    if (this.view.volume) {
+      this.volume(lead.description.volume, this.color.stale);
+      for (const box of lead.description.boxes ?? []) this.volume(box, this.color.x, 0.12);
+    }
     this.beacons(lead.beacons(clock.t));
+    if (this.view.cones) this.cones(lead, clock.t);
     for (const run of [...this.runs].reverse()) this.run(run, run === lead ? FULL.lead : FULL.other);
     pen.globalAlpha = 1;
     pen.setLineDash([]);
@@ -153,10 +159,14 @@ export class ReplayScene {
     UNIT.forEach((axis, i) => this.line([[0, 0, 0], axis.map((c) => 0.5 * c)], this.color["xyz"[i]], 2));
   }
 
-  volume(box) {
+  // The edges of a box; its faces too, where `shade` is more than 0.
+  volume(box, color, shade = 0) {
     if (!box) return;
     const corner = (k) => box.map((side, axis) => side[(k >> axis) & 1]);
-    for (let k = 0; k < 8; k++) for (const bit of [1, 2, 4]) if (!(k & bit)) this.line([corner(k), corner(k | bit)], this.color.stale, 1);
+    for (let k = 0; k < 8; k++) for (const bit of [1, 2, 4]) if (!(k & bit)) this.line([corner(k), corner(k | bit)], color, 1);
+    this.pen.globalAlpha = shade;
+    for (const [a, b, c] of [[1, 2, 4], [2, 4, 1], [4, 1, 2]]) for (const side of shade ? [0, c] : []) this.area([side, side | a, side | a | b, side | b].map(corner), color);
+    this.pen.globalAlpha = 1;
   }
 
   beacons(rows) {
@@ -167,6 +177,23 @@ export class ReplayScene {
       const at = this.dot([x, y, z], this.color.amber, 4);
       if (at) this.pen.fillText(String(id), at[0], at[1] - 8);
     }
+  }
+
+  // From the true pose, else the estimate, to each beacon in sight.
+  cones(run, t) {
+    const pose = run.pose("truth", t) ?? run.pose("state", t), sight = pose && run.sight(t);
+    if (!sight) return;
+    for (const place of sight.places) {
+      const along = place.map((c, i) => c - pose.position[i]), length = Math.hypot(...along), radius = length * Math.tan(DEVIATIONS * sight.sigma);
+      const [x, y, z] = along.map((c) => c / length), level = Math.hypot(x, y) || 1e-9;
+      const side = [-y / level, x / level, 0], up = [(-z * x) / level, (-z * y) / level, level];
+      const rim = ROUND.map(([c, s]) => place.map((p, i) => p + radius * (c * side[i] + s * up[i])));
+      this.pen.globalAlpha = 0.09;
+      for (let k = 1; k < rim.length; k++) this.area([pose.position, rim[k - 1], rim[k]], this.color.amber);
+      this.pen.globalAlpha = 0.7;
+      this.line(rim, this.color.amber, 1);
+    }
+    this.pen.globalAlpha = 1;
   }
 
   line(points, color, width) {

@@ -29,7 +29,7 @@ export class CameraSection {
     this.choice = element("div", {},
       element("div", { className: "fields" }, element("label", { className: "which" }, element("span", {}, "Camera"), this.camera)), this.facts, this.past,
       element("h3", {}, "Calibration with a ChArUco board"),
-      element("p", { className: "hint" }, "Print the board, check its rulers, and glue it to something flat and stiff. Then hold it in front of the camera as the guide says; pictures are taken by themselves when it is still."),
+      element("p", { className: "hint" }, "Print the board, check its rulers, and glue it to something flat and stiff. Then hold it in front of the camera as the guide says; pictures are taken automatically while it is still."),
       element("div", { className: "fields" }, ...BOARD.map(({ label, unit }, k) => element("label", {}, element("span", {}, label), this.inputs[k] ?? "", element("small", {}, unit)))),
       element("div", { className: "acts" }, this.start, this.print));
     const ask = (action) => this.ask(`/${action}`);
@@ -61,7 +61,7 @@ export class CameraSection {
     const known = await get("/api/setup/cameras").catch(() => null);
     if (!known) return;
     this.known = known;
-    this.camera.replaceChildren(...optionsOf(known.map(({ camera, name }) => [String(camera), camera === SIMULATED ? `${name}, to try it` : `${camera}: ${name}`]), this.camera.value));
+    this.camera.replaceChildren(...optionsOf(known.map(({ camera, name }) => [String(camera), camera === SIMULATED ? `${name}, to try it out` : `${camera}: ${name}`]), this.camera.value));
     this.describe();
   }
 

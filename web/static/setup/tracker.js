@@ -16,7 +16,7 @@ export class TrackerSection {
     this.facts = element("dl", { className: "facts" });
     this.problem = element("p", { className: "reason", hidden: true });
     this.bars = element("div", { className: "latencies", role: "img" });
-    this.latencies = element("figure", { hidden: true }, this.bars, element("figcaption", {}, "frames of the last seconds by their latency above the smallest, in steps of 1 ms; the last bar: all longer ones"));
+    this.latencies = element("figure", { hidden: true }, this.bars, element("figcaption", {}, "latency of the frames of the last seconds above the smallest, in bins of 1 ms; the last bar has all longer ones"));
     const fields = element("div");
     this.simulated = element("div", {}, element("p", { className: "hint" }, "Poses of the simulated tracking system, made by the station from the simulator's truth; these settings are the errors of its measurements."), fields);
     const cameras = Array.from({ length: CAMERAS }, () => element("div", { hidden: true }));

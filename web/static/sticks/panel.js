@@ -14,7 +14,7 @@ import { landing } from "../core/control_authority.js";
 const REACH = 15; // px from the centre of a pad to full stick
 const KEYS = { velocity: "Hold Shift: W A S D move, arrows up, down and turn. On a pad hold a shoulder button.", near_hovering: "Hold Shift: W A S D tilt, arrows up, down and turn. On a pad hold a shoulder button." };
 const STALE = 1; // s
-const OTHERS = "another has control"; // as web and station say it
+const OTHERS = "someone else has control"; // as web and station say it
 const IDLE = 10; // ticks of the clock
 
 export function addSticks(place, { events, isOperator, fly, emergency, gains, label }) {
@@ -126,6 +126,7 @@ class StickPanel {
   get step() {
     const { held, centred } = this.sticks;
     if (this.other) return `Ask ${this.other} for control.`;
+    if (this.touch.isOpen) return held ? "Lift your fingers, then touch a pad again." : "Touch a pad again.";
     if (held) return centred ? "Release the button and press it again." : "Let go of the button and of all sticks, then press it again.";
     return centred ? "Press the button again." : "Centre all sticks, then press the button again.";
   }

@@ -13,7 +13,7 @@ const LATE = 500; // ms a frame may wait for its answer
 const CUT_HOLD = 500; // ms
 const CENTRE = [0, 0, 0, 0];
 const DROPS = {
-  blur: "the window lost the focus", hidden: "the tab was hidden", unplugged: "the pad was unplugged",
+  blur: "the window lost focus", hidden: "the tab was hidden", unplugged: "the pad was unplugged",
   stalled: "this page froze", late: "no reply from the station", left: "this page was closed", editing: "the pad is being set up",
 };
 
@@ -127,7 +127,7 @@ export class Sticks {
   // A press of the button: whether it counts.
   begin(centred) {
     const why = this.editing ? "close the set-up of the pad first"
-      : document.hidden || !document.hasFocus() ? "this page does not have the focus: click into it first"
+      : document.hidden || !document.hasFocus() ? "this page does not have focus: click on it first"
       : !centred ? "centre all sticks and keys, then press again" : "";
     if (why) { this.refuse(why); return; }
     this.on = true;

@@ -143,7 +143,7 @@ export class Tune {
     const { status, control } = this.events.summary, holder = control?.holder ?? "";
     if (!this.isOperator) return "Viewers cannot run tests; ask an operator.";
     if (BUSY.includes(this.status.phase)) return "A test is running.";
-    if (!this.events.connected || !(this.events.age("status") < 1)) return "The vehicle's status is old; a test needs the link.";
+    if (!this.events.connected || !(this.events.age("status") < 1)) return "The vehicle's status is out of date; a test needs the link.";
     if (holder && holder !== this.session.label) return `${holder} has control; ask for it to fly a test.`;
     if (!status?.airborne) return "The vehicle is on the ground: take off first.";
     if (status.behavior !== "hover") return `The vehicle's behavior is ${words(status.behavior)}; a test starts from hover.`;

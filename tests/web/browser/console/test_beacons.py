@@ -161,9 +161,9 @@ def test_a_refused_layout_says_why_and_the_table_shows_what_is_confirmed(
     look.value(f"{CELLS} >> nth=1", "1.000")
     tab.fill(f"{CELLS} >> nth=1", "1.4")
     look.has_class(f"{CELLS} >> nth=1", "draft")
-    station.refusal = f"{LAYOUT} not changed, the vehicle refuses: it flies on bearings"
+    station.refusal = f"{LAYOUT} not changed, refused by the vehicle: it flies on bearings"
     tab.click("#beacons-layout button:has-text('Apply')")
-    look.text("#beacons-layout .reason", "the vehicle refuses: it flies on bearings")
+    look.text("#beacons-layout .reason", "refused by the vehicle: it flies on bearings")
     look.value(f"{CELLS} >> nth=1", "1.000")
     look.has_no_class(f"{CELLS} >> nth=1", "draft")
     station.refusal = ""

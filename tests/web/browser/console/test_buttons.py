@@ -24,9 +24,15 @@ def asked(station: Any) -> list[str]:
 
 
 @pytest.fixture
-def console(page: Any) -> Any:
-    page.keyboard.press("Escape")  # the help of a first visit
-    return page
+def console(kept_page: Any, flying: Any) -> Any:
+    """Return a page whose charts run, and whose help of a first visit is closed."""
+    kept_page.keyboard.press("Escape")
+    return kept_page
+
+
+@pytest.fixture
+def look(console: Any, look_at: Any) -> Any:
+    return look_at(console)
 
 
 def test_what_must_be_held_says_so(console: Any) -> None:
@@ -82,11 +88,13 @@ def test_the_space_bar_starts_no_flight(console: Any, station: Any, look: Any, b
     console.focus(button)
     console.keyboard.press(" ")
     look.text("#charts .bar button >> nth=0", "^Resume$")
+    console.keyboard.press(" ")
+    look.text("#charts .bar button >> nth=0", "^Pause$")
     assert asked(station) == []
 
 
 def test_a_trajectory_tells_what_it_asks_before_it_starts(
-    page: Any, look: Any, monkeypatch: pytest.MonkeyPatch
+    console: Any, look: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = Preview([(0.0, 0.0, 1.0), (1.0, 0.0, 1.0)], 19.2, 0.634, "")
     laps: list[int] = []
@@ -97,11 +105,10 @@ def test_a_trajectory_tells_what_it_asks_before_it_starts(
 
     monkeypatch.setattr("web.commands.previewer.Previewer.compute", compute)
     row = "#behaviors .behavior:has(button:text-is('Circle'))"
-    page.keyboard.press("Escape")  # the help of the first visit
-    page.hover(row)
+    console.hover(row)
     look.text("#plan", "^Circle: 00:19, up to 0.63 m/s; the vehicle can fly it.$")
-    page.wait_for_selector("#planned-key")
+    console.wait_for_selector("#planned-key")
     found = Preview(found.points, 5.0, 3.0, "follow_trajectory refused: too quick; try slower")
-    page.fill(f"{row} input >> nth=0", "2")
+    console.fill(f"{row} input >> nth=0", "2")
     look.text("#plan", "^Circle: too quick; try slower$")
     assert laps == [3, 2]

@@ -14,6 +14,17 @@ STANDS = {"airborne": False, "behavior": "ground"}
 """Status of a vehicle that is armed on the ground."""
 
 
+@pytest.fixture
+def shown(kept_page: Any, flying: Any) -> Any:
+    """Return a page for tests that change only what the vehicle says."""
+    return kept_page
+
+
+@pytest.fixture
+def seen(shown: Any, look_at: Any) -> Any:
+    return look_at(shown)
+
+
 def test_a_link_signs_in_once(context: Any, site: Any, page: Any) -> None:
     assert page.url == f"{site.base}/"
     stranger = context.browser.new_context()
@@ -24,52 +35,52 @@ def test_a_link_signs_in_once(context: Any, site: Any, page: Any) -> None:
     stranger.close()
 
 
-def test_the_bar_shows_what_the_vehicle_says(page: Any, look: Any) -> None:
-    look.text("#doing", "^FLYING")
-    look.text("#behavior", "^hover$")
-    look.text("#link", "ms · 2.0 %")
-    look.text("#battery", "^15.6 V$")
-    look.text("#tracker", "^100 Hz$")
-    look.text("#tick", "^140 µs · 0.0 %$")
-    look.text("#recording", r"^● 00:12\s+84\sMB$")
-    look.text("#flags", "not real time")
+def test_the_bar_shows_what_the_vehicle_says(seen: Any) -> None:
+    seen.text("#doing", "^FLYING")
+    seen.text("#behavior", "^hover$")
+    seen.text("#link", "ms · 2.0 %")
+    seen.text("#battery", "^15.6 V$")
+    seen.text("#tracker", "^100 Hz$")
+    seen.text("#tick", "^140 µs · 0.0 %$")
+    seen.text("#recording", r"^● 00:12\s+84\sMB$")
+    seen.text("#flags", "not real time")
 
 
 def test_poses_that_the_vehicle_refuses_show_where_the_tracker_does(
-    page: Any, look: Any, station: Any, flying: Any
+    seen: Any, station: Any, flying: Any
 ) -> None:
-    look.text("#tracker", "^100 Hz$")
+    seen.text("#tracker", "^100 Hz$")
     station.said = {"flags": ["measurements_refused"]}
-    look.text("#tracker", "^100 Hz · refused$")
-    look.has_class("#tracker", "warn")
+    seen.text("#tracker", "^100 Hz · refused$")
+    seen.has_class("#tracker", "warn")
     station.said = {"flags": ["measurements_refused", "tracker_jumped"]}
-    look.text("#tracker", "^100 Hz · jumped$")
-    look.text("#flags", "tracker jumped")
-    look.text("#table", "used, ref., NIS")
+    seen.text("#tracker", "^100 Hz · jumped$")
+    seen.text("#flags", "tracker jumped")
+    seen.text("#table", "used, ref., NIS")
     station.said = {}
-    look.text("#tracker", "^100 Hz$")
-    look.has_no_class("#tracker", "warn")
+    seen.text("#tracker", "^100 Hz$")
+    seen.has_no_class("#tracker", "warn")
 
 
 def test_a_simulation_that_is_slowed_says_so_and_moves_nothing(
-    page: Any, look: Any, station: Any
+    shown: Any, seen: Any, station: Any
 ) -> None:
-    look.text("#doing", "^FLYING")
-    page.wait_for_selector("#pace", state="hidden")  # a real vehicle
+    seen.text("#doing", "^FLYING")
+    shown.wait_for_selector("#pace", state="hidden")  # a real vehicle
     station.real_time_factor = 0.99
-    look.text("#factor", "^99 %$")
-    assert page.is_hidden("#pace")
+    seen.text("#factor", "^99 %$")
+    assert shown.is_hidden("#pace")
 
     def places() -> list[Any]:
         ids = ("recording", "tracker", "battery", "primary", "pill")
-        return [page.locator(f"#{name}").bounding_box()["x"] for name in ids]
+        return [shown.locator(f"#{name}").bounding_box()["x"] for name in ids]
 
     before = places()
     station.real_time_factor = 0.634
-    look.text("#factor", "^63 %$")
-    page.wait_for_selector("#pace", state="visible")
+    seen.text("#factor", "^63 %$")
+    shown.wait_for_selector("#pace", state="visible")
     assert places() == pytest.approx(before, abs=2.0)
-    look.has_no_class("#factor", "warn|alarm")
+    seen.has_no_class("#factor", "warn|alarm")
 
 
 def test_who_flies_is_said_in_words_and_only_the_microcontroller_alone_in_red(
@@ -99,36 +110,36 @@ def test_who_flies_is_said_in_words_and_only_the_microcontroller_alone_in_red(
     look.text("#emergency-land", "may drift")
 
 
-def test_what_is_old_is_grey_and_keeps_its_last_value(page: Any, look: Any, flying: Any) -> None:
+def test_what_is_old_is_grey_and_keeps_its_last_value(shown: Any, seen: Any, flying: Any) -> None:
     x = "#table tbody tr >> nth=0 >> td >> nth=1"
-    look.text("#doing", "^FLYING")
-    look.text(x, r"^1\.000$")
+    seen.text("#doing", "^FLYING")
+    seen.text(x, r"^1\.000$")
     flying(False)
-    look.has_class("#behavior", "stale")
-    look.text("#behavior", "^hover$")
-    look.text("#doing", "^NO CONTACT$")
-    look.has_class("#table tbody tr >> nth=0", "stale")
-    look.text(x, r"^1\.000$")
-    page.wait_for_selector("#contact:not([hidden])")
-    look.text("#flags", "^$")
+    seen.has_class("#behavior", "stale")
+    seen.text("#behavior", "^hover$")
+    seen.text("#doing", "^NO CONTACT$")
+    seen.has_class("#table tbody tr >> nth=0", "stale")
+    seen.text(x, r"^1\.000$")
+    shown.wait_for_selector("#contact:not([hidden])")
+    seen.text("#flags", "^$")
     flying(True)
-    page.wait_for_selector("#contact", state="hidden")
-    look.has_no_class("#behavior", "stale")
+    shown.wait_for_selector("#contact", state="hidden")
+    seen.has_no_class("#behavior", "stale")
 
 
-def test_the_state_table_shows_numbers_and_ages(page: Any, look: Any) -> None:
-    look.text("#table tbody tr >> nth=0 >> td >> nth=3", r"^1\.500$")
-    look.text("#table tbody tr >> nth=5 >> td >> nth=3", r"^0\.500$")  # tracking error, z
-    look.text("#table tbody tr >> nth=0 >> td.age", r"ms$")
+def test_the_state_table_shows_numbers_and_ages(seen: Any) -> None:
+    seen.text("#table tbody tr >> nth=0 >> td >> nth=3", r"^1\.500$")
+    seen.text("#table tbody tr >> nth=5 >> td >> nth=3", r"^0\.500$")  # tracking error, z
+    seen.text("#table tbody tr >> nth=0 >> td.age", r"ms$")
 
 
-def test_a_refusal_is_shown_with_its_reason(page: Any, look: Any, station: Any) -> None:
+def test_a_refusal_is_shown_with_its_reason(shown: Any, seen: Any, station: Any) -> None:
     station.refusal = "take_off refused: the motors are off; arm the vehicle first"
-    page.click(TAKE_OFF)
-    look.text("#answer", "the motors are off; arm the vehicle first")
-    page.fill("#behaviors input >> nth=0", "99")
-    page.click(TAKE_OFF)
-    look.text("#answer", "height = 99; allowed 0.2 to 20 m")
+    shown.click(TAKE_OFF)
+    seen.text("#answer", "the motors are off; arm the vehicle first")
+    shown.fill("#behaviors input >> nth=0", "99")
+    shown.click(TAKE_OFF)
+    seen.text("#answer", "height = 99; allowed 0.2 to 20 m")
 
 
 def test_arming_needs_a_hold_and_a_click_does_nothing(

@@ -18,11 +18,19 @@ def actions(station: Any) -> list[str]:
 
 
 @pytest.fixture
-def still(open_page: Any, site: Any, station: Any) -> Any:
+def still(kept_page: Any, station: Any) -> Any:
     """Return a page whose vehicle publishes only what the test requests."""
     show(station, "armed")
+    kept_page.keyboard.press("Escape")  # the help of a first visit
+    return kept_page
+
+
+@pytest.fixture
+def fresh(open_page: Any, site: Any, station: Any) -> Any:
+    """Return such a page for a test that leaves it or changes it."""
+    show(station, "armed")
     page = open_page(site)
-    page.keyboard.press("Escape")  # the help of a first visit
+    page.keyboard.press("Escape")
     return page
 
 
@@ -67,7 +75,7 @@ def test_a_refusal_and_a_missing_vehicle_are_said_with_their_reason(
     station.refusal, station.away = "", True
     still.keyboard.press("e")
     look.text("#emergency-state", "not acknowledged, try 2 of 3")
-    look.text("#emergency-state", "failed: the base station is not reached")
+    look.text("#emergency-state", "failed: the base station cannot be reached")
 
 
 def test_cut_is_held_and_its_key_too(still: Any, station: Any, until: Any) -> None:
@@ -105,9 +113,9 @@ def test_how_long_a_key_was_held_counts_also_on_a_page_whose_timers_are_late(
 
 
 def test_the_pads_buttons_land_at_a_press_and_cut_when_held(
-    still: Any, station: Any, until: Any
+    fresh: Any, station: Any, until: Any
 ) -> None:
-    still.evaluate(
+    fresh.evaluate(
         """() => { window.pad = { id: 'x', mapping: 'standard', connected: true,
         axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
         window.pad.buttons[1].pressed = true;
@@ -115,7 +123,7 @@ def test_the_pads_buttons_land_at_a_press_and_cut_when_held(
     )
 
     def press(button: int, pressed: bool) -> None:
-        still.evaluate(
+        fresh.evaluate(
             """([button, pressed]) => { window.pad.buttons[button].pressed = pressed;
             let looks = 0; // at the second the first has been acted upon
             return new Promise((done) => { window.looked = () => { if (++looks > 1) done(); }; });
@@ -131,7 +139,7 @@ def test_the_pads_buttons_land_at_a_press_and_cut_when_held(
     press(8, True)
     press(8, False)
     press(8, True)
-    until(lambda: (still.wait_for_timeout(20), actions(station) == ["land", "cut"])[1])
+    until(lambda: (fresh.wait_for_timeout(20), actions(station) == ["land", "cut"])[1])
 
 
 def test_without_quadlab_web_the_page_says_so_tries_again_and_gives_up(
@@ -182,14 +190,14 @@ def test_a_viewer_may_land_but_not_cut(
 
 
 def test_the_emergency_page_works_without_its_events(
-    site: Any, still: Any, station: Any, look_at: Any
+    site: Any, fresh: Any, station: Any, look_at: Any
 ) -> None:
-    still.route_web_socket("**/ws/events", lambda socket: socket.close())
-    still.goto(f"{site.base}/kill")
-    look = look_at(still)
-    look.text("#state", "no connection to this page's server.*The buttons still send")
-    assert still.locator("iframe, canvas").count() == 0
-    still.click("#cut")
+    fresh.route_web_socket("**/ws/events", lambda socket: socket.close())
+    fresh.goto(f"{site.base}/kill")
+    look = look_at(fresh)
+    look.text("#state", "no connection to this page's server.*The buttons fresh send")
+    assert fresh.locator("iframe, canvas").count() == 0
+    fresh.click("#cut")
     look.text("#answer", "accepted, not yet shown")
     show(station, "cut")
     look.text("#answer", "motors cut, acknowledged after")
@@ -198,11 +206,11 @@ def test_the_emergency_page_works_without_its_events(
 
 @pytest.mark.parametrize("path", ["/runs", "/setup"])
 def test_the_pages_beside_the_console_have_both_controls(
-    site: Any, still: Any, station: Any, until: Any, look_at: Any, path: str
+    site: Any, fresh: Any, station: Any, until: Any, look_at: Any, path: str
 ) -> None:
-    if still.goto(f"{site.base}{path}").status != 200:
+    if fresh.goto(f"{site.base}{path}").status != 200:
         pytest.skip(f"no page {path}")
-    still.wait_for_selector("#head-controls #cut")
-    still.keyboard.press("e")
+    fresh.wait_for_selector("#head-controls #cut")
+    fresh.keyboard.press("e")
     until(lambda: actions(station) == ["land"])
-    look_at(still).text("#emergency-state", "accepted, not yet shown")
+    look_at(fresh).text("#emergency-state", "accepted, not yet shown")

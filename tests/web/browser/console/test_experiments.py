@@ -19,9 +19,14 @@ START, FINISH, STOP = (f"#experiment .act button >> nth={n}" for n in range(3))
 
 @pytest.fixture
 def section(
-    page: Any, station: Any, until: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+    kept_page: Any,
+    flying: Any,
+    station: Any,
+    until: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> Any:
     """Return the page with its section open, on a station that lists its experiments."""
+    page = kept_page
     plain = station._call_blocking
 
     def call(service: str, request: Any) -> Any:
@@ -45,6 +50,11 @@ def section(
     page.wait_for_selector("#experiment .options input")
     until(lambda: page.is_enabled(START))  # earlier, a press has no effect
     return page
+
+
+@pytest.fixture
+def seen(section: Any, look_at: Any) -> Any:
+    return look_at(section)
 
 
 @pytest.fixture
@@ -88,7 +98,7 @@ def asked(station: Any) -> list[Any]:
 
 
 def test_a_hold_starts_the_experiment_with_its_options_and_a_click_does_not(
-    section: Any, look: Any, station: Any, until: Any
+    section: Any, seen: Any, station: Any, until: Any
 ) -> None:
     section.fill("#experiment input[aria-label=duration]", "12")
     section.select_option("#experiment select[aria-label=manoeuvre]", "figure_eight")
@@ -103,31 +113,31 @@ def test_a_hold_starts_the_experiment_with_its_options_and_a_click_does_not(
     assert (request.action, request.name) == ("start", "bearings")
     options = from_parameters(request.options)
     assert (options["duration"], options["manoeuvre"]) == (12.0, "figure_eight")
-    look.text("#answer", "experiment: start: accepted")
+    seen.text("#answer", "experiment: start: accepted")
 
 
 def test_an_option_out_of_bounds_is_not_sent_and_a_refusal_shown(
-    section: Any, look: Any, station: Any, until: Any
+    section: Any, seen: Any, station: Any, until: Any
 ) -> None:
     station.requests.clear()
     section.fill("#experiment input[aria-label=duration]", "2")
     section.hover(START)
     section.mouse.down()
-    look.text("#answer", "duration = 2; allowed 5 to 3600 s")
+    seen.text("#answer", "duration = 2; allowed 5 to 3600 s")
     section.mouse.up()
     assert asked(station) == []
     section.fill("#experiment input[aria-label=duration]", "10")
     station.refusal = "the vehicle is armed; an experiment starts on the ground"
     hold(section, station, until, 1)
-    look.text("#answer", "the vehicle is armed; an experiment starts on the ground")
+    seen.text("#answer", "the vehicle is armed; an experiment starts on the ground")
 
 
 def test_while_it_flies_it_can_be_finished_and_stopped(
-    section: Any, look: Any, station: Any, until: Any
+    section: Any, seen: Any, station: Any, until: Any
 ) -> None:
     tell(station, name="bearings", phase="flying", step="take off", elapsed=4.0, planned=35.0)
-    look.text("#experiment .step", "take off · 00:04 of about 00:35")
-    look.text("#experiment summary output", "bearings · flying")
+    seen.text("#experiment .step", "take off · 00:04 of about 00:35")
+    seen.text("#experiment summary output", "bearings · flying")
     assert section.is_disabled(START)
     station.requests.clear()
     section.click(FINISH)
@@ -135,11 +145,11 @@ def test_while_it_flies_it_can_be_finished_and_stopped(
     section.click(STOP)
     until(lambda: [r.action for r in asked(station)] == ["finish", "stop"])
     tell(station, name="bearings", phase="flying", manual=True)
-    look.text("#experiment .step", "Flown by hand")
+    seen.text("#experiment .step", "Flown by hand")
 
 
 def test_the_verdict_has_its_figures_and_leads_to_the_report(
-    section: Any, look: Any, station: Any, report: Path, context: Any, site: Any
+    section: Any, seen: Any, station: Any, report: Path, site: Any
 ) -> None:
     tell(
         station,
@@ -151,23 +161,23 @@ def test_the_verdict_has_its_figures_and_leads_to_the_report(
         metric_values=[0.04, 700.0],
         metric_limits=[0.025, float("nan")],
     )
-    look.text("#experiment .verdict", "^bearings: failed")
-    look.text("#experiment .figures .above", r"^position rms0\.040\.025m$")
+    seen.text("#experiment .verdict", "^bearings: failed")
+    seen.text("#experiment .figures .above", r"^position rms0\.040\.025m$")
     assert section.locator("#experiment .above").count() == 1
-    with context.expect_page() as opened:
+    with section.context.expect_page() as opened:
         section.click("#experiment .links a >> nth=0")
     shown = opened.value
     shown.wait_for_selector(".figures")
     assert shown.inner_text("h1") == "bearings: failed"
     assert "hover" in shown.inner_text("main")
+    shown.goto(f"{site.base}/runs")
+    shown.wait_for_selector("#list td.failed:has-text('bearings: failed')")
+    shown.wait_for_selector("#detail a:has-text('Report')")
     shown.close()
-    section.goto(f"{site.base}/runs")
-    section.wait_for_selector("#list td.failed:has-text('bearings: failed')")
-    section.wait_for_selector("#detail a:has-text('Report')")
 
 
 def test_a_run_that_is_not_judged_says_so_everywhere_and_why(
-    section: Any, look: Any, station: Any, report: Path, context: Any, site: Any
+    section: Any, seen: Any, station: Any, report: Path, site: Any
 ) -> None:
     reason = "no limit for position_rms_m"
     result = json.loads((report / "result.json").read_text())
@@ -184,28 +194,28 @@ def test_a_run_that_is_not_judged_says_so_everywhere_and_why(
         metric_values=[0.04],
         metric_limits=[float("nan")],
     )
-    look.text("#experiment .verdict", "^bearings: not judged")
-    look.has_class("#experiment .verdict", "not_judged")
-    look.text("#experiment .reason", f"^{reason}$")
-    with context.expect_page() as opened:
+    seen.text("#experiment .verdict", "^bearings: not judged")
+    seen.has_class("#experiment .verdict", "not_judged")
+    seen.text("#experiment .reason", f"^{reason}$")
+    with section.context.expect_page() as opened:
         section.click("#experiment .links a >> nth=0")
     shown = opened.value
     shown.wait_for_selector(f".reason:has-text('{reason}')")
     assert shown.inner_text("h1") == "bearings: not judged"
+    shown.goto(f"{site.base}/runs")
+    shown.wait_for_selector("#list td.not_judged:has-text('bearings: not judged')")
     shown.close()
-    section.goto(f"{site.base}/runs")
-    section.wait_for_selector("#list td.not_judged:has-text('bearings: not judged')")
 
 
 def test_what_ended_it_is_shown_and_an_old_status_is_grey(
-    section: Any, look: Any, station: Any
+    section: Any, seen: Any, station: Any
 ) -> None:
     reason = "grace took over with start behavior"
     tell(station, name="bearings", phase="stopped", reason=reason)
-    look.text("#experiment .reason", f"^{reason}$")
-    look.has_no_class("#experiment", "old")
+    seen.text("#experiment .reason", f"^{reason}$")
+    seen.has_no_class("#experiment", "old")
     station.told = None
-    look.has_class("#experiment", "old")
+    seen.has_class("#experiment", "old")
     assert section.is_disabled(START)
 
 

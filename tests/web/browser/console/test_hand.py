@@ -7,14 +7,21 @@ from typing import Any
 
 import pytest
 
+from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.preview import Preview
 from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, ParameterStore
 
 HOVERS = {"mode": "armed", "armed": True, "airborne": True, "behavior": "hover"}
 
 
+class _Root(Parameters):
+    behavior: BehaviorParameters = BehaviorParameters()
+
+
 @pytest.fixture(scope="module")
 def phone(chromium: Any, site: Any) -> Iterator[Any]:
+    site.station.store = ParameterStore(_Root().model_copy(deep=True))
     context = chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True)
     page = context.new_page()
     page.goto(f"{site.base}/?token={site.token}")
@@ -81,3 +88,30 @@ def test_a_finger_on_a_pad_is_the_stick_and_its_lift_the_brake(
     touch("touchEnd")
     until(lambda: (phone.wait_for_timeout(20), station.sticks[-1] == ((0.0,) * 4, False))[1])
     phone.tap("#touch button:has-text('Close')")
+
+
+def test_a_keep_out_box_is_set_and_taken_away_by_its_buttons(
+    phone: Any, look_at: Any, station: Any, flying: Any, until: Any
+) -> None:
+    station.said = HOVERS
+    look = look_at(phone)
+
+    def press(words: str) -> str:
+        asked = len(station.requests)
+        phone.tap(f"#draft button:text-is('{words}'):enabled")
+        until(lambda: len(station.requests) > asked)
+        service, request = station.requests[-1]
+        phone.wait_for_selector("#draft", state="hidden")
+        [one] = request.parameters
+        assert (service, one.name) == ("change_parameters", "behavior.keep_out")
+        return str(one.value.string_value)
+
+    phone.tap("#draw button:has-text('Keep-out')")
+    look.text("#draft b", r"^box_1 x [\d.−]+ to [\d.−]+, y .*, z 0.00 to 1.00 m$")
+    assert station.requests == [], "nothing is sent before the press"
+    assert press("Set box").startswith("box_1 ")
+    phone.tap("#draw button:has-text('Keep-out')")
+    look.text("#draft b", "^box_2 ")
+    phone.select_option("#draft [aria-label='keep-out box']", "box_1")
+    look.text("#draft b", "^box_1 ")
+    assert press("Remove") == "none"

@@ -49,7 +49,7 @@ XBOX = "Xbox 360 Controller (STANDARD GAMEPAD Vendor: 045e Product: 028e)"
 SHOULDER, B, BACK = 4, 1, 8
 BOUND = 20_000  # ms, for a broken page only
 DROPS = {
-    "blur": ("dispatchEvent(new Event('blur'))", "the window lost the focus"),
+    "blur": ("dispatchEvent(new Event('blur'))", "the window lost focus"),
     "hidden": (
         """(() => { Object.defineProperty(document, 'hidden', { value: true, configurable: true });
         document.dispatchEvent(new Event('visibilitychange')); delete document.hidden; })()""",
@@ -403,7 +403,7 @@ def test_sticks_given_back_after_a_drop_need_one_step_which_is_said(
     pad.button(SHOULDER, True)
     look.text("#sticks .note", "^On")
     station.control("grace")
-    look.text("#sticks .note", "^Off: another has control. Ask grace for control.$")
+    look.text("#sticks .note", "^Off: someone else has control. Ask grace for control.$")
     station.control("")
     again = "Release the button and press it again."
     look.text("#sticks .note", f"^Off: another had control. {again}$")

@@ -35,6 +35,9 @@ def test_the_3d_view_shows_the_scene_and_reconnects(drawn: Any, site: Any, flyin
     shown = "() => window.__viserSceneTree.getState()['/vehicle'].visibility"
     assert frame.evaluate(f"{shown} !== false")
     assert len(set(page.locator("#scene").screenshot())) > 100, "the picture is blank"
+    context = "document.querySelector('canvas[data-engine]').getContext('webgl2')"
+    assert frame.evaluate(f"{context}.getContextAttributes().antialias") is False
+    assert not frame.evaluate("window.__viserMutable.backgroundMaterial.visible")
     server = site.view_server.viser._websock_server
     before = set(server._live_connections)
     server.disconnect_all_clients()
