@@ -110,6 +110,12 @@ def parse_board_options(
     ours = [word.removeprefix(BOARD) for word in words if word.startswith(BOARD)]
     others = [word for word in words if not word.startswith(BOARD)]
     options = find_kind(board).configured({})
+    for word in ours:
+        if word.startswith("firmware.") and hasattr(options, "firmware"):
+            raise UsageError(
+                f"--set {BOARD}{word}: this is known once the board has been read; at the start "
+                f'it is set with --set "board.parameters={word.removeprefix("firmware.")}"'
+            )
     if ours and options is None:
         raise UsageError(f"--set {BOARD}{ours[0]}: board {board} has no options")
     return others, parse_settings(options, ours, BOARD) if ours and options else {}

@@ -288,7 +288,8 @@ def fly_all(
             for worker in multiprocessing.active_children():
                 worker.terminate()
             raise
-    return sorted(found, key=lambda o: (failures.index(o.failure), starts.index(o.start), o.seed))
+    order = [*failures, *FAILURES]  # those of former runs may not be among these
+    return sorted(found, key=lambda o: (order.index(o.failure), STARTS.index(o.start), o.seed))
 
 
 def _follow(parent: int) -> None:

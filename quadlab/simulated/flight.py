@@ -24,7 +24,7 @@ from quadlab.simulated.onboard_camera import OnboardCamera
 from quadlab.simulated.outside_cameras import OutsideCameras
 from quadlab.simulated.parameters import FlightParameters
 from quadlab.simulated.stage_clock import StageClock
-from quadrotor.errors import MeasurementError, RefusedError, UsageError
+from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record, bearings_sample, has_attitude, pose_sample
 from vehicle.boards.kind import Kind
@@ -40,6 +40,8 @@ from vehicle_link.topics import encode_joy
 
 HEARTBEAT_NS = 50_000_000
 TRUTH_NS = 10_000_000
+SILENT_NS = 10_000_000_000
+"""Time without a sample after which a flight ends."""
 
 
 class SimulatedFlight(SimulatedGuide):
@@ -84,6 +86,7 @@ class SimulatedFlight(SimulatedGuide):
         self._sender = CommandSender(self.stack.modes, self._board)
         self._complained_ns = -WARN_NS
         self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
+        self._heard_ns = simulated.stamp_ns
         # Views made once; they show the plant's current state.
         self._true_position_w = simulated.truth["position_w"][0]
         self._true_quaternion_wb = simulated.truth["quaternion_wb"][0]
@@ -152,13 +155,21 @@ class SimulatedFlight(SimulatedGuide):
 
     # ------------------------------------------------------------------ one IMU period
     def advance(self) -> None:
-        """Advance everything by one IMU period, in the order of the real processes."""
+        """Advance everything by one IMU period, in the order of the real processes.
+
+        Raises LinkError for a board that sends no samples: time, which they count, would stop.
+        """
         stack, board, log = self.stack, self._board, self._log
         lap = self.clock.begin()
         self._simulated.step()
         self._after_step()
         lap("simulated robot")
         samples = board.receive()
+        if samples:
+            self._heard_ns = self._simulated.stamp_ns
+        elif self._simulated.stamp_ns - self._heard_ns > SILENT_NS:
+            why = board.obstacle or "the simulated board is silent"
+            raise LinkError(f"no sample for {SILENT_NS * 1e-9:g} s: {why}")
         self._sender.service(self._simulated.stamp_ns * 1e-9)
         lap("serial")
         for sample in samples:

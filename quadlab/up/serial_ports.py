@@ -109,10 +109,21 @@ def ports_of_board(board: str, words: Sequence[str], rate: int | None) -> tuple[
         raise UsageError(
             f"--serial has {len(named)} ports; --board {board} {has}, like --serial {kind.example}"
         )
+    _check_links(board, named)
     if rate is not None:
         check_rate(rate, None)
     ports = [port if is_link(port) else os.path.abspath(port) for port in named]
     return ports, rate or kind.rate
+
+
+def _check_links(board: str, named: Sequence[str]) -> None:
+    """Check that a board behind a link is not given a device. Raises UsageError."""
+    example = find_kind(board).example
+    for port in named:
+        if is_link(example) and not is_link(port):
+            raise UsageError(
+                f"--serial {port} is a device; --board {board} is behind a link, like {example}"
+            )
 
 
 def check_other_board(
@@ -135,6 +146,7 @@ def check_other_board(
             f"--serial has {len(named)} ports; --board {board} --check reads one, like "
             f"--serial {kind.example.partition(',')[0]}"
         )
+    _check_links(board, named)
     port = open_port(named[0], kind.bauds[0])
     try:
         return 1 if kind.check(port, kind.configured(values), _print) else 0

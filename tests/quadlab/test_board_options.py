@@ -35,6 +35,7 @@ def test_the_words_of_the_board_are_taken_out_and_checked() -> None:
     [
         ("betaflight", "board.landing_sped=1", "did you mean landing_speed"),
         ("betaflight", "board.failsafe_delay=1.5", "board.failsafe_delay=1.5"),
+        ("crazyflie", "board.firmware.pid_rate.roll_kp=3", 'board.parameters=pid_rate.roll_kp=3"'),
         ("mikrokopter", "board.idle=3", "board mikrokopter has no options"),
     ],
 )

@@ -75,6 +75,14 @@ def test_find_tells_each_device_and_ends_with_1_when_none_fits(
         (["vehicle", "--serial", "auto", "--rate", "1000"], "2 serial ports carry 677"),
         (["vehicle", "--check"], "--serial /dev/ttyUSB0,/dev/ttyUSB1, or --serial auto"),
         (["vehicle", "--name=quad1"], "--serial /dev/ttyUSB0,/dev/ttyUSB1, or --serial auto"),
+        (
+            ["vehicle", "--board=crazyflie", "--serial=/dev/a"],
+            "is behind a link, like radio://0/80",
+        ),
+        (
+            ["vehicle", "--board=crazyflie", "--serial=/dev/a", "--check"],
+            "--serial /dev/a is a dev",
+        ),
         (["vehicle", "--find", "--check"], "--find searches all devices, --check tests two"),
         (
             ["vehicle", "--find", "--robot-id=40000"],

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from console.experiments import figure_eight
 from flight_log import read_log, read_metadata
 from quadlab.__main__ import main
 from tests.quadlab.fly.hovering import Hovering
@@ -19,8 +20,9 @@ LANDING_SPEED = 0.8
 
 
 def test_the_eight_stays_within_its_errors_over_a_radio(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(figure_eight, "LAPS", 2)  # of which one is steady
     words = ["fly", "figure_eight", "--board", "crazyflie", "--out", str(tmp_path), "--json"]
     assert main(words) == 0
     report: dict[str, Any] = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
@@ -107,3 +109,11 @@ def test_wrong_words_of_a_check_are_one_line(
     error = capsys.readouterr().err
     assert said in error
     assert len(error.strip().splitlines()) == 1
+
+
+def test_one_that_does_not_fit_ends_the_flight_with_its_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["fly", "hover", "--board", "crazyflie", "--out", str(tmp_path)]
+    assert main([*words, "--set", "board.parameters=cpu.flash"]) == 1
+    assert "no sample for 10 s: cpu.flash of the Crazyflie is read-only" in capsys.readouterr().err
