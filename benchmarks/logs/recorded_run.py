@@ -47,6 +47,7 @@ class MadeRun:
     noise: float = 1e-3
     clock_ns: int = 0  # the vehicle's clock minus the station's
     late: float = 0.0  # s by which the take-off is later
+    keep_out: str = "none"  # boxes, as the vehicle was told
     extra: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -79,7 +80,7 @@ def position_at(run: MadeRun, t: Any) -> Any:
 def write_run(path: Path, run: MadeRun, seed: int = 1) -> Path:
     """Write the log. Raises StorageError."""
     random = np.random.default_rng(seed)
-    behavior, sensor = BehaviorParameters(), BearingParameters()
+    behavior, sensor = BehaviorParameters(keep_out=run.keep_out), BearingParameters()
     parameters = {
         "vehicle": {f"behavior.{k}": v for k, v in behavior.model_dump().items()}
         | {"control.position.kp_xy": 4.0},

@@ -87,7 +87,10 @@ def keep_out(velocity_filter: Record, reference: Record) -> None:
             below = f.boxes_low_w[k, i] - max(p, p + v, p + 2.0 * v + a, q)
             above = min(p, p + v, p + 2.0 * v + a, q) - f.boxes_high_w[k, i]
             side = 1.0 if below > above else -1.0  # towards the box
-            most = WALL_RATE * max(below, above)
+            gap, slowing = max(below, above), 0.9 * f.acceleration_max[i]
+            most = WALL_RATE * gap
+            if most * WALL_RATE > slowing:  # from afar, as fast as it can still slow down
+                most = math.sqrt(2.0 * slowing * gap - (slowing / WALL_RATE) ** 2)
             room = most - max(0.0, side * f.slewed[i])
             is_free = is_free or (room >= 0.0 and most >= side * f.wanted[i])
             if room > best_room:

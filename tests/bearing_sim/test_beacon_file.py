@@ -80,7 +80,7 @@ def test_a_file_that_is_none_is_refused_with_line_and_column(
 
 def test_geometry_is_refused_with_the_name_of_the_file(tmp_path: Path) -> None:
     path = written(tmp_path, "id,x,y,z\n" + "".join(f"{k},{k},{k},0.1\n" for k in range(4)))
-    with pytest.raises(DegenerateGeometryError, match=r"beacons\.csv: all 4 beacons stand on one"):
+    with pytest.raises(DegenerateGeometryError, match=r"beacons\.csv: all 4 beacons lie on one"):
         load_beacons(path)
 
 

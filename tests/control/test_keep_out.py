@@ -185,6 +185,16 @@ def test_sticks_are_held_before_every_face_and_lead_around_the_box(
     assert least[0] < MARGIN + 0.02, "never came to a face"
 
     reference = new_reference()
+    reference["position_w"] = (-20.0, 0.0, 1.0)
+    f = new_velocity_filter(reference, 2.0, 2.0)
+    set_walls(f, p.model_copy(update={"keep_out": PILLAR, "volume_x_min": -30.0}))
+    f["command"][0, 0] = 5.0
+    for _ in range(4000):  # faster than the speed from which the wall's rule alone can stop
+        advance(f, DT, reference)
+        assert reference["position_w"][0, 0] < 0.6 + 1e-3
+    assert reference["position_w"][0, 0] > 0.55
+
+    reference = new_reference()
     reference["position_w"] = (-0.5, 0.0, 1.0)
     f = new_velocity_filter(reference, 2.0, 2.0)
     set_walls(f, p)

@@ -194,7 +194,7 @@ def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:
     empty, foreign = tmp_path / "empty.mcap", tmp_path / "foreign.mcap"
     empty.write_bytes(b"")
     foreign.write_bytes(bytes(range(256)))
-    for path, why in ((empty, "is empty"), (foreign, "no MCAP log")):
+    for path, why in ((empty, "is empty"), (foreign, "not an MCAP log")):
         with pytest.raises(LogFormatError, match=why) as caught:
             read(path)
         assert "\n" not in str(caught.value)

@@ -70,7 +70,7 @@ FOREIGN: dict[str, tuple[Sequence[Any], str]] = {
     "idl": (("cdr", "ros2idl", b"module x {};", LZ4), "described in 'ros2idl'"),
     "nonsense": (("cdr", "ros2msg", b"\xff\xfe", LZ4), "description of x/msg/Y cannot be read"),
     "undescribed": (("cdr", "ros2msg", b"no/Such a\n", LZ4), "made of 'no/msg/Such'"),
-    "named": (("cdr", "ros2msg", b"float64 x\n", LZ4, "foxglove.Thing"), "no name of a ROS 2"),
+    "named": (("cdr", "ros2msg", b"float64 x\n", LZ4, "foxglove.Thing"), "not the name of a ROS 2"),
     "of itself": (("cdr", "ros2msg", b"x/msg/Y a\n", LZ4), "made of itself"),
 }
 

@@ -266,7 +266,7 @@ def _figures(**changed: Any) -> Figures:
         ({"loss": 0.3}, "bad", "telemetry lost"),
         ({"loss": math.nan}, "bad", "telemetry loss not measured: no packet of telemetry received"),
         ({"jitter": math.nan, "packets": 1}, "bad", "jitter not measured: one packet of"),
-        ({"round_trips": [], "unanswered": 9}, "bad", "round trip not measured: no question was"),
+        ({"round_trips": [], "unanswered": 9}, "bad", "round trip not measured: no request was"),
         ({"jitter": 0.02}, "usable", "jitter 20 ms"),
         ({"throughput": 0.5e6}, "usable", "throughput 0.5 Mbit/s"),
         ({"throughput": 0.1e6}, "bad", "throughput 0.1 Mbit/s"),

@@ -31,7 +31,7 @@ def test_addresses_of_several_vehicles_are_read_with_their_names() -> None:
         (("10.0.0.2", "10.0.0.3"), "give each its own name"),
         (("quad1=10.0.0.2", "quad2=10.0.0.2:7447"), "quad1 and quad2 would both be the vehicle"),
         (("Quad 1=10.0.0.2",), "allowed are up to 32 lower-case letters"),
-        (("quad1=",), "no address of a vehicle"),
+        (("quad1=",), "not the address of a vehicle"),
     ],
 )
 def test_addresses_that_cannot_be_meant_are_refused(words: tuple[str, ...], said: str) -> None:

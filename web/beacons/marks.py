@@ -24,7 +24,9 @@ class Mark:
     def __init__(self, api: Any, name: str) -> None:
         self.id: int | str | None = None
         self.frame = api.add_frame(name, show_axes=False, visible=False)
-        self.ball = api.add_icosphere(f"{name}/ball", radius=RADIUS, color=SEEN, cast_shadow=False)
+        self.ball = api.add_icosphere(
+            f"{name}/ball", radius=RADIUS, subdivisions=2, color=SEEN, cast_shadow=False
+        )
         self.post = api.add_cylinder(
             f"{name}/post", radius=0.008, height=1.0, color=POST, cast_shadow=False
         )

@@ -52,6 +52,8 @@ server.
 """
 
 _INJECTION = f"""<script>document.hasFocus=()=>true
+addEventListener("pointerdown",e=>{{
+if(e.pointerType==="touch")e.target.releasePointerCapture(e.pointerId)}},true)
 for(const{{prototype:gl}}of[WebGLRenderingContext,WebGL2RenderingContext]){{
 const get=gl.getExtension;gl.getExtension=function(n){{
 return n==="WEBGL_debug_renderer_info"?null:get.call(this,n)}}}}
@@ -70,7 +72,8 @@ return make.call(this,kind,{{...of,antialias:false}})}}}}</script>
 
 The client reconnects only while its document has the focus, which an iframe does not have. It may
 not learn the renderer's name, so that the page alone tells of software rendering. Its control panel
-(server address, scene tree) is hidden.
+(server address, scene tree) is hidden. Browsers capture a finger for the element that it touches;
+the client takes any capture for the drag of a handle, so that a tap would be no click.
 """
 
 

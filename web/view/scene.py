@@ -65,7 +65,7 @@ class Scene:
         )
         self._plan_until = 0.0  # s, monotonic
         self._target = api.add_icosphere(
-            "/target", radius=0.025, color=GREEN, visible=False, cast_shadow=False
+            "/target", radius=0.025, subdivisions=2, color=GREEN, visible=False, cast_shadow=False
         )
         self._drop = api.add_line_segments(
             "/drop",

@@ -98,7 +98,7 @@ def test_not_even_a_catalogued_name_leaves_the_folder(tmp_path: Path, catalogue:
     (tmp_path / "runs" / "notes.txt").write_text("x")
     for name, file in (("up", "../secret.mcap"), ("link", "link.mcap"), ("text", "notes.txt")):
         catalogue.add(run_entry(name, file=file))
-        with pytest.raises(StorageError, match="does not lie"):
+        with pytest.raises(StorageError, match="is not inside"):
             catalogue.resolve(name)
 
 

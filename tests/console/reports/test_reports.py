@@ -274,7 +274,7 @@ def test_bad_logs_and_folders_get_one_line(tmp_path: Path, log: Path) -> None:
     for path, error, said in (
         (tmp_path / "none.mcap", StorageError, "cannot read .*none.mcap"),
         (tmp_path, StorageError, "is a folder"),
-        (other, LogFormatError, "no MCAP log"),
+        (other, LogFormatError, "not an MCAP log"),
         (empty, LogFormatError, "nothing was recorded"),
         (nothing, LogFormatError, "nothing to show: it has no message"),
     ):

@@ -585,7 +585,7 @@ def test_what_is_no_log_or_a_torn_one_is_refused(
     assert "a folder" in complaint(capsys, ["replay", str(tmp_path)], 1)
     text = tmp_path / "text.mcap"
     text.write_text("t,x,y\n")
-    assert "no MCAP log" in complaint(capsys, ["replay", str(text)], 1)
+    assert "not an MCAP log" in complaint(capsys, ["replay", str(text)], 1)
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(log.read_bytes()[:-300_000])
     assert f"`quadlab log recover {torn}`" in complaint(capsys, ["replay", str(torn)], 1)

@@ -231,7 +231,7 @@ def test_mistakes_are_told_at_once(lab: Lab, tmp_path: Path) -> None:
         Radio("10.9.8.7", lab.tls, lab.port, lambda: 0.0)
     with pytest.raises(LinkError, match=r"ca\.pem is missing; copy it back"):
         Radio("10.9.8.7", TlsFiles(tmp_path), lab.port, lambda: 0.0)
-    with pytest.raises(UsageError, match="no address of a vehicle"):
+    with pytest.raises(UsageError, match="not the address of a vehicle"):
         Radio("10.9.8.7:x", lab.tls, lab.port, lambda: 0.0)
     with pytest.raises(LinkError, match=rf"^TCP port {lab.port} .*in use; stop .*$"):
         hub_session(lab.port)

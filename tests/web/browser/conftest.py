@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import io
 import re
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -267,24 +266,6 @@ def axe_in_both_themes(axe: Callable[..., list[str]]) -> Callable[..., list[str]
         return found
 
     return violations
-
-
-@pytest.fixture(scope="session")
-def keep_picture() -> Callable[..., None]:
-    """Return `keep_picture(page, path, of)`, which saves the page or one element.
-
-    The PNG has at most 256 colours; rare ones are exact.
-    """
-
-    def keep(page: Any, path: Path, of: str = "") -> None:
-        from PIL import Image
-
-        taken = page.locator(of).screenshot() if of else page.screenshot()
-        shot = Image.open(io.BytesIO(taken)).convert("RGB")
-        most, plain = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
-        shot.quantize(256, method=most, kmeans=3, dither=plain).save(path, optimize=True)
-
-    return keep
 
 
 @pytest.fixture(scope="session")

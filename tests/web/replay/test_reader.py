@@ -29,6 +29,7 @@ RUN = MadeRun(
     silence=(11.0, 12.5),
     marks=[(13.0, "gust"), (14.5, "")],
     changes=[(9.0, "control.position.kp_xy", 4.0, 5.5)],
+    keep_out="pillar 1 1.4 -1 1 0 2",
 )
 HEIGHT = ["state.position.z"]
 SECOND = 10**9
@@ -311,6 +312,7 @@ def test_the_time_line_says_what_happened_and_when(replay: Replay) -> None:
     assert "station.bearings.layout" in index["parameters"]
     assert index["beacons"][0]["beacons"][0] == [1, 1.0, 1.0, 0.1]
     assert index["volume"][2] == [0.2, 3.0]
+    assert index["boxes"] == [[[1.0, 1.4], [-1.0, 1.0], [0.0, 2.0]]]
     moments = {one["label"]: one["t"] for one in index["moments"]}
     assert moments["start of recording"] == 0.0
     assert moments["arming"] == 1.0
@@ -453,7 +455,8 @@ def test_a_bin_is_nan_only_where_all_of_it_is() -> None:
 
 # ---------------------------------------------------------------------- what cannot be shown
 @pytest.mark.parametrize(
-    ("content", "why"), [(b"", "is empty"), (b"PK\x03\x04 zip", "no MCAP log"), (None, "to show")]
+    ("content", "why"),
+    [(b"", "is empty"), (b"PK\x03\x04 zip", "not an MCAP log"), (None, "to show")],
 )
 def test_a_log_without_messages_is_refused(tmp_path: Path, content: bytes | None, why: str) -> None:
     log = tmp_path / "a.mcap"

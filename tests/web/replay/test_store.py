@@ -94,7 +94,7 @@ def test_a_run_being_recorded_is_shown_and_what_comes_since_on_demand(
     file.close()
 
 
-@pytest.mark.parametrize(("content", "why"), [(b"", "is empty"), (b"no log", "no MCAP log")])
+@pytest.mark.parametrize(("content", "why"), [(b"", "is empty"), (b"no log", "not an MCAP log")])
 def test_what_is_no_log_says_so_in_one_line_and_leaves_nothing(
     tmp_path: Path, until: Until, content: bytes, why: str
 ) -> None:
@@ -192,7 +192,7 @@ def test_replays_that_wait_are_bounded(
     other.write_bytes(log.read_bytes())
     store = ReplayStore()
     store.get(log)
-    with pytest.raises(RefusedError, match="1 replays wait"):
+    with pytest.raises(RefusedError, match="1 replays are queued"):
         store.get(other)
     ready(store, log, until)
     ready(store, other, until)

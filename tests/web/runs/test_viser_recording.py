@@ -24,7 +24,8 @@ LAYOUT = "1 1.5 1 0.1; 2 -1.5 1 0.1; 3 -1.5 -1 0.1; 4 1.5 -1 0.1"
 PARAMETERS = {
     "vehicle": {
         f"behavior.volume_{a}_{e}": v for a in "xyz" for e, v in (("min", 0.0), ("max", 3.0))
-    },
+    }
+    | {"behavior.keep_out": "pillar 1 2 1 2 0 3"},
     "station": {"station.bearings.layout": LAYOUT},
 }
 
@@ -73,7 +74,7 @@ def test_a_recording_moves_the_vehicle_as_it_flew_and_shows_the_beacons(flight: 
     assert np.abs(x - at).max() < 2.5 / RATE, "1 m/s"
     names = {message.get("name", "") for _, message in recording["messages"]}
     assert any(name.startswith("/flown") for name in names)
-    assert "/volume" in names
+    assert {"/volume", "/keep_out/0"} <= names
     beacons = [
         message["position"]
         for _, message in recording["messages"]

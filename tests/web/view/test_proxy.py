@@ -118,6 +118,7 @@ def test_the_client_page_is_told_that_it_has_the_focus() -> None:
     html = pump.client_html()
     head = html[: html.index(b"</head>")]
     assert b"document.hasFocus=()=>true" in head
+    assert b"releasePointerCapture" in head, "else a finger's tap is no click on the ground"
     assert len(html) > 500_000
 
 

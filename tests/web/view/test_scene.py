@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import websockets.sync.client
 
+from control.keep_out import parse_keep_out
 from tests.support.clock import Clock
 from tests.support.narrowing import now
 from vehicle_link.messages import decode, encode, header, new
@@ -262,11 +263,17 @@ def test_layers_are_hidden_and_the_error_is_drawn_magnified(server: ViewServer) 
     live = Live(decode)
     scene = Scene(server, live)
     scene.set_volume(((-3, 3), (-3, 3), (0, 3)))
+    scene.boxes.set_boxes(parse_keep_out("pillar 1 2 -1 1 0 3; desk 0 1 2 3 0 1"))
+    scene.boxes.set_boxes(parse_keep_out("pillar 1 2 -1 1 0 3"))
+    handles = now(server.viser.scene._handle_from_node_name)
+    pillar: Any = handles["/keep_out/0"]
+    assert (tuple(pillar.position), tuple(pillar.dimensions)) == ((1.5, 0.0, 1.5), (1.0, 2.0, 3.0))
+    assert (pillar.visible, handles["/keep_out/1"].visible) == (True, False)
     scene.show(ViewOptions(truth=False, volume=False, ground=False, error=True, magnified=50))
     fly(live, 0.0)
     live.put("state", odometry(0.0, 0.0, 1.02))
     scene.update(0.0)
-    handles = now(server.viser.scene._handle_from_node_name)
+    assert not now(pillar).visible
     shown = {name: handles[name].visible for name in ("/truth", "/volume", "/ground", "/error")}
     assert shown == {"/truth": False, "/volume": False, "/ground": False, "/error": True}
     error: Any = handles["/error"]

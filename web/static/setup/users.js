@@ -13,7 +13,7 @@ const pathOf = (name) => `/api/users/${encodeURIComponent(name)}`;
 // The choice of a user's role; act(request, said) sends it.
 export const roleSelect = ({ name, role }, act) => element("select", { ariaLabel: `role of ${name}`, title: "changing the role signs the user out", onchange: ({ target }) => act(() => request("PUT", `${pathOf(name)}/role`, { role: target.value }), `${name} is now ${target.value}`) }, ...optionsOf(ROLES, role));
 
-export const endButton = ({ name, sessions }, act, text) => element("button", { disabled: !sessions, title: "sign this user out everywhere now", ariaLabel: `end the sessions of ${name}`, onclick: () => act(() => request("POST", `${pathOf(name)}/end_sessions`), `${name} is signed out`) }, text);
+export const endButton = ({ name, sessions }, act, text) => element("button", { disabled: !sessions, title: "sign this user out everywhere now", ariaLabel: `${text}: ${name}`, onclick: () => act(() => request("POST", `${pathOf(name)}/end_sessions`), `${name} is signed out`) }, text);
 
 export class UserSection {
   newRole;

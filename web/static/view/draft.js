@@ -32,7 +32,7 @@ export class DraftBar {
     this.note = element("span", { role: "status" });
     this.go = flightButton(element("button", { className: "go", onclick: () => this.press() }));
     this.back = element("button", { title: "take the last way-point away", onclick: () => this.open("waypoints", this.draft.points.slice(0, -1)) }, "Undo point");
-    this.remove = flightButton(element("button", { title: "take this box away", onclick: () => this.send("Remove box", this.draft.removal) }, "Remove"));
+    this.remove = flightButton(element("button", { title: "remove this box from the keep-out boxes", onclick: () => this.send("Remove box", this.draft.removal) }, "Remove"));
     this.cancel = element("button", { onclick: () => this.close() }, "Cancel");
     this.bar = element("div", { id: "draft", hidden: true }, element("div", { className: "words" }, this.title, this.shape, this.box, this.note), element("span", { className: "acts" }, this.back, this.go, this.remove, this.cancel));
     place.append(this.tools, this.bar);

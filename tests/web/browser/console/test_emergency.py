@@ -51,17 +51,18 @@ def test_a_press_stays_in_sight_until_the_vehicle_shows_it(
 
 
 def test_every_page_sees_who_pressed_and_a_page_that_comes_later_too(
-    still: Any, station: Any, site: Any, context: Any, look_at: Any, operator: Any
+    still: Any, station: Any, site: Any, look_at: Any, operator: Any
 ) -> None:
     label = operator.get("/api/session").json()["label"]
     operator.post("/api/commands/emergency", json={"action": "cut"})
     look_at(still).text("#emergency-state", f"^Cut motors by {label}: accepted, not yet")
-    later = context.new_page()
+    later = still.context.new_page()
     later.goto(site.base)
     look_at(later).text("#emergency-state", f"^Cut motors by {label}: accepted, not yet")
     show(station, "cut")
     for page in (still, later):
         look_at(page).text("#emergency-state", f"^motors cut by {label}, acknowledged after")
+    later.close()
 
 
 def test_a_refusal_and_a_missing_vehicle_are_said_with_their_reason(
@@ -195,7 +196,7 @@ def test_the_emergency_page_works_without_its_events(
     fresh.route_web_socket("**/ws/events", lambda socket: socket.close())
     fresh.goto(f"{site.base}/kill")
     look = look_at(fresh)
-    look.text("#state", "no connection to this page's server.*The buttons fresh send")
+    look.text("#state", "no connection to this page's server.*The buttons still send")
     assert fresh.locator("iframe, canvas").count() == 0
     fresh.click("#cut")
     look.text("#answer", "accepted, not yet shown")

@@ -29,7 +29,6 @@ from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 from web.live.station import Station
 
-IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's picture
 PAD = """([id, mapping]) => {
   window.pad = { id, index: 0, connected: true, mapping, axes: [0, 0, 0, 0],
     buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
@@ -480,10 +479,6 @@ def test_the_panel_says_what_the_sticks_do_and_starts_velocity(
         page.evaluate("window.wanted = [1, 0, 0, -0.7]")
         look.text("#sticks .note", r"^On: 0\.\d\d m/s forward, 57 °/s turning right\.$")
         look.text("#sticks .trip", "95 % below")
-        if IMAGES:
-            page.wait_for_timeout(8000)  # the late round trips of a starting page are over
-        corner = {"x": 920.0, "y": 0.0, "width": 520.0, "height": 610.0}
-        page.screenshot(path=Path(IMAGES or tmp_path) / "sticks.png", clip=corner)
         site.station.requests.clear()
         page.uncheck("#behaviors .behavior:has-text('Near hover') input")
         page.click("#behaviors button:text-is('Near hover')")

@@ -1,18 +1,12 @@
-"""A viewer on a phone: every page is accessible and fits, and the charts are one of the tabs.
-
-With QUADLAB_IMAGES=folder the documentation's picture is taken too.
-"""
+"""A viewer on a phone: every page is accessible and fits, and the charts are one of the tabs."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's picture
 WIDTH, HEIGHT = 390, 800
 OPEN = "[role=tab][aria-selected=true]"
 
@@ -53,12 +47,9 @@ def console(phone: Any) -> Any:
 
 @pytest.mark.parametrize("tab", ["fly", "gains", "tune", "beacons", "link", "charts"])
 def test_every_tab_is_accessible_and_within_the_width(
-    console: Any, axe_in_both_themes: Any, crooked: Any, keep_picture: Any, tab: str
+    console: Any, axe_in_both_themes: Any, crooked: Any, tab: str
 ) -> None:
     console.click(f"#open-{tab}")
-    if IMAGES and tab == "fly":
-        console.wait_for_timeout(3000)
-        keep_picture(console, Path(IMAGES) / "phone.png")
     part = "body" if tab == "fly" else f"#tab-{tab}"
     assert axe_in_both_themes(console, part) + crooked(console) == []
     assert out_of_sight(console, "#disarm", "#emergency-land", "#cut") == []

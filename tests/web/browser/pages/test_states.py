@@ -1,20 +1,16 @@
 """Every page in its main states: axe-core in both themes, and its fit to the window.
 
 axe-core checks the whole console once, in the state "fly", and in its other states only what they
-add. The windows are 1024 x 700 to 2560 x 1440. With QUADLAB_IMAGES=folder the documentation's
-pictures are taken too.
+add. The windows are 1024 x 700 to 2560 x 1440.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's pictures
 SIZES = ((1440, 900), (1024, 700), (2560, 1440))
 STATES = (
     "guide",
@@ -56,26 +52,6 @@ ADDED = {
     "pad_editor": "#stick-editor",
 }
 """The part of the console that a state adds to the state "fly"."""
-SHOWN = {
-    "fly",
-    "gains",
-    "gains_history",
-    "link",
-    "tune",
-    "calibrating",
-    "calibrate",
-    "charts",
-    "runs",
-    "replay",
-    "compare",
-    "setup",
-    "camera_guide",
-    "kill",
-    "sign_in",
-}
-"""States whose pictures are in the documentation."""
-PARTS = {"calibrating": "#side", "calibrate": "#side", "camera_guide": "#camera"}
-"""States of which only one element is pictured."""
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +65,6 @@ def room(flying_lab: Any, chromium: Any, helper: Any, lab_of_pages: Any) -> Iter
     runs = (lab_of_pages.RUN, lab_of_pages.LATER)
     made = helper("browser/page_states").Room(page, flying_lab, runs)
     made.enter(lab_of_pages.NAME, lab_of_pages.PASSWORD)
-    if IMAGES:
-        page.wait_for_timeout(31_000)  # so that the charts are full
     yield made
     context.close()
     assert problems == []
@@ -98,7 +72,7 @@ def room(flying_lab: Any, chromium: Any, helper: Any, lab_of_pages: Any) -> Iter
 
 @pytest.mark.parametrize("state", STATES)
 def test_a_state_is_accessible_and_nothing_is_crooked(
-    room: Any, axe_in_both_themes: Any, crooked: Any, keep_picture: Any, state: str
+    room: Any, axe_in_both_themes: Any, crooked: Any, state: str
 ) -> None:
     page = room.page
     getattr(room, state)()
@@ -109,9 +83,6 @@ def test_a_state_is_accessible_and_nothing_is_crooked(
         found += [f"at {width} x {height}: {line}" for line in crooked(page)]
     width, height = SIZES[0]
     page.set_viewport_size({"width": width, "height": height})
-    if IMAGES and state in SHOWN:
-        page.wait_for_timeout(500)
-        keep_picture(page, Path(IMAGES) / f"{state}.png", PARTS.get(state, ""))
     assert found == []
 
 
