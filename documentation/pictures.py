@@ -96,7 +96,7 @@ class Photographer:
     ) -> Iterator[Any]:
         """Yield another page of the console, with the 3D view."""
         page = self.opened(size, touch=touch, view=True)
-        page.goto(self.flown.base)
+        page.goto(f"{self.flown.base}/?fixedDpr=1")  # full quality
         page.locator("#behaviors button").first.wait_for()
         page.locator("#help-panel button", has_text="Close").click()
         page.click(f"[data-tab={tab}]")
@@ -227,6 +227,12 @@ def step_tests(camera: Photographer) -> None:
     camera.take("tune", "#side")
 
 
+def land(camera: Photographer) -> None:
+    """Land, and wait until the motors are off and the vehicle may be armed again."""
+    camera.flown.start("land", "ground")
+    until(lambda: camera.flown.summary()["status"]["mode"] == "ready", PATIENCE)
+
+
 def bearings_and_sticks(camera: Photographer) -> None:
     """Hand over to bearings with the map of the bound, then fly by the sticks of a gamepad."""
     camera.console("beacons")
@@ -246,7 +252,8 @@ def bearings_and_sticks(camera: Photographer) -> None:
     camera.page.wait_for_timeout(SETTLED / 2)
     camera.page.locator("#sticks").scroll_into_view_if_needed()
     camera.take("sticks", "#side")
-    camera.flown.start("land", "ground")
+    camera.page.evaluate(PAD)  # centred, and its button released
+    land(camera)
 
 
 def recorded(camera: Photographer) -> None:
@@ -258,7 +265,7 @@ def recorded(camera: Photographer) -> None:
     )
     camera.post("/api/marks", id="picture1", text="gust from the door")
     until(lambda: camera.behavior() == "hover", PATIENCE)
-    camera.flown.start("land", "ground")
+    land(camera)
     until(lambda: not camera.flown.summary()["station"]["recording"], PATIENCE)
     runs = [one["id"] for one in camera.flown.browser.get("/api/runs").json()]
     run, earlier = runs[:2]

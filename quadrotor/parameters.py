@@ -103,7 +103,7 @@ class ParameterStore:
         self._root = root
         self._places: dict[str, tuple[Parameters, str]] = dict(_walk(root, ""))
         self._descriptions = {
-            name: _describe(name, type(owner), field)
+            name: _describe(name, type(owner), field, _choices(type(owner), field))
             for name, (owner, field) in self._places.items()
         }
         self.revision = 0
@@ -266,8 +266,17 @@ def _walk(owner: Parameters, prefix: str) -> Iterator[tuple[str, tuple[Parameter
             yield f"{prefix}{field}", (owner, field)
 
 
+def _choices(owner: type[Parameters], of: str) -> tuple[str, ...]:
+    """Return the values that a text may have; registered plugins add to them."""
+    extra = owner.model_fields[of].json_schema_extra
+    choices = extra.get("choices") if isinstance(extra, dict) else None
+    return tuple(map(str, choices)) if isinstance(choices, list) else ()
+
+
 @lru_cache(maxsize=4096)
-def _describe(name: str, owner: type[Parameters], of: str) -> ParameterDescription:
+def _describe(
+    name: str, owner: type[Parameters], of: str, choices: tuple[str, ...]
+) -> ParameterDescription:
     field = owner.model_fields[of]
     extra = field.json_schema_extra
     if not isinstance(extra, dict):
@@ -280,8 +289,7 @@ def _describe(name: str, owner: type[Parameters], of: str) -> ParameterDescripti
             if hasattr(constraint, key):
                 bounds[key] = float(getattr(constraint, key))
     kind = field.annotation.__name__ if field.annotation else "str"
-    step, choices = extra.get("step"), extra.get("choices")
-    flight_step = extra.get("flight_step")
+    step, flight_step = extra.get("step"), extra.get("flight_step")
     if flight_step is not None and kind != "float":
         raise TypeError(f"{name}: only a float can be limited to a step in flight")
     return ParameterDescription(
@@ -294,6 +302,6 @@ def _describe(name: str, owner: type[Parameters], of: str) -> ParameterDescripti
         maximum=bounds.get("le"),
         step=float(step) if isinstance(step, int | float) else None,
         read_only=bool(extra.get("read_only")),
-        choices=tuple(str(c) for c in choices) if isinstance(choices, list) else (),
+        choices=choices,
         flight_step=float(flight_step) if isinstance(flight_step, int | float) else None,
     )

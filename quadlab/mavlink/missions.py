@@ -67,9 +67,7 @@ class Missions:
         if self._tries >= TRIES:
             self._from = None
             self._acknowledge(peer, mavlink.MAV_MISSION_OPERATION_CANCELLED)
-            self._say(
-                peer, f"mission upload given up at item {len(self._arrived)}: nothing arrived"
-            )
+            self._say(peer, f"mission upload given up at item {len(self._arrived)}: no answer")
         else:
             self._ask(now)
 

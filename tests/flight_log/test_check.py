@@ -119,7 +119,7 @@ def test_messages_that_are_not_of_their_type_are_a_problem(tmp_path: Path) -> No
     with LogWriter(path, {}, {}) as log:
         log.write("/q/state", "nav_msgs/Odometry", b"\0\1\0\0" + bytes(20), START, START)
     assert check_log(path).problems == [
-        "/q/state: 24 bytes are no geometry_msgs/msg/Point: too few"
+        "/q/state: 24 bytes are not a geometry_msgs/msg/Point: too few"
     ]
 
 
@@ -141,5 +141,5 @@ def test_another_version_is_noted(tmp_path: Path) -> None:
 def test_what_is_no_log_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(b"PK\3\4" + bytes(100))
-    with pytest.raises(LogFormatError, match="no MCAP"):
+    with pytest.raises(LogFormatError, match="not an MCAP"):
         check_log(path)

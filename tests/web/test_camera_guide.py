@@ -130,7 +130,7 @@ def test_a_second_person_is_told_who_calibrates(
         cameras.begin("simulated", Board(), "otto")
     job.end(found())
     until(lambda: state(cameras) == "ready")
-    with pytest.raises(RefusedError, match="result of anna for camera 0 waits"):
+    with pytest.raises(RefusedError, match="result of anna for camera 0 must be"):
         cameras.begin("simulated", Board(), "otto")
     cameras.begin(1, Board(), "anna")  # her own she may drop
 

@@ -52,7 +52,7 @@ def to_value(value: object) -> Message:
     if isinstance(value, str):
         return new("rcl_interfaces/ParameterValue", type=STRING, string_value=value)
     raise WrongTypeError(
-        f"{value!r} is no parameter value; a number, true, false or a text is allowed"
+        f"{value!r} is not a parameter value; a number, true, false or a text is allowed"
     )
 
 

@@ -60,7 +60,7 @@ def test_a_package_brings_its_own() -> None:
     assert (theirs.traits.name, theirs.rate) == ("theirs", 100)
     with pytest.raises(UsageError, match=r"'naze' is not known; there are .*theirs, wrong$"):
         find_kind("naze")
-    with pytest.raises(UsageError, match=r"--board wrong: their_board:WRONG is no .*Kind"):
+    with pytest.raises(UsageError, match=r"--board wrong: their_board:WRONG is not a .*Kind"):
         find_kind("wrong")
 
 

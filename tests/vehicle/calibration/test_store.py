@@ -75,7 +75,7 @@ def test_a_torn_line_is_set_aside_told_and_what_comes_next_is_whole(disk: Disk) 
     store = disk.open()
     assert store.newest_first() == [MASS]
     (line,) = disk.said
-    assert "held a line that cannot be used (no calibration record" in line
+    assert "held a line that cannot be used (not a calibration record" in line
     assert "\n" not in line
     assert disk.set_aside.read_bytes() == whole[: len(whole) // 2] + b"\n"
     store.append(MOTOR)

@@ -154,7 +154,7 @@ def test_a_command_that_arrives_late_is_refused_and_told() -> None:
     check(START_NS)
     assert told == []
     with pytest.raises(
-        RefusedError, match=r"^it arrived 2\.5 s too late over the link; command it"
+        RefusedError, match=r"^it arrived 2\.5 s too late over the link; send the command"
     ):
         check(START_NS - 2500 * MS)
     assert told == ["arm by anna arrived 2.5 s too late over the link: it was not carried out"]

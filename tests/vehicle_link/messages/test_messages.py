@@ -109,7 +109,7 @@ def test_new_refuses_a_field_or_type_that_does_not_exist() -> None:
     "payload", [b"", b"\x00\x01\x00\x00\x01", b"\xff" * 64, b"\x00\x01\x00\x00" + b"\xff" * 9]
 )
 def test_bytes_of_another_type_are_a_link_error(payload: bytes) -> None:
-    with pytest.raises(LinkError, match=r"no quadlab_msgs/VehicleStatus"):
+    with pytest.raises(LinkError, match=r"not a quadlab_msgs/VehicleStatus"):
         decode(payload, "quadlab_msgs/VehicleStatus")
 
 

@@ -46,7 +46,7 @@ def test_a_vehicle_that_does_not_tell_has_a_reason_and_no_history(
     assert answer.status_code == 200
     assert answer.json() == {"history": None, "problem": calibrating.SILENT}
     bench.told_history, bench.station.away = True, True
-    assert "not reached" in operator.get("/api/calibrations").json()["problem"]
+    assert "cannot be reached" in operator.get("/api/calibrations").json()["problem"]
 
 
 def test_experiments_say_what_they_propose_and_why_a_file_cannot_run(
@@ -114,5 +114,5 @@ def test_a_proposal_without_sense_is_a_problem_in_one_line(
     status = new("quadlab_msgs/ExperimentStatus", name="mass", phase="passed", proposal=text)
     station.put("experiment_status", status)
     problem = operator.get("/api/summary").json()["proposal"]["problem"]
-    assert problem.startswith("no calibration record")
+    assert problem.startswith("not a calibration record")
     assert "\n" not in problem

@@ -114,7 +114,7 @@ def test_a_refusal_is_one_line_with_the_stations_reason(
     station.refusal, station.away = "", True
     answer = operator.get("/api/experiments")
     assert answer.status_code == 503
-    assert "not reached" in answer.json()["error"]
+    assert "cannot be reached" in answer.json()["error"]
 
 
 @pytest.mark.parametrize(

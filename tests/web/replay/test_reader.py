@@ -378,7 +378,7 @@ def test_a_picture_is_the_newest_one_at_an_instant_to_the_byte(tmp_path: Path) -
     assert replay.picture("tracker_picture", 1.9) is None
     for t, at in ((2.0, 2.0), (2.4, 2.0), (2.5, 2.5), (2.99, 2.5), (4.0, 3.0)):
         assert replay.picture("tracker_picture", t) == (at, taken[at])
-    with pytest.raises(MeasurementError, match="no JPEG"):
+    with pytest.raises(MeasurementError, match="not a JPEG"):
         replay.picture("tracker_picture", 6.0)
     told = "no pictures on camera_picture in this run; it has tracker_picture"
     with pytest.raises(OutOfBoundsError, match=told):
