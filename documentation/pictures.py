@@ -45,6 +45,8 @@ PAD = """() => {
     axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ ...button })) };
   navigator.getGamepads = () => [globalThis.pad];
 }"""
+ALL_PIXELS = "() => { __viserTestpoints.devSettings.set({ fixedDpr: 1 }); }"
+"""For viser, which would draw fewer where it is slow."""
 SHOULDER = "() => { globalThis.pad.buttons[5] = { pressed: true, value: 1 }; }"
 FORWARD_RIGHT = "() => { globalThis.pad.axes = [0.8, 0, 0, -0.7]; }"
 """A gamepad: its shoulder button is held, then its sticks fly forward and turn right."""
@@ -96,10 +98,16 @@ class Photographer:
     ) -> Iterator[Any]:
         """Yield another page of the console, with the 3D view."""
         page = self.opened(size, touch=touch, view=True)
-        page.goto(f"{self.flown.base}/?fixedDpr=1")  # full quality
+        page.goto(self.flown.base)
         page.locator("#behaviors button").first.wait_for()
         page.locator("#help-panel button", has_text="Close").click()
         page.click(f"[data-tab={tab}]")
+        page.wait_for_timeout(SETTLED)
+        page.click("#view summary")
+        page.locator("#view .layers label", has_text="Full quality").locator("input").check()
+        page.click("#view summary")
+        page.wait_for_timeout(DRAWN)
+        page.frames[-1].evaluate(ALL_PIXELS)
         page.wait_for_timeout(DRAWN)
         yield page
         page.context.close()
@@ -228,9 +236,9 @@ def step_tests(camera: Photographer) -> None:
 
 
 def land(camera: Photographer) -> None:
-    """Land, and wait until the motors are off and the vehicle may be armed again."""
+    """Land, and wait until the motors are off and the run has ended."""
     camera.flown.start("land", "ground")
-    until(lambda: camera.flown.summary()["status"]["mode"] == "ready", PATIENCE)
+    until(lambda: not camera.flown.summary()["station"]["recording"], PATIENCE)
 
 
 def bearings_and_sticks(camera: Photographer) -> None:
@@ -263,10 +271,9 @@ def recorded(camera: Photographer) -> None:
     camera.flown.start(
         "follow_trajectory", "follow_trajectory", trajectory="figure_eight", laps=1, period=8
     )
-    camera.post("/api/marks", id="picture1", text="gust from the door")
+    camera.post("/api/marks", id="picture1", text="gust from the door", ago=0.0)
     until(lambda: camera.behavior() == "hover", PATIENCE)
     land(camera)
-    until(lambda: not camera.flown.summary()["station"]["recording"], PATIENCE)
     runs = [one["id"] for one in camera.flown.browser.get("/api/runs").json()]
     run, earlier = runs[:2]
     camera.put(f"/api/runs/{run}/notes", notes="Softer horizontal gain.")
