@@ -52,7 +52,7 @@ def test_the_page_opens_from_disk_with_the_runs_values_and_moves(
         assert page.locator(canvas).first.evaluate(DRAWN) > 3, f"{canvas} is empty"
     page.click("#chart-0 button:text-is('Signals')")
     page.click("#chart-0 .menu.signals summary:has-text('derived')")
-    assert page.locator("#chart-0 .menu.signals label:has-text('speed')").count() == 1
+    page.locator("#chart-0 .menu.signals label:has-text('speed')").wait_for()  # one, once opened
     page.keyboard.press("Escape")
     box = page.locator("#line .bar").bounding_box()
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 0.5 * box["height"])
