@@ -72,7 +72,7 @@ class Encounter:
     margin: float
 
     def __str__(self) -> str:
-        x, y, z = self.place_w
+        x, y, z = (round(c, 2) + 0.0 for c in self.place_w)  # no -0.00
         return (
             f"within {self.margin:.2f} m of the keep-out box {self.box.name} "
             f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
@@ -168,7 +168,6 @@ def _box(part: str) -> KeepOutBox:
             )
         if not low < high:
             raise OutOfBoundsError(
-                f"{shown}: {axis} from {low:g} to {high:g} m; the first must be below the second: "
-                "swap them"
+                f"{shown}: {axis} from {low:g} to {high:g} m; the first must be below the second"
             )
     return KeepOutBox(name, (x0, y0, z0), (x1, y1, z1))

@@ -33,6 +33,7 @@ PORT, LINK_PORT = 28140, 28510
 WINDOW, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 REPORT = {"width": 760, "height": 1492}
 FOLDER = ROOT / "docs/images"
+OTHERS = {"faults", "loop_rate", "peers"}  # drawn by benchmarks and documentation.peers_chart
 DRAWN, SETTLED = 12_000, 2000
 """Time in ms until the 3D view is drawn, at the few frames of software, and until charts are."""
 BOUND = 120_000  # ms
@@ -62,10 +63,7 @@ class Photographer:
     def __init__(self, browser: Any, flown: Pilot, names: set[str]) -> None:
         self.flown, self.names = flown, names
         self.browser = browser
-        self.cookies = [
-            {"name": one.name, "value": one.value or "", "url": flown.base}
-            for one in flown.browser.cookies.jar
-        ]
+        self.cookies = flown.cookies()
         self.page = self.opened(WINDOW)
 
     def opened(
@@ -242,7 +240,7 @@ def land(camera: Photographer) -> None:
 
 
 def bearings_and_sticks(camera: Photographer) -> None:
-    """Hand over to bearings with the map of the bound, then fly by the sticks of a gamepad."""
+    """Show the map of the bound, with a shadow on bearings, then fly by a gamepad's sticks."""
     camera.console("beacons")
     camera.set("estimation.shadow_source", "bearings")
     camera.set("estimation.shadow", "error_state")
@@ -319,7 +317,10 @@ def laboratory(names: set[str]) -> Iterator[Photographer]:
 
 
 def main(names: set[str]) -> None:
-    """Take the pictures."""
+    """Take the pictures. Raises SystemExit for a name that no picture has."""
+    known = {path.stem for path in FOLDER.glob("*.png")} - OTHERS
+    if unknown := sorted(names - known):
+        raise SystemExit(f"no picture is called {unknown[0]}; there are {', '.join(sorted(known))}")
     with laboratory(names) as camera:
         for part in (
             on_the_ground,

@@ -104,14 +104,10 @@ def drawn(flown: Pilot) -> Iterator[None]:
     """Show the console in a browser."""
     from playwright.sync_api import sync_playwright
 
-    cookies = [
-        {"name": one.name, "value": one.value or "", "url": flown.base}
-        for one in flown.browser.cookies.jar
-    ]
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which(CHROMIUM), args=[*DRAWING])
         context = browser.new_context(viewport={"width": 1440, "height": 900})
-        context.add_cookies(cookies)  # type: ignore[arg-type]
+        context.add_cookies(flown.cookies())
         console = context.new_page()
         console.goto(flown.base)
         console.locator("#tick", has_text="%").wait_for()

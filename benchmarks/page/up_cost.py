@@ -111,6 +111,11 @@ class Pilot:
         answer: dict[str, Any] = self.browser.get("/api/summary").json()
         return answer
 
+    def cookies(self) -> Any:
+        """Return the session's cookies, for a browser."""
+        jar = self.browser.cookies.jar
+        return [{"name": one.name, "value": one.value or "", "url": self.base} for one in jar]
+
     def command(self, name: str, /, **body: Any) -> None:
         self.browser.post(f"/api/commands/{name}", json=body).raise_for_status()
 

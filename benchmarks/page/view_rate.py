@@ -74,12 +74,7 @@ def run(quick: bool = False) -> list[Report]:
         browser = driver.chromium.launch(executable_path=shutil.which(CHROMIUM), args=[*DRAWING])
         context = browser.new_context(viewport={"width": 1440, "height": 900})
         context.add_init_script(USABLE)
-        context.add_cookies(
-            [
-                {"name": one.name, "value": one.value or "", "url": flown.base}
-                for one in flown.browser.cookies.jar
-            ]
-        )
+        context.add_cookies(flown.cookies())
         page = context.new_page()
         until(lambda: (flown.summary().get("preflight") or {}).get("ready"), PATIENCE)
         reports = [opened(page, flown.base, QUICK_OPENED if quick else OPENED)]

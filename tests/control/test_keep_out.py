@@ -50,7 +50,7 @@ def test_the_text_of_boxes_is_read_and_written_alike() -> None:
         ("pillar 1 2 a 4 0 1", "is not a name with six numbers"),
         ("pillar 1 2 3 4 0 1 5", "is not a name with six numbers"),
         ("1 1 2 3 4 0 1", "does not begin with a name, like pillar_1"),
-        ("pillar 1.5 1 0 1 0 1", "x from 1.5 to 1 m; the first must be below the second: swap"),
+        ("pillar 1.5 1 0 1 0 1", "x from 1.5 to 1 m; the first must be below the second"),
         ("pillar 1 2 0 0 0 1", "y from 0 to 0 m"),
         ("pillar 1 2 0 1 nan 1", "z from nan to 1 m; allowed ±100 m"),
         ("pillar 1 inf 0 1 0 1", "x from 1 to inf m; allowed ±100 m"),

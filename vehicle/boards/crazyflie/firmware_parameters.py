@@ -24,7 +24,7 @@ EXACT = 2.0**53
 
 
 class FirmwareParameters:
-    """What the options want of the firmware's parameters, and what it has confirmed of that.
+    """The firmware's parameters that the options name, with the values that it has confirmed.
 
     The newest change of a parameter counts, in `parameters` or of `firmware` itself.
     """
