@@ -9,7 +9,7 @@ import ssl
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadrotor.errors import UsageError
+from quadrotor.errors import UsageError, os_errors
 
 SOON = 14  # days before its end from which a certificate causes a warning
 
@@ -112,10 +112,8 @@ def _read(path: Path, option: str) -> _Held:
 
 
 def _readable(path: Path, option: str) -> bytes:
-    try:
+    with os_errors(lambda why: f"{option} {path} cannot be read ({why})", UsageError):
         return path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{option} {path} cannot be read ({error.strerror})") from None
 
 
 def _addresses() -> list[str]:
