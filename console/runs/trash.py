@@ -24,7 +24,7 @@ from console.catalogue.search import NOT_DELETED
 from console.catalogue.tables import CompletenessRow, MarkRow, NoteRow, RunRow, TagRow, TrashRow
 from flight_log.columns.places import place_of
 from flight_log.file import is_being_written
-from quadrotor.errors import RefusedError, StorageError
+from quadrotor.errors import RefusedError, StorageError, os_errors
 
 TRASH = "trash"
 MADE_AGAIN = (".viser",)
@@ -164,13 +164,9 @@ def _remove(catalogue: Catalogue, run_id: str) -> None:
     StorageError.
     """
     log = catalogue.folder / TRASH / _file_of(catalogue, run_id).name
-    try:
+    with os_errors(lambda why: f"run {run_id} cannot be removed from {log.parent}: {why}"):
         for path in reversed(list(_belongings(log))):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    except OSError as error:
-        raise StorageError(
-            f"run {run_id} cannot be removed from {log.parent}: {error.strerror or error}"
-        ) from error
     with catalogue.session() as session:
         for table in (TagRow, NoteRow, MarkRow, CompletenessRow, TrashRow):
             session.execute(delete(table).where(table.run_id == run_id))
