@@ -7,8 +7,9 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from console.catalogue.catalogue import Catalogue, RunEntry, runs_in
-from console.catalogue.marks import Mark, find_mark, store_mark
+from console.catalogue.catalogue import Catalogue, runs_in
+from console.catalogue.marks import find_mark, store_mark
+from console.catalogue.tables import Mark, RunEntry
 from console.runs.trash import finish_moves, is_deleted, is_in_trash
 from flight_log import is_closed, recover, summarize
 from flight_log.file import is_being_written

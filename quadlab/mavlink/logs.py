@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.tables import RunEntry
 from flight_log.run_folder import log_of
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.peer import Peer
