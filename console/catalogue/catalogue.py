@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Engine, create_engine, event, func, select
+from sqlalchemy import create_engine, event, func, select
 from sqlalchemy.orm import Session
 
 from console.catalogue.database_file import DatabaseFile
@@ -48,16 +48,17 @@ class Catalogue:
                 f"cannot make the folder {self.folder} ({error.strerror}); "
                 "choose another with --data"
             ) from error
-        self._engine = create_engine(url or f"sqlite:///{data / DATABASE}")
-        if self._engine.dialect.name == "sqlite":
-            event.listen(self._engine, "connect", _set_up_sqlite)
+        self.engine = create_engine(url or f"sqlite:///{data / DATABASE}")
+        """The engine of the database, for the tables of other modules."""
+        if self.engine.dialect.name == "sqlite":
+            event.listen(self.engine, "connect", _set_up_sqlite)
         self.session = transactions(
-            self._engine,
+            self.engine,
             Base.metadata,
             "the catalogue of runs",
             "; the logs themselves are not touched",
         )
-        self._file = DatabaseFile(self._engine, data)
+        self._file = DatabaseFile(self.engine, data)
 
     @property
     def problem(self) -> str:
@@ -66,13 +67,8 @@ class Catalogue:
         """
         return self._file.problem()
 
-    @property
-    def engine(self) -> Engine:
-        """Return the engine of the database, for the tables of other modules."""
-        return self._engine
-
     def close(self) -> None:
-        self._engine.dispose()
+        self.engine.dispose()
 
     def add(self, entry: RunEntry) -> None:
         """Add a new run, or update a known one; notes already written are kept."""
