@@ -2,9 +2,8 @@
 
 import { get, request } from "../core/api.js";
 import { element } from "../core/dom.js";
-import { bytes, duration } from "../core/format.js";
+import { bytes, duration, moment } from "../core/format.js";
 import { ENDED, Progress } from "./fill.js";
-import { moment } from "./labels.js";
 import { Panel } from "./panel.js";
 
 export class Onboard extends Panel {

@@ -2,10 +2,9 @@
 
 import { get, request } from "../core/api.js";
 import { element } from "../core/dom.js";
-import { bytes, duration } from "../core/format.js";
+import { bytes, duration, moment } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 import { lasting } from "./storage.js";
-import { moment } from "./labels.js";
 import { Panel } from "./panel.js";
 
 const DAY = 86400; // s
