@@ -6,9 +6,11 @@ import math
 from collections import Counter
 from typing import Any
 
+import numpy as np
+
 from estimation.convergence import Convergence
 from estimation.outcome import Outcome
-from quadrotor.records import Record
+from quadrotor.records import ESTIMATE, IMU_SAMPLE, STATE, Record
 
 
 class CompiledEstimator:
@@ -28,6 +30,11 @@ class CompiledEstimator:
         self.initialized = False
         """Whether a first measurement has initialized it."""
         self._timeout = math.inf
+
+    @staticmethod
+    def outputs() -> tuple[Record, Record, Record]:
+        """Return IMU_SAMPLE, STATE and ESTIMATE (1,) like those of the tick, for `direct`."""
+        return np.zeros(1, IMU_SAMPLE), np.zeros(1, STATE), np.zeros(1, ESTIMATE)
 
     @property
     def measurement_age(self) -> float:

@@ -18,6 +18,7 @@ from estimation.poses.planar_pose import planar_pose
 from estimation.poses.position_at_attitude import position_at_attitude
 from estimation.refusals import refuse_bearings, refuse_pose
 from estimation.stability import gain_warnings
+from quadrotor.compiled import direct
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, Record, has_attitude
 
@@ -39,6 +40,10 @@ class ComplementaryEstimator(CompiledEstimator):
         self._outcome = np.zeros(1, np.int64)
         self._frame_pose = np.zeros(1, POSE_SAMPLE)
         self.configure(parameters or EstimationParameters())
+        m, gains, (imu, state, estimate) = self.memory, self._gains, self.outputs()
+        self._predict = direct(predict, m, imu, gains, 0.002, state)
+        self._apply = direct(correct, m, self._frame_pose, gains, estimate, self._outcome)
+        self._report = direct(report, m, estimate)
 
     def configure(self, parameters: EstimationParameters) -> None:
         """Set new gains; state and biases are kept."""
@@ -105,7 +110,7 @@ class ComplementaryEstimator(CompiledEstimator):
 
         Before the first pose only the angular velocity is estimated.
         """
-        predict(self.memory, imu, self._gains, dt, state)
+        self._predict(self.memory, imu, self._gains, dt, state)
 
     def correct(self, pose: Record, estimate: Record) -> None:
         """Apply a POSE_SAMPLE (1,); write its innovations into the ESTIMATE (1,).
@@ -125,7 +130,7 @@ class ComplementaryEstimator(CompiledEstimator):
         self._correct(pose, self._gains, estimate)
 
     def _correct(self, pose: Record, gains: Record, estimate: Record) -> None:
-        correct(self.memory, pose, gains, estimate, self._outcome)
+        self._apply(self.memory, pose, gains, estimate, self._outcome)
         if self._outcome[0] == Outcome.INVALID:
             raise refuse_pose(pose)
 
@@ -165,7 +170,7 @@ class ComplementaryEstimator(CompiledEstimator):
 
     def report(self, estimate: Record) -> None:
         """Write biases, measurement age and counts into the ESTIMATE (1,)."""
-        report(self.memory, estimate)
+        self._report(self.memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:
         """Return what is wrong with the gains at this rate (Hz) of poses; empty when

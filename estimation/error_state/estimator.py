@@ -19,6 +19,7 @@ from estimation.error_state.update import FIT_UPDATES
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, JudgedReading, Outcome
 from estimation.parameters import EstimationParameters, noise_record
 from estimation.refusals import refuse_bearings, refuse_pose, refuse_reading, refuse_sweeps
+from quadrotor.compiled import direct
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
     BEARINGS_SAMPLE,
@@ -57,6 +58,9 @@ class ErrorStateEstimator(CompiledEstimator):
         self._due_ns = 1 << 62
         self._failed: MeasurementError | None = None
         self.configure(parameters or EstimationParameters())
+        imu, state, estimate = self.outputs()
+        self._predict = direct(kernels.predict, self.memory, imu, self._noise, 0.002, state)
+        self._report = direct(kernels.report, self.memory, estimate)
 
     def configure(self, parameters: EstimationParameters) -> None:
         """Set new noise levels; state and covariance are kept."""
@@ -139,7 +143,7 @@ class ErrorStateEstimator(CompiledEstimator):
 
         Before the first pose only the angular velocity is estimated.
         """
-        kernels.predict(self.memory, imu, self._noise, dt, state)
+        self._predict(self.memory, imu, self._noise, dt, state)
         now_ns = self._stamp_ns.item()
         if now_ns >= self._due_ns:
             self._apply_waiting(now_ns)
@@ -208,7 +212,7 @@ class ErrorStateEstimator(CompiledEstimator):
 
     def report(self, estimate: Record) -> None:
         """Write biases, the last correction and the measurement age into the ESTIMATE (1,)."""
-        kernels.report(self.memory, estimate)
+        self._report(self.memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:
         """Return a warning when no measurements arrive; no gain depends on their rate (Hz)."""
