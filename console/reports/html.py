@@ -8,7 +8,7 @@ from html import escape
 from io import BytesIO
 from typing import Any
 
-from console.reports.content import WIDTH, Heading, Picture, Report, Table, Text
+from console.reports.content import Heading, Picture, Report, Table, Text
 from console.reports.plots import STYLE
 
 GENERATOR = "quadlab report"
