@@ -108,8 +108,8 @@ class SimulatedFlight(SimulatedGuide):
             armed=stack.mode in MOTORS_ON,
             airborne=stack.ground.airborne,
             position_w=stack.state["position_w"][0].copy(),
-            mass=float(stack.estimate["mass"][0]),
-            mass_deviation=math.sqrt(float(stack.estimate["mass_variance"][0])),
+            mass=stack.estimate["mass"].item(),
+            mass_deviation=math.sqrt(stack.estimate["mass_variance"].item()),
         )
 
     def arm(self) -> None:

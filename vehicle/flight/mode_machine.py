@@ -172,7 +172,7 @@ class ModeMachine:
                 self.move(Mode.READY, "landed by the microcontroller")
         elif state == MotorState.EMERGENCY:
             self.hand_over("the microcontroller took over: commands were missing, or the battery")
-        elif self.motors_had_time and state != MotorState.ON:
+        elif state != MotorState.ON and self.motors_had_time:
             name, obstacle = MotorState(state).name.lower(), self.obstacle
             why = f": {obstacle}" if obstacle else ""
             self.move(Mode.CUT, f"microcontroller reports motors {name}{why}", mailbox.ERROR)
