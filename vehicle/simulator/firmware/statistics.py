@@ -24,16 +24,14 @@ class Statistics:
     def command(self, ms: int) -> None:
         """Count a frame that carried a command."""
         self._commands += 1
-        if ms - self._command_ms > self._command_gap:
-            self._command_gap = ms - self._command_ms
+        self._command_gap = max(self._command_gap, ms - self._command_ms)
         self._command_ms = ms
 
     def packet(self, port: int, ms: int) -> None:
         """Count a `D` frame that was sent on this port."""
         self._packets += 1
         self._second_packets += port == 1
-        if ms - self._packet_ms > self._packet_gap:
-            self._packet_gap = ms - self._packet_ms
+        self._packet_gap = max(self._packet_gap, ms - self._packet_ms)
         self._packet_ms = ms
 
     def steps(self, ms: int, count: int, step_ms: int) -> None:
