@@ -178,7 +178,8 @@ class SimulatedFlight(SimulatedGuide):
             self._sender.send(command)
             lap("serial")
             log.tick(stack.record)
-            log.readings(stack.readings)
+            if stack.own_sensors.externals:
+                log.readings(stack.readings)
             self._after_tick(stack.record)
             if stack.outbox:
                 self._drain_outbox()

@@ -66,9 +66,9 @@ class ModeMachine:
         return self.tick.stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
 
     @property
-    def command_timeout_ms(self) -> int:
-        """Return the time without commands after which the microcontroller lands on its own."""
-        return round(1000 * self.safety.command_timeout)
+    def command_timeout(self) -> float:
+        """Return the s without commands after which the microcontroller lands on its own."""
+        return self.safety.command_timeout
 
     @property
     def located(self) -> Record | None:
