@@ -63,7 +63,7 @@ class TickRecord:
     @property
     def saturated(self) -> bool:
         """Return whether the motors could not produce the wrench commanded by the control law."""
-        return bool(self.scaling.item() < 1.0)
+        return self.scaling.item() < 1.0
 
     def begin(self, stamp_ns: int) -> float:
         """Begin a tick and return the time (s) since the last one.
@@ -74,7 +74,7 @@ class TickRecord:
         if since <= 0.0:
             return 0.0
         self.stamp_ns = stamp_ns
-        self._sequence[0] += 1
+        self._sequence[0] = self._sequence.item() + 1
         return min(since, LONGEST_GAP)
 
     def motors_off(self) -> None:

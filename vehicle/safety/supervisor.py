@@ -13,6 +13,8 @@ from vehicle.flight.modes import Flag
 from vehicle.safety.parameters import SafetyParameters
 
 _NEVER = -(1 << 62)
+# Plain numbers, as an IntFlag costs half a microsecond per operation.
+_LOST, _DEGRADED, _LOW = map(int, (Flag.LINK_LOST, Flag.LINK_DEGRADED, Flag.BATTERY_LOW))
 _DEGREE = 3.141592653589793 / 180.0
 
 
@@ -52,7 +54,11 @@ class Situation:
 
 
 class Supervisor:
-    """Monitor of a flight; each cause reacts at most once per flight."""
+    """Monitor of a flight; each cause reacts at most once per flight.
+
+    Attributes:
+        flags: bits of vehicle.flight.modes.Flag.
+    """
 
     def __init__(self, parameters: SafetyParameters) -> None:
         self._parameters = parameters
@@ -61,7 +67,7 @@ class Supervisor:
         self._braked_ns: int | None = None
         self._since: dict[str, int] = {}  # cause -> stamp since which its condition has held
         self._said: set[str] = set()
-        self.flags = Flag.NONE
+        self.flags = 0
         self.battery_spent = False  # for long enough to react, whether flying or not
 
     def heartbeat(self, stamp_ns: int) -> None:
@@ -82,10 +88,12 @@ class Supervisor:
     def step(self, stamp_ns: int, now: Situation) -> Verdict | None:
         """Return the most severe reaction due now, if any."""
         p = self._parameters
-        self.flags = Flag.NONE
+        self.flags = 0
         battery_due = self.battery_spent = self._battery_due(stamp_ns, now.voltage)
         link_age = self._watch_link(stamp_ns)
         if not now.airborne:
+            return None
+        if not self._since and link_age <= p.link_timeout and self._all_is_well(now):
             return None
         # From the most severe to the mildest: the first that is due and has not reacted yet wins.
         verdict = self._on_the_tilt(stamp_ns, now.tilt / _DEGREE)
@@ -102,6 +110,19 @@ class Supervisor:
         if verdict is None and link_age > p.link_timeout:
             verdict = self._link(stamp_ns, link_age)
         return verdict
+
+    def _all_is_well(self, now: Situation) -> bool:
+        """Return whether no limit is exceeded, as in nearly every tick: then no cause is judged."""
+        p, tilt = self._parameters, now.tilt / _DEGREE
+        return (  # a NaN exceeds each
+            tilt <= p.tilt_max
+            and tilt <= p.tilt_cut
+            and now.innovation <= p.innovation_max
+            and now.pose_age <= p.pose_land_after
+            and now.outside <= p.volume_margin
+            and now.speed <= p.speed_max
+            and not (now.box or now.saturated or now.lost_ports)
+        )
 
     def _on_the_tilt(self, stamp_ns: int, tilt: float) -> Verdict | None:
         """Check the tilt, given in degrees."""
@@ -162,13 +183,13 @@ class Supervisor:
     def _watch_link(self, stamp_ns: int) -> float:
         age, timeout = self.link_age(stamp_ns), self._parameters.link_timeout
         if age > timeout:
-            self.flags |= Flag.LINK_LOST
+            self.flags |= _LOST
             self._received_since_ns = None
             return age
         if self._received_since_ns is None:
             self._received_since_ns = stamp_ns
         if age > 0.75 * timeout:
-            self.flags |= Flag.LINK_DEGRADED
+            self.flags |= _DEGRADED
         else:
             self._braked_ns = None
             self._said.discard("link")
@@ -191,7 +212,7 @@ class Supervisor:
         low = voltage < max(p.battery_warning, p.battery_land)
         if not self._lasts("battery low", low, stamp_ns, p.battery_delay):
             return False
-        self.flags |= Flag.BATTERY_LOW
+        self.flags |= _LOW
         return voltage < p.battery_land
 
     def _lasts(self, cause: str, holds: bool, stamp_ns: int, delay: float) -> bool:

@@ -102,6 +102,7 @@ class Firmware:
         self.program = new_program()
         self.command: tuple[int, int, int, int] = _STOPPED
         self.statistics = Statistics(self.registers)
+        self.steps = self.statistics.steps
         self._program = self.program[0]
         self._unsigned = self.registers.view(np.uint16)
         self._decoders = [FrameDecoder() for _ in range(ports)]
@@ -173,10 +174,6 @@ class Firmware:
     def period(self, command: tuple[int, int, int, int]) -> None:
         """Run estimation, then control, with the registers' sensors and the bytes of a command."""
         period(self._program, self.registers, command)
-
-    def steps(self, ms: int, count: int, step_ms: int) -> None:
-        """Count periods of estimation and control, each `step_ms` long at most."""
-        self.statistics.steps(ms, count, step_ms)
 
     def set_period(self, sixteenths: int) -> None:
         """Set the gains for a period in 1/16 us."""
