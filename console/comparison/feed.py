@@ -148,7 +148,8 @@ class ComparisonFeed:
         try:
             child.result()
         except QuadlabError as error:
-            self._say(f"the comparison of estimators ended: {error}; it is started again")
+            if not self._closing.is_set():
+                self._say(f"the comparison of estimators ended: {error}; it is started again")
 
     def _close_orders(self) -> None:
         with suppress(OSError):  # of what was not sent any more

@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import threading
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -216,6 +217,16 @@ def test_the_feed_hands_everything_over_in_its_order(monkeypatch: pytest.MonkeyP
     assert took[1][1] == 2
     assert took[2][1] is frame
     assert took[3][1:] == (True, True)
+
+
+def test_the_end_of_the_process_is_not_said_when_the_station_ends() -> None:
+    said: list[str] = []
+    for _ in range(5):  # the feed's thread may notice the end before it closes itself
+        feed = ComparisonFeed(ComparisonParameters(), lambda *_: None, said.append)
+        feed.telemetry(b"packet")
+        assert until(partial(getattr, feed, "_child"))
+        feed.close()
+    assert said == []
 
 
 def test_an_estimator_that_cannot_be_prepared_is_said_once(monkeypatch: Any) -> None:
