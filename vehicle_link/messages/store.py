@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 import xxhash
 from rosbags.serde import SerdeError
 
-from quadrotor.checkout import cache_folder
 from quadrotor.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
@@ -69,13 +68,13 @@ def _definitions() -> Typesdict:
     version = Path(shipped.__file__).with_name("ros2_jazzy.py").stat()
     texts = {path: path.read_text() for path in sorted(FOLDER.glob("*/*/*.[ms][sr][gv]"))}
     state = repr((version.st_size, version.st_mtime_ns, sorted(texts.items()))).encode()
-    kept = cache_folder("messages") / f"types-{xxhash.xxh3_64_hexdigest(state)}.pickle"
+    kept = FOLDER / "__pycache__" / f"types-{xxhash.xxh3_64_hexdigest(state)}.pickle"
     with suppress(OSError, EOFError, pickle.UnpicklingError):
         found: Typesdict = pickle.loads(kept.read_bytes())
         return found
     made = _read(texts)
     with suppress(OSError):  # a folder that cannot be written
-        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.parent.mkdir(exist_ok=True)
         for old in kept.parent.glob("types-*.pickle"):
             old.unlink(missing_ok=True)
         new = kept.with_suffix(f".{os.getpid()}")

@@ -156,16 +156,14 @@ def test_the_types_that_are_kept_are_those_of_the_files(
 ) -> None:
     folder = tmp_path / "messages"
     shutil.copytree(FOLDER, folder, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
-    cache = tmp_path / "cache"
     monkeypatch.setattr(store, "FOLDER", folder)
-    monkeypatch.setattr(store, "cache_folder", lambda name: cache)
     made = store._definitions()
     assert made.items() <= TYPESTORE.fielddefs.items()
-    (kept,) = cache.iterdir()
+    (kept,) = (folder / "__pycache__").iterdir()
     assert store._definitions() == made
     kept.write_bytes(b"\0\0")
     assert store._definitions() == made
     with (folder / "quadlab_msgs" / "msg" / "Mark.msg").open("a") as file:
         file.write("\nfloat64 added\n")
     assert store._definitions()["quadlab_msgs/msg/Mark"][1][-1][0] == "added"
-    assert len(list(cache.iterdir())) == 1
+    assert len(list((folder / "__pycache__").iterdir())) == 1
