@@ -52,7 +52,7 @@ def until(what: str, look: Callable[[], T | bool | None], patience: float = PATI
         found = look()
         if found:
             return found  # type: ignore[return-value]
-        waited.wait(0.05)
+        waited.wait(0.1)  # each look takes two processes some milliseconds
     raise AssertionError(f"waited {patience:.0f} s for {what} in vain")
 
 
