@@ -193,7 +193,7 @@ class Laboratory:
             raise AssertionError(f"{error}: {listed()}\n{self.output}") from None
 
     def hover(self, height: float = 1.0) -> None:
-        """Arm and take off."""
+        """Arm and take off, faster than people do."""
         self.ready()
         until("arming", lambda: self.command("arm").status_code == 200, 20)
         self.reach(mode="armed")
@@ -201,7 +201,7 @@ class Laboratory:
             "take-off",
             lambda: (
                 self.command(
-                    "start_behavior", name="take_off", arguments={"height": height}
+                    "start_behavior", name="take_off", arguments={"height": height, "speed": 1.0}
                 ).status_code
                 == 200
             ),
