@@ -150,7 +150,7 @@ class _TopicReader:
             field_at(data, places, PUBLISH_AT, "<i8"),
         )
         texts: dict[str, npt.NDArray[Any]] = {}
-        for size in np.unique(sizes).tolist():
+        for size in sorted(set(sizes.tolist())):
             chosen = np.flatnonzero(sizes == size)
             rows = rows_at(data, places[chosen] + HEAD_BYTES, size)
             self._read_size(rows, chosen, out, texts)
@@ -237,15 +237,7 @@ def _fill(
 ) -> None:
     count = len(out.log_ns)
     if layout.numbers:
-        record = np.dtype(
-            {
-                "names": list(layout.numbers),
-                "formats": [kind for _, kind in layout.numbers.values()],
-                "offsets": [offset for offset, _ in layout.numbers.values()],
-                "itemsize": layout.size,
-            }
-        )
-        read = np.ascontiguousarray(rows).view(record)[:, 0]
+        read = np.ascontiguousarray(rows).view(layout.record)[:, 0]
         with np.errstate(over="ignore", invalid="ignore"):
             for path in layout.numbers:
                 if len(rows) == count:  # all messages have this layout
@@ -268,6 +260,8 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
     if not size:
         return np.full(len(rows), "", object)
     merged = np.concatenate([rows[:, offset : offset + length] for offset, length in pieces], 1)
+    if (merged == merged[0]).all():  # most texts never change, and sorting them takes long
+        merged = merged[:1]
     distinct, which = np.unique(merged.view(f"V{size}")[:, 0], return_inverse=True)
     made = np.empty(len(distinct), object)
     for k, one in enumerate(distinct):
@@ -277,7 +271,7 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
             at += length
         made[k] = ", ".join(words)
     joined: npt.NDArray[Any] = made[which]
-    return joined
+    return joined if len(joined) == len(rows) else joined.repeat(len(rows))
 
 
 def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:

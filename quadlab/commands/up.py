@@ -36,6 +36,7 @@ from quadrotor.errors import UsageError
 from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER, find_kind
 from vehicle_link import clock
 from vehicle_link.crtp.links import UDP_PORT
+from vehicle_link.forked import share
 from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
 from vehicle_link.termination_signal import EndSignal
@@ -108,16 +109,19 @@ class Up(PageOptions):
             require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
         with (
             owned(folder),
-            Progress(self.host, self.port),
             tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
             contextlib.nullcontext()
             if self.real_time or self.tracker
             else _lockstep(fleet, Path(run_folder), self.link_port),
         ):
+            progress = Progress(self.host, self.port)
             if self.tracker:
                 print("quadlab: in real time, as poses come by quadlab tracker", flush=True)
             groups = self._children(fleet, folder, Path(run_folder), vehicle_words, simulator_words)
-            return self._watch(groups, fleet)
+            from vehicle.processes.parent import IMPORTED
+
+            share([*IMPORTED, "vehicle.simulator.process", "console.station"])
+            return self._watch(groups, fleet, progress)
 
     def _rate(self, fleet: SimulatedFleet) -> int:
         usual = min(fleet.rates.ticks, find_kind(self.board).rate)
@@ -254,13 +258,16 @@ class Up(PageOptions):
             ]
         return found
 
-    def _watch(self, groups: Sequence[Sequence[Child]], fleet: SimulatedFleet) -> int:
+    def _watch(
+        self, groups: Sequence[Sequence[Child]], fleet: SimulatedFleet, progress: Progress
+    ) -> int:
         children = [child for group in groups for child in group]
         stop = EndSignal()
         try:
             for child in children:
                 child.start()
             while not stop.wait(WATCH_PERIOD):
+                progress.report()
                 for child in children:
                     if event := child.watch():
                         print(f"quadlab: {event}", flush=True)

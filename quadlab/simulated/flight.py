@@ -108,8 +108,8 @@ class SimulatedFlight(SimulatedGuide):
             armed=stack.mode in MOTORS_ON,
             airborne=stack.ground.airborne,
             position_w=stack.state["position_w"][0].copy(),
-            mass=float(stack.estimate["mass"][0]),
-            mass_deviation=math.sqrt(float(stack.estimate["mass_variance"][0])),
+            mass=stack.estimate["mass"].item(),
+            mass_deviation=math.sqrt(stack.estimate["mass_variance"].item()),
         )
 
     def arm(self) -> None:
@@ -178,7 +178,8 @@ class SimulatedFlight(SimulatedGuide):
             self._sender.send(command)
             lap("serial")
             log.tick(stack.record)
-            log.readings(stack.readings)
+            if stack.own_sensors.externals:
+                log.readings(stack.readings)
             self._after_tick(stack.record)
             if stack.outbox:
                 self._drain_outbox()

@@ -31,7 +31,7 @@ from vehicle_link.transport.rmw_keys import full_name
 
 GROUP = 5
 """Number of ticks passed at once to the publisher of the slow topics, as in the comms process."""
-BATCH = 20 * GROUP
+BATCH = 100 * GROUP
 """Number of ticks encoded and written at once: vectorised, a message costs a fraction of a
 microsecond."""
 
@@ -100,10 +100,9 @@ class FlightLog:
 
     def readings(self, judged: list[Record]) -> None:
         """Log the readings of one tick, JUDGED_READING (1,) each."""
-        if judged:
-            self._now_ns = self._newest_ns()
-            for one in judged:
-                self._publisher.reading(one)
+        self._now_ns = self._newest_ns()
+        for one in judged:
+            self._publisher.reading(one)
 
     def parameter_change(self, change: ParameterChange) -> None:
         if change.name == FLOWN_ON:

@@ -3,47 +3,49 @@
 from __future__ import annotations
 
 import socket
-import threading
 import time
 
 from quadrotor.errors import UsageError
 
 PROGRESS_PERIOD = 1.5
 """Seconds between two lines while the processes start."""
+CONNECTION_PATIENCE = 0.1
+"""Seconds; a connection within a computer is made, or refused, at once."""
 
 
 class Progress:
-    """Reporter of the start's progress until the page answers."""
+    """Lines about the start, until the page answers; `report`, called often, never waits."""
 
     def __init__(self, host: str, port: int) -> None:
+        self.is_over = False
         self._address = host, port
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._tell, daemon=True)
-
-    def __enter__(self) -> Progress:
+        self._began = self._reported = time.monotonic()
+        self._page: socket.socket | None = None
         print("quadlab: starting simulator, vehicle, station and page", flush=True)
-        self._thread.start()
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self._ended.set()
+    def report(self) -> None:
+        """Print a line if one is due."""
+        if self.is_over:
+            return
+        self.is_over, now = self._answers(), time.monotonic()
+        if not self.is_over and now - self._reported >= PROGRESS_PERIOD:
+            self._reported = now
+            print(f"quadlab: starting, {now - self._began:.0f} s", flush=True)
 
-    def _tell(self) -> None:
-        began = time.monotonic()
-        page: socket.socket | None = None
-        while not self._ended.is_set():
-            try:
-                if page is None:
-                    page = socket.create_connection(self._address, PROGRESS_PERIOD)
-                    page.sendall(b"GET / HTTP/1.0\r\n\r\n")
-                page.recv(1)  # any answer counts: with TLS it may only close
-                page.close()
-                return
-            except TimeoutError:  # it listens, and will answer once it runs
-                pass
-            except OSError:
-                self._ended.wait(PROGRESS_PERIOD)
-            print(f"quadlab: starting, {time.monotonic() - began:.0f} s", flush=True)
+    def _answers(self) -> bool:
+        try:
+            if self._page is None:
+                self._page = socket.create_connection(self._address, CONNECTION_PATIENCE)
+                self._page.sendall(b"GET / HTTP/1.0\r\n\r\n")
+                self._page.setblocking(False)
+            self._page.recv(1)  # any answer counts: with TLS it may only close
+        except BlockingIOError:  # it listens, and will answer once it runs
+            return False
+        except OSError:
+            self._page = None
+            return False
+        self._page.close()
+        return True
 
 
 def require_free(

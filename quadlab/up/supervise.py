@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from quadrotor.checkout import RUN_MODULE
 from quadrotor.errors import QuadlabError
+from vehicle_link.forked import Process, start
 from vehicle_link.jobs import die_with_parent, how_it_ended
 
 PARENT = "QUADLAB_PARENT"
@@ -56,21 +56,14 @@ class Child:
     restart: bool = True
     niceness: int = 0
     environment: Mapping[str, str] = field(default_factory=dict)
-    _process: subprocess.Popen[bytes] | None = None
+    _process: Process | None = None
     _deaths: list[float] = field(default_factory=list)
 
     def start(self) -> None:
         # In a separate session: Ctrl-C in the terminal reaches only the parent, which lands first.
-        self._process = subprocess.Popen(
-            [*RUN_MODULE, "quadlab", *self.words],
-            env=self._child_environment(),
-            start_new_session=True,
-            stdin=subprocess.DEVNULL,
-        )
-
-    def _child_environment(self) -> dict[str, str]:
         own = {PARENT: str(os.getpid()), NICENESS: str(self.niceness)}
-        return {**os.environ, **self.environment, **own}
+        environment = {**self.environment, **own}
+        self._process = start("quadlab", self.words, environment=environment, own_session=True)
 
     @property
     def pid(self) -> int | None:

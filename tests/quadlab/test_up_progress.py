@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import socket
 
 import pytest
@@ -17,18 +18,20 @@ def test_the_start_goes_on_until_the_page_answers_and_not_only_listens(
 ) -> None:
     monkeypatch.setattr(module, "PROGRESS_PERIOD", 0.05)
     said = ""
-    with (
-        socket.create_server(("127.0.0.1", 0)) as page,
-        module.Progress(*page.getsockname()) as progress,
-    ):
+    with socket.create_server(("127.0.0.1", 0)) as page:
         page.settimeout(BOUND)
+        progress = module.Progress(*page.getsockname())
+        progress.report()
         asking, _ = page.accept()
         with asking:
-            while "starting, " not in said and progress._thread.is_alive():
+            while "starting, " not in said and not progress.is_over:
+                progress.report()
                 said += capsys.readouterr().out
             asking.sendall(b"HTTP/1.0 200 OK\r\n\r\n")
-            progress._thread.join(BOUND)
-        assert not progress._thread.is_alive()
+            assert progress._page is not None
+            assert select.select([progress._page], [], [], BOUND)[0]
+            progress.report()
+        assert progress.is_over
     assert "starting, " in said
 
 

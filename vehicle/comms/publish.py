@@ -37,6 +37,8 @@ FLOWN_ON = "estimation.estimator"
 _STABLE = ~int(
     Flag.SATURATED | Flag.TILT_LIMITED
 )  # the others may change every tick: no reason to publish
+# Plain numbers, as an IntFlag costs half a microsecond per operation.
+_FLAGS = [(int(flag), str(flag.name).lower()) for flag in Flag]
 _PERIOD_NS = {name: round(1e9 / topic.rate) for name, topic in topics.TOPICS.items() if topic.rate}
 # mode, behavior, armed, airborne, flags, parameter_revision: unpacked at once, because reading a
 # structured record field by field takes 2 µs.
@@ -91,7 +93,8 @@ class Publisher:
         self._pending: list[Record] = []
         self._pending_count = 0
         self._packet_size = telemetry.SAMPLES_A_PACKET
-        self._tick_rate = NOMINAL_RATE
+        self.tick_rate = NOMINAL_RATE
+        """The rate in Hz, as the loop measured it last."""
         self._packet = 0
         self._heartbeat = 0
         self._due_ns: dict[str, int] = {}
@@ -125,12 +128,7 @@ class Publisher:
     @property
     def next_packet_s(self) -> float:
         """Return the s from the last read until the next telemetry packet's ticks exist."""
-        return (self._packet_size - self._pending_count) / self._tick_rate
-
-    @property
-    def tick_rate(self) -> float:
-        """Return the rate in Hz, as the loop measured it last."""
-        return self._tick_rate
+        return (self._packet_size - self._pending_count) / self.tick_rate
 
     def heartbeat(self) -> None:
         """Send a heartbeat when one is due, with or without ticks; call it often.
@@ -172,8 +170,8 @@ class Publisher:
             self._pending_count = 0
         self._pending.append(ticks)
         self._pending_count += len(ticks)
-        self._tick_rate = float(ticks["status"]["tick_rate"][-1]) or NOMINAL_RATE
-        size = self._packet_size = samples_a_packet(self._tick_rate, self._packets)
+        self.tick_rate = float(ticks["status"]["tick_rate"][-1]) or NOMINAL_RATE
+        size = self._packet_size = samples_a_packet(self.tick_rate, self._packets)
         if self._pending_count < size:
             return
         # Joined as bytes: numpy's concatenate takes long to find that all have the same type.
@@ -244,7 +242,7 @@ def samples_a_packet(tick_rate: float, packets: int = PACKETS_A_SECOND) -> int:
 
 def flag_names(flags: int) -> Sequence[str]:
     """Return the lower-case names of the flags that are set."""
-    return [flag.name.lower() for flag in Flag if flags & flag and flag.name]
+    return [name for bit, name in _FLAGS if flags & bit]
 
 
 def _status_key(ticks: Record) -> tuple[int, ...]:

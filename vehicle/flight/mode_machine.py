@@ -66,9 +66,9 @@ class ModeMachine:
         return self.tick.stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
 
     @property
-    def command_timeout_ms(self) -> int:
-        """Return the time without commands after which the microcontroller lands on its own."""
-        return round(1000 * self.safety.command_timeout)
+    def command_timeout(self) -> float:
+        """Return the s without commands after which the microcontroller lands on its own."""
+        return self.safety.command_timeout
 
     @property
     def located(self) -> Record | None:
@@ -172,7 +172,7 @@ class ModeMachine:
                 self.move(Mode.READY, "landed by the microcontroller")
         elif state == MotorState.EMERGENCY:
             self.hand_over("the microcontroller took over: commands were missing, or the battery")
-        elif self.motors_had_time and state != MotorState.ON:
+        elif state != MotorState.ON and self.motors_had_time:
             name, obstacle = MotorState(state).name.lower(), self.obstacle
             why = f": {obstacle}" if obstacle else ""
             self.move(Mode.CUT, f"microcontroller reports motors {name}{why}", mailbox.ERROR)

@@ -14,6 +14,8 @@ from vehicle.flight.tick_record import TickRecord
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Situation
 
+_JUMPED = int(Agreement.JUMPED)
+
 
 @dataclass(kw_only=True, eq=False)
 class SituationReader:
@@ -35,12 +37,12 @@ class SituationReader:
         Args:
             pose_age: s since the newest measurement that was used in time.
         """
-        now, tick, p = self._situation, self.tick, self.volume
+        now, tick, p, boxes = self._situation, self.tick, self.volume, self.volume.boxes
         now.airborne = self.ground.airborne
         now.by_microcontroller = self.modes.control_mode is not ControlMode.DIRECT
         now.voltage, now.pose_age, now.tilt = sample.battery_voltage, pose_age, tick.tilt
         now.innovation = math.hypot(*tick.innovation_w.tolist())
-        now.jumped = tick.agreement.item() == Agreement.JUMPED
+        now.jumped = tick.agreement.item() == _JUMPED
         now.speed = math.hypot(*tick.velocity_w.tolist())
         x, y, z = tick.position_w.tolist()
         now.outside = max(
@@ -50,7 +52,7 @@ class SituationReader:
             y - p.volume_y_max,
             z - p.volume_z_max,
         )
-        near = [box for box in p.boxes if box.gap((x, y, z)) < 0.5 * p.keep_out_margin]
+        near = [box for box in boxes if box.gap((x, y, z)) < 0.5 * p.keep_out_margin]
         now.box = near[0].name if near else ""
         now.saturated = tick.saturated
         now.lost_ports = self.modes.lost_ports

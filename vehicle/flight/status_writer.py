@@ -88,9 +88,8 @@ class StatusWriter:
         if control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
             self._control_mode = control_mode
         navigation, airborne = self.navigation, self.ground.airborne
-        flags = int(self.supervisor.flags) | self.guard.flags
-        flags |= navigation.agreement.flags | navigation.suspect.flags | self.rescue.flags
-        flags |= navigation.heading.flags
+        flags = self.supervisor.flags | self.guard.flags | self.rescue.flags
+        flags |= navigation.agreement.flags | navigation.suspect.flags | navigation.heading.flags
         if mode is Mode.STARTING:
             flags |= _GYRO_UNCALIBRATED
         if pose_age > self.estimation.measurement_timeout:

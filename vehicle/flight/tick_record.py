@@ -74,7 +74,7 @@ class TickRecord:
         if since <= 0.0:
             return 0.0
         self.stamp_ns = stamp_ns
-        self._sequence[0] += 1
+        self._sequence[0] = self._sequence.item() + 1
         return min(since, LONGEST_GAP)
 
     def motors_off(self) -> None:

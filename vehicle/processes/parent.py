@@ -18,7 +18,7 @@ from types import FrameType
 
 import msgspec
 
-from quadrotor.checkout import PREFIX, ROOT, RUN_MODULE
+from quadrotor.checkout import PREFIX, ROOT
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER, find_kind
@@ -27,6 +27,7 @@ from vehicle.processes import mailbox
 from vehicle.processes.config import PACKETS_A_SECOND, VehicleConfig, create_rings
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
+from vehicle_link.forked import Process, share, start
 from vehicle_link.jobs import how_it_ended
 from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
@@ -36,6 +37,8 @@ PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
 STABLE_S = 5.0  # lifetime of a comms process after which the next restart follows the short pause
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
+IMPORTED = ("vehicle.flight.process", "vehicle.flight.stack", "vehicle.comms.process")
+"""Modules that both processes, or one of them, would import at each start."""
 TRAJECTORIES, PLUGINS = "trajectories", "plugins"
 """Names of the folders, in the data folder, of the user's trajectory files and control laws."""
 
@@ -70,18 +73,13 @@ class _Children:
                 process.kill()
                 process.wait()
 
-    def _start(self, name: str) -> subprocess.Popen[bytes]:
+    def _start(self, name: str) -> Process:
         # A separate group: Ctrl-C in the terminal reaches only the parent, which then ends both.
-        return subprocess.Popen(
-            [
-                *RUN_MODULE,
-                f"{PREFIX}vehicle.{name}.process",
-                msgspec.json.encode(self._config).decode(),
-            ],
-            cwd=ROOT,
-            stdin=subprocess.DEVNULL,
-            pass_fds=self._config.rings.all,
-            process_group=0,
+        return start(
+            f"{PREFIX}vehicle.{name}.process",
+            [msgspec.json.encode(self._config).decode()],
+            keep=self._config.rings.all,
+            folder=ROOT,
         )
 
 
@@ -170,6 +168,7 @@ def run_vehicle(
     signals = _Signals()
     try:
         _repair_logs(data)
+        share(IMPORTED)
         children = _Children(config)
         try:
             return _watch(children, signals, data)

@@ -19,9 +19,9 @@ from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
 from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.periods import Command, compile_periods, run
+from vehicle.simulator.periods import Command, compile_periods, runner
 from vehicle.simulator.plant import configure_plant, new_plant
-from vehicle.simulator.sensors import WARM_UP_TIME, Noise, new_sensors, sample
+from vehicle.simulator.sensors import SENSORS, WARM_UP_TIME, Noise, new_sensors, sample
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
@@ -69,10 +69,14 @@ class SimulatedVehicle:
         self._commands: deque[tuple[int, Command]] = deque([(0, self.firmware.command)])
         self._plant = new_plant(parameters)
         self._holder = new_holder()
+        self._held = self._holder["held"]  # a view
         configure_holder(self._holder, self._plant, parameters)
         self._force_sensor = ForceSensor(parameters)
         self._noise, self._chance = Noise(parameters.seed), random.Random(parameters.seed)
-        self._fit_sensors(parameters)
+        self._sensors = np.zeros(1, SENSORS)
+        self._fit(parameters)
+        world = self._plant, self._sensors, self._noise.block
+        self._run = runner(self.firmware, world, self._holder)
         self._begun_ns = 0  # time of period 0
         self._count = 0  # periods begun, period 0 included
         if firmware is None:
@@ -135,7 +139,7 @@ class SimulatedVehicle:
                 replies = firmware.receive(index, data)
                 if replies:
                     wire.write(replies)
-        if firmware.registers[_MIRROR_PERIOD] != self._sample_us:
+        if firmware.registers.item(_MIRROR_PERIOD) != self._sample_us:
             self._pace()
 
     def _advance(self, periods: int) -> None:
@@ -154,8 +158,7 @@ class SimulatedVehicle:
                 firmware.sense(self._plant, self._sensors, noise.block, row)
             firmware.period(command)
         else:
-            world = self._plant, self._sensors, noise.block
-            run(firmware, world, row, command, self._holder, periods, self._period)
+            self._run(row, command, periods, self._period)
             firmware.steps(stamp_ns // 1_000_000, periods, 1)
         self._count = last + 1
         if last % self._periods == 0:
@@ -165,10 +168,10 @@ class SimulatedVehicle:
 
     def _acting(self) -> Command:
         """Return the newest command that is at least as old as the latency."""
-        commands = self._commands
-        if self.firmware.command != commands[-1][1]:
-            commands.append((self.stamp_ns, self.firmware.command))
-        old_ns = self.stamp_ns - round(1e9 * self.parameters.command_latency)
+        commands, newest = self._commands, self.firmware.command
+        if newest != commands[-1][1]:
+            commands.append((self.stamp_ns, newest))
+        old_ns = self.stamp_ns - self._latency_ns
         while len(commands) > 1 and commands[1][0] <= old_ns:
             commands.popleft()
         return commands[0][1]
@@ -201,11 +204,11 @@ class SimulatedVehicle:
     @property
     def held(self) -> bool:
         """Return whether a hand or the bench holds the vehicle; setting it down takes a while."""
-        return bool(self._holder["held"][0] != FREE)
+        return bool(self._held.item() != FREE)
 
     def bench_reading(self) -> ForceReading | None:
         """Return the force/torque reading of the last step; None if none was due on the bench."""
-        if self._holder["held"][0] != BENCH:
+        if self._held.item() != BENCH:
             return None
         return self._force_sensor.read(self.stamp_ns, self._plant, self.parameters)
 
@@ -223,7 +226,7 @@ class SimulatedVehicle:
         if parameters.battery_charge != before.battery_charge:
             self.charge_battery(parameters.battery_charge)
         configure_holder(self._holder, self._plant, parameters)
-        self._fit_sensors(parameters)
+        self._fit(parameters)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)
         if isinstance(self.firmware, BoardFirmware):
@@ -258,9 +261,10 @@ class SimulatedVehicle:
         if state in (MotorState.ON, MotorState.EMERGENCY):
             raise RefusedError(f"{refused}: the motors are on; land and disarm, or cut them, first")
 
-    def _fit_sensors(self, parameters: SimulatorParameters) -> None:
+    def _fit(self, parameters: SimulatorParameters) -> None:
         p = parameters
-        self._sensors, self._lost = new_sensors(p), p.lost_samples
+        self._sensors[...], self._lost = new_sensors(p), p.lost_samples
+        self._latency_ns = round(1e9 * p.command_latency)
         self._warms_up = p.accelerometer_warm_up != 0.0 or p.gyroscope_warm_up != 0.0
 
     def _miss(self, motor: int) -> None:

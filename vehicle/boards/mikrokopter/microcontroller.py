@@ -157,12 +157,12 @@ class Microcontroller:
         """
         samples: list[RawSample] = []
         settled = self._clock.settled
-        for frame in self._ports.read():
+        for index, frame in self._ports.read():
             values = decode_data(frame)
             if values is None:
                 self._take_reply(frame)
                 continue
-            self.newest_ms[self._ports.reading] = values[0] & 0xFFFF
+            self.newest_ms[index] = values[0] & 0xFFFF
             if self._mirrored:
                 sample = self._sample(values, settled)
                 if sample is not None:

@@ -42,6 +42,7 @@ START_MS = 58_000
 """Time, in ms, at power-up, chosen so that every run soon passes the wrap at 60 s."""
 
 _TIME, _MOTOR_STATE, _BATTERY = int(Id.TIME), int(Id.MOTOR_STATE), int(Id.BATTERY)
+_TIMEOUT = int(Id.EMERGENCY_TIMEOUT)
 _STOPPED = (0, 0, 0, 0)
 
 ALLOWED = {
@@ -101,6 +102,7 @@ class Firmware:
         self.program = new_program()
         self.command: tuple[int, int, int, int] = _STOPPED
         self.statistics = Statistics(self.registers)
+        self.steps = self.statistics.steps
         self._program = self.program[0]
         self._unsigned = self.registers.view(np.uint16)
         self._decoders = [FrameDecoder() for _ in range(ports)]
@@ -151,9 +153,9 @@ class Firmware:
         """Set the time since power-up; check whether an emergency begins or ends."""
         self._ms = elapsed_ms
         if self._state is MotorState.ON:
-            if self.registers[_BATTERY] > BATTERY_LAND:
+            if self.registers.item(_BATTERY) > BATTERY_LAND:
                 self._charged_ms = elapsed_ms
-            silent = elapsed_ms - self._heard_ms > self.registers[Id.EMERGENCY_TIMEOUT]
+            silent = elapsed_ms - self._heard_ms > self.registers.item(_TIMEOUT)
             if silent or elapsed_ms - self._charged_ms > BATTERY_TIME_MS:
                 self._enter(MotorState.EMERGENCY)
         elif self._state is MotorState.EMERGENCY and (
@@ -172,10 +174,6 @@ class Firmware:
     def period(self, command: tuple[int, int, int, int]) -> None:
         """Run estimation, then control, with the registers' sensors and the bytes of a command."""
         period(self._program, self.registers, command)
-
-    def steps(self, ms: int, count: int, step_ms: int) -> None:
-        """Count periods of estimation and control, each `step_ms` long at most."""
-        self.statistics.steps(ms, count, step_ms)
 
     def set_period(self, sixteenths: int) -> None:
         """Set the gains for a period in 1/16 us."""
