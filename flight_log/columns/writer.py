@@ -77,7 +77,7 @@ class _Growing:
         self._held_count += len(values)
         if self._held_count > HELD:
             with self._path.open("ab") as file:
-                file.writelines(self._held)
+                file.writelines(values.data for values in self._held)
             self._filed_count += self._held_count
             self._held, self._held_count = [], 0
 
@@ -88,7 +88,7 @@ class _Growing:
         if not self._filed_count:
             return np.concatenate(self._held)
         with self._path.open("ab") as file:
-            file.writelines(self._held)
+            file.writelines(values.data for values in self._held)
         return np.memmap(self._path, self.dtype, "r")
 
 

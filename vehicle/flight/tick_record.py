@@ -60,7 +60,7 @@ class TickRecord:
     @property
     def saturated(self) -> bool:
         """Return whether the motors could not produce the wrench commanded by the control law."""
-        return self.scaling.item() < 1.0
+        return bool(self.scaling.item() < 1.0)
 
     def begin(self, stamp_ns: int) -> float:
         """Begin a tick and return the time (s) since the last one.

@@ -93,8 +93,6 @@ class Supervisor:
         link_age = self._watch_link(stamp_ns)
         if not now.airborne:
             return None
-        if not self._since and link_age <= p.link_timeout and self._all_is_well(now):
-            return None
         # From the most severe to the mildest: the first that is due and has not reacted yet wins.
         verdict = self._on_the_tilt(stamp_ns, now.tilt / _DEGREE)
         if verdict is None and battery_due:
@@ -110,19 +108,6 @@ class Supervisor:
         if verdict is None and link_age > p.link_timeout:
             verdict = self._link(stamp_ns, link_age)
         return verdict
-
-    def _all_is_well(self, now: Situation) -> bool:
-        """Return whether no limit is exceeded, as in nearly every tick: then no cause is judged."""
-        p, tilt = self._parameters, now.tilt / _DEGREE
-        return (  # a NaN exceeds each
-            tilt <= p.tilt_max
-            and tilt <= p.tilt_cut
-            and now.innovation <= p.innovation_max
-            and now.pose_age <= p.pose_land_after
-            and now.outside <= p.volume_margin
-            and now.speed <= p.speed_max
-            and not (now.box or now.saturated or now.lost_ports)
-        )
 
     def _on_the_tilt(self, stamp_ns: int, tilt: float) -> Verdict | None:
         """Check the tilt, given in degrees."""

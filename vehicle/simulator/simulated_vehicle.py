@@ -204,7 +204,7 @@ class SimulatedVehicle:
     @property
     def held(self) -> bool:
         """Return whether a hand or the bench holds the vehicle; setting it down takes a while."""
-        return self._held.item() != FREE
+        return bool(self._held.item() != FREE)
 
     def bench_reading(self) -> ForceReading | None:
         """Return the force/torque reading of the last step; None if none was due on the bench."""
