@@ -22,6 +22,9 @@ SECOND_NS = 1_000_000_000
 VEHICLE = "quad1"
 
 
+FEW = 16
+"""Number of vectors up to which plain numbers are rotated faster than arrays."""
+
 # ROS orders quaternions (x, y, z, w), we (w, x, y, z).
 TO_ROS, FROM_ROS = [1, 2, 3, 0], [3, 0, 1, 2]
 
@@ -142,6 +145,11 @@ def xyz(vector: Any) -> tuple[float, float, float]:
 
 def _rotate(quaternions: Array, vectors: Array, *, inverse: bool) -> Array:
     """Return r v, or r^T v, of N unit quaternions (w, x, y, z) and N vectors, shape (N, 3)."""
-    w, x, y, z = quaternions.T
-    turn = (w, -x, -y, -z) if inverse else (w, x, y, z)
-    return np.column_stack(rotate(turn, vectors.T))
+    sign = -1.0 if inverse else 1.0
+    if len(vectors) > FEW:
+        w, x, y, z = quaternions.T
+        return np.column_stack(rotate((w, sign * x, sign * y, sign * z), vectors.T))
+    # The same operations on plain numbers: numpy takes 2 µs for each, however few there are.
+    pairs = zip(quaternions.tolist(), vectors.tolist(), strict=True)
+    turned = [rotate((w, sign * x, sign * y, sign * z), v) for (w, x, y, z), v in pairs]
+    return np.array(turned).reshape(-1, 3)
