@@ -81,6 +81,19 @@ def decode_odometry(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record
     return stamp, state
 
 
+def decode_odometry_pose(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Array, Array]:
+    """Decode the stamp in ns, position (3,) m and quaternion (4,) (w, x, y, z) alone. Raises
+    LinkError.
+    """
+    odometry = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle))
+    if odometry.fits(payload):
+        record = odometry.decode(payload)
+        quaternion = record["pose.pose.orientation"][FROM_ROS]
+        return stamp_of_record(record), record["pose.pose.position"].copy(), quaternion
+    stamp_ns, state = decode_odometry(payload, vehicle)
+    return stamp_ns, state["position_w"][0], state["quaternion_wb"][0]
+
+
 def reference_messages(ticks: Record) -> Records:
     """Encode `reference`: quadlab_msgs/Reference; shape (N,)."""
     reference = layout("quadlab_msgs/Reference", WORLD)
