@@ -259,7 +259,7 @@ def pose_sample(stamp_ns: int, position_w: Numbers, quaternion_wb: Numbers) -> R
 
 def has_attitude(quaternion_wb: npt.ArrayLike) -> bool:
     """Return whether a tracked quaternion is an attitude, not NO_ATTITUDE of a marker."""
-    return np.count_nonzero(quaternion_wb) > 0  # a tenth of the time of np.any
+    return bool(np.count_nonzero(quaternion_wb))  # a tenth of the time of np.any
 
 
 def bearings_sample(

@@ -28,6 +28,7 @@ def test_the_start_goes_on_until_the_page_answers_and_not_only_listens(
                 progress.report()
                 said += capsys.readouterr().out
             asking.sendall(b"HTTP/1.0 200 OK\r\n\r\n")
+            assert progress._page is not None
             assert select.select([progress._page], [], [], BOUND)[0]
             progress.report()
         assert progress.is_over

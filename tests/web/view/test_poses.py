@@ -10,7 +10,7 @@ from viser import _scene_handles
 
 from web.view.poses import set_pose_vector
 
-_set_by_viser = _scene_handles._set_pose_vector
+_set_by_viser: Any = _scene_handles._set_pose_vector
 
 
 @pytest.mark.parametrize(
