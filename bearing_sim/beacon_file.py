@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from bearing_sim.beacon_set import ID_MAX, Beacons
-from quadrotor.errors import MeasurementError, StorageError
+from quadrotor.errors import MeasurementError, os_errors
 
 COLUMNS = ("id", "x", "y", "z")
 LARGEST = 100_000
@@ -27,13 +27,9 @@ def load_beacons(path: str | Path) -> Beacons:
     content is wrong, and DegenerateGeometryError as `Beacons` does.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
-    except OSError as error:
-        raise StorageError(
-            f"beacons {path}: {error.strerror}; name a CSV file with the header id,x,y,z"
-        ) from error
+    needed = "name a CSV file with the header id,x,y,z"
+    with os_errors(lambda why: f"beacons {path}: {why}; {needed}"), path.open("rb") as file:
+        data = file.read(LARGEST + 1)
     return read_beacons(data, path)
 
 

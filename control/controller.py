@@ -9,6 +9,7 @@ import numpy as np
 
 from control.geometric_law import new_control_memory, step
 from control.parameters import ControlParameters, control_record
+from quadrotor.compiled import direct
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 
 Law = Callable[[Record, Record, Record, Record, Record, bool, float, Record], None]
@@ -51,7 +52,7 @@ class GeometricController:
     """
 
     def __init__(self, law: Law = step) -> None:
-        self._law = law
+        self._law = self._step = law
         self.memory = new_control_memory()
         self._tilt_limited = self.memory["tilt_limited"]  # a view, made once
         self._gains = control_record(ControlParameters())
@@ -72,9 +73,9 @@ class GeometricController:
         )
         self._idle["scaling"] = 1.0
         if not compiled:  # compiled now rather than in the first tick, which would be seconds late
-            out, memory = np.zeros(1, ACTUATORS), new_control_memory()
-            state, reference = new_state(), new_reference()
-            self._law(memory, state, reference, self._gains, self._model, False, 0.002, out)
+            state, reference, out = new_state(), new_reference(), np.zeros(1, ACTUATORS)
+            models = self._gains, self._model
+            self._step = direct(self._law, self.memory, state, reference, *models, True, 0.002, out)
 
     def weigh(self, mass: float) -> None:
         """Use this mass (kg) from now on. Raises RuntimeError when not configured."""
@@ -105,7 +106,7 @@ class GeometricController:
         """Compute one tick into `actuators`. Raises RuntimeError when not configured."""
         if self._model is None:
             raise RuntimeError(f"{type(self).__name__}.step before configure")
-        self._law(self.memory, state, reference, self._gains, self._model, airborne, dt, actuators)
+        self._step(self.memory, state, reference, self._gains, self._model, airborne, dt, actuators)
 
     def idle(self, actuators: Record) -> None:
         """Set all motors to their smallest reference, for an armed vehicle on the ground."""

@@ -6,9 +6,11 @@ import math
 from collections import Counter
 from typing import Any
 
+import numpy as np
+
 from estimation.convergence import Convergence
 from estimation.outcome import Outcome
-from quadrotor.records import Record
+from quadrotor.records import ESTIMATE, IMU_SAMPLE, STATE, Record
 
 
 class CompiledEstimator:
@@ -21,23 +23,25 @@ class CompiledEstimator:
     """
 
     def __init__(self, memory: Record, measured: str) -> None:
-        self._memory = memory
+        self.memory = memory
+        """The filter's memory, shape (1,), for logs and tests."""
         # Views made once: looking up a field by name takes longer than the subtraction.
         self._stamp_ns, self._measured_ns = memory["stamp_ns"], memory[measured]
-        self._initialized = False
+        self.initialized = False
+        """Whether a first measurement has initialized it."""
         self._timeout = math.inf
 
-    @property
-    def initialized(self) -> bool:
-        """Return whether a first measurement has initialized it."""
-        return self._initialized
+    @staticmethod
+    def outputs() -> tuple[Record, Record, Record]:
+        """Return IMU_SAMPLE, STATE and ESTIMATE (1,) like those of the tick, for `direct`."""
+        return np.zeros(1, IMU_SAMPLE), np.zeros(1, STATE), np.zeros(1, ESTIMATE)
 
     @property
     def measurement_age(self) -> float:
         """Return the seconds from the newest applied measurement to the newest sample; inf before
         both.
         """
-        if not self._initialized:
+        if not self.initialized:
             return math.inf
         age_ns: int = self._stamp_ns.item() - self._measured_ns.item()
         return 1e-9 * age_ns if age_ns > 0 else 0.0
@@ -50,23 +54,18 @@ class CompiledEstimator:
     @property
     def ignored(self) -> Counter[Outcome]:
         """Return the number of measurements since the reset that were not applied, by Outcome."""
-        counts = self._memory["outcomes"][0].tolist()
+        counts = self.memory["outcomes"][0].tolist()
         counts[Outcome.APPLIED] = 0
         return +Counter(dict(zip(Outcome, counts, strict=True)))
 
     @property
-    def memory(self) -> Record:
-        """Return the filter's memory, shape (1,), for logs and tests."""
-        return self._memory
-
-    @property
     def convergence(self) -> Convergence:
         """Return whether the estimate may be used for flight, with the reason."""
-        if not self._initialized:
+        if not self.initialized:
             return Convergence(False, "no measurement to start from yet")
         if self.stale:
             return Convergence(False, f"last measurement applied {self.measurement_age:.2f} s ago")
-        return self._judge(self._memory[0])
+        return self._judge(self.memory[0])
 
     @property
     def converged(self) -> bool:

@@ -18,6 +18,7 @@ from estimation.poses.planar_pose import planar_pose
 from estimation.poses.position_at_attitude import position_at_attitude
 from estimation.refusals import refuse_bearings, refuse_pose
 from estimation.stability import gain_warnings
+from quadrotor.compiled import direct
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, Record, has_attitude
 
@@ -39,6 +40,10 @@ class ComplementaryEstimator(CompiledEstimator):
         self._outcome = np.zeros(1, np.int64)
         self._frame_pose = np.zeros(1, POSE_SAMPLE)
         self.configure(parameters or EstimationParameters())
+        m, gains, (imu, state, estimate) = self.memory, self._gains, self.outputs()
+        self._predict = direct(predict, m, imu, gains, 0.002, state)
+        self._apply = direct(correct, m, self._frame_pose, gains, estimate, self._outcome)
+        self._report = direct(report, m, estimate)
 
     def configure(self, parameters: EstimationParameters) -> None:
         """Set new gains; state and biases are kept."""
@@ -74,15 +79,15 @@ class ComplementaryEstimator(CompiledEstimator):
 
     def reset(self) -> None:
         """Forget everything, biases included."""
-        self._memory[:] = new_memory()
-        self._initialized = False
+        self.memory[:] = new_memory()
+        self.initialized = False
 
     def initialize(self, pose: Record) -> None:
         """Restart at a POSE_SAMPLE (1,), at rest, with the present biases.
 
         Raises MeasurementError when the pose is not finite or its quaternion not unit.
         """
-        m, position, quaternion = self._memory[0], pose["position_w"][0], pose["quaternion_wb"][0]
+        m, position, quaternion = self.memory[0], pose["position_w"][0], pose["quaternion_wb"][0]
         norm2 = float(quaternion @ quaternion)
         if not (np.isfinite(position).all() and abs(norm2 - 1.0) < NORM_TOLERANCE):
             raise refuse_pose(pose)
@@ -98,14 +103,14 @@ class ComplementaryEstimator(CompiledEstimator):
         m["ring_count"] = 0  # the next prediction starts the history
         m["initialized"] = 1
         m["outcomes"][Outcome.APPLIED] += 1
-        self._initialized = True
+        self.initialized = True
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:
         """Advance by an IMU_SAMPLE (1,) that follows the last one by `dt` s; write the STATE (1,).
 
         Before the first pose only the angular velocity is estimated.
         """
-        predict(self._memory, imu, self._gains, dt, state)
+        self._predict(self.memory, imu, self._gains, dt, state)
 
     def correct(self, pose: Record, estimate: Record) -> None:
         """Apply a POSE_SAMPLE (1,); write its innovations into the ESTIMATE (1,).
@@ -119,13 +124,13 @@ class ComplementaryEstimator(CompiledEstimator):
                 "complementary cannot use positions without attitude; track a rigid body, or set "
                 "estimation.estimator = error_state for a single marker"
             )
-        if not self._initialized:
+        if not self.initialized:
             self.initialize(pose)
             return
         self._correct(pose, self._gains, estimate)
 
     def _correct(self, pose: Record, gains: Record, estimate: Record) -> None:
-        correct(self._memory, pose, gains, estimate, self._outcome)
+        self._apply(self.memory, pose, gains, estimate, self._outcome)
         if self._outcome[0] == Outcome.INVALID:
             raise refuse_pose(pose)
 
@@ -143,8 +148,8 @@ class ComplementaryEstimator(CompiledEstimator):
             raise refuse_bearings(bearings)
         beacons, seen = frame["beacon_w"][:count], frame["bearing_b"][:count]
         start = None
-        if self._initialized and recall(self._memory[0], stamp_ns) > 0:
-            past = self._memory["past"][0].copy()
+        if self.initialized and recall(self.memory[0], stamp_ns) > 0:
+            past = self.memory["past"][0].copy()
             start = (past[:3], past[3:])
         try:
             pose = planar_pose(beacons, seen, float(frame["sigma"]), start)
@@ -154,7 +159,7 @@ class ComplementaryEstimator(CompiledEstimator):
         sample[0] = stamp_ns, pose.position_w, pose.quaternion_wb
         if start is not None:
             position_at_attitude(beacons, seen, start[1], start[0], sample["position_w"][0])
-        if not self._initialized:
+        if not self.initialized:
             self.initialize(sample)
             return
         gains = self._frame_gains
@@ -165,7 +170,7 @@ class ComplementaryEstimator(CompiledEstimator):
 
     def report(self, estimate: Record) -> None:
         """Write biases, measurement age and counts into the ESTIMATE (1,)."""
-        report(self._memory, estimate)
+        self._report(self.memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:
         """Return what is wrong with the gains at this rate (Hz) of poses; empty when

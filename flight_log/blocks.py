@@ -35,6 +35,8 @@ from flight_log.limits import MemoryBudget, map_bytes
 from flight_log.records import WalkState, records, walk
 
 BLOCK_BYTES = 4_000_000
+_INDEX, _CHUNK, _MESSAGE = map(int, (Opcode.MESSAGE_INDEX, Opcode.CHUNK, Opcode.MESSAGE))
+"""The most frequent, as numbers: to look up a member takes longer than to compare it."""
 
 Bytes = npt.NDArray[np.uint8]
 Places = npt.NDArray[np.int64]
@@ -65,7 +67,7 @@ class BlockReader:
     """
 
     def __init__(self, path: Path, begin: int = 0, block_bytes: int = BLOCK_BYTES) -> None:
-        self.path = path
+        self.path, self._name = path, path.name
         self._begin, self._block_bytes = begin, block_bytes
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
@@ -76,11 +78,12 @@ class BlockReader:
         self.damaged_chunks = 0
         self.damaged_records = 0
         self._parts: list[bytes] = []
+        self._indexes: list[list[bytes]] = []  # of each part; none where they are not known
         self._filled = 0
-        self._indexes: dict[int, list[tuple[bytes, int, int]]] = defaultdict(list)
         self._described: set[int] = set()
         self._chunk = b""  # whose indexes are being read
-        self._entries: dict[int, bytes] | None = {}
+        self._its: list[bytes] = []
+        self._its_bytes = 0
         self._loose: list[bytes] = []  # messages outside of chunks
         self._loose_bytes = 0
         self._is_searched = False
@@ -89,9 +92,16 @@ class BlockReader:
     def __iter__(self) -> Iterator[Block]:
         state = WalkState()
         for opcode, data in walk(self.path, state, self._begin):
+            if opcode == _INDEX:
+                self.damaged_records += len(data) < MESSAGE_INDEX.size
+                if len(data) > MESSAGE_INDEX.size:
+                    self._its_bytes += len(data)
+                    if self._its_bytes <= len(self._chunk):
+                        self._its.append(data)
+                continue
             if opcode == Opcode.DATA_END:
                 break
-            if opcode == Opcode.CHUNK and _claimed(data) > BLOCK_BYTES:
+            if opcode == _CHUNK and _claimed(data) > BLOCK_BYTES:
                 self._close_chunk(is_indexed=True)
                 yield from self._blocks(state.share)  # so that the large chunk is not copied
             self._take(opcode, data)
@@ -104,39 +114,26 @@ class BlockReader:
 
     def _take(self, opcode: int, data: bytes) -> None:
         try:
-            if opcode == Opcode.MESSAGE_INDEX:
-                self._take_index(data)
-                return
-            if opcode == Opcode.MESSAGE:
+            if opcode != _MESSAGE:
+                self._close_chunk(is_indexed=True)
+            if opcode == _CHUNK:
+                self._chunk = opened(self._name, data)
+            elif opcode == _MESSAGE:
                 self._loose.append(RECORD.pack(opcode, len(data)) + data)
                 self._loose_bytes += RECORD.size + len(data)
                 if self._loose_bytes >= BLOCK_BYTES:
                     self._close_chunk(is_indexed=True)
-                return
-            self._close_chunk(is_indexed=True)
-            if opcode == Opcode.CHUNK:
-                self._chunk = opened(self.path.name, data)
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._learn(opcode, data)
             elif opcode == Opcode.ATTACHMENT:
                 attachment = parsed(opcode, data)
                 self.attachment_bytes[attachment.name] = len(attachment.data)
                 if self._budget.has_room(len(attachment.data)):
                     self._budget.add((opcode, attachment.name), len(attachment.data))
                     self.attachments[attachment.name] = attachment.data
-            elif opcode == Opcode.METADATA:
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
                 self._learn(opcode, data)
         except UNREADABLE:  # the next one may be intact
             self.damaged_chunks += opcode == Opcode.CHUNK
             self.damaged_records += opcode != Opcode.CHUNK
-
-    def _take_index(self, data: bytes) -> None:
-        """Read an index of the preceding chunk; discard all if they exceed the chunk's size."""
-        channel, length = MESSAGE_INDEX.unpack_from(data)
-        if length and self._entries is not None:
-            self._entries[channel] = data[MESSAGE_INDEX.size : MESSAGE_INDEX.size + length]
-            if sum(map(len, self._entries.values())) > len(self._chunk):
-                self._entries = None
 
     def _close_chunk(self, *, is_indexed: bool) -> None:
         """Add the last chunk to the block, or the messages after it that are in no chunk.
@@ -144,24 +141,19 @@ class BlockReader:
         Args:
             is_indexed: whether all of the chunk's indexes were read.
         """
-        chunk, entries = self._chunk, self._entries
-        self._chunk, self._entries = b"", {}
+        chunk, its = self._chunk, self._its
+        is_indexed = is_indexed and self._its_bytes <= len(chunk)
+        self._chunk, self._its, self._its_bytes = b"", [], 0
         if chunk:
-            self._add(chunk, entries if is_indexed and entries else None)
-        loose, self._loose, self._loose_bytes = self._loose, [], 0
-        if loose:
-            self._add(b"".join(loose), None)
+            self._add(chunk, its if is_indexed else [])
+        if self._loose:
+            loose, self._loose, self._loose_bytes = self._loose, [], 0
+            self._add(b"".join(loose), [])
 
-    def _add(self, data: bytes, entries: dict[int, bytes] | None) -> None:
-        """Add a chunk; `entries` are pairs of log time and offset by channel, None if unknown."""
-        if entries is None or not (self._begin or entries.keys() <= self.channels.keys()):
-            entries = self._walk(data)
-        if not self._begin and not entries.keys() <= self._described:
-            self._describe(entries.keys())
-        for channel, pairs in entries.items():
-            self._indexes[channel].append((pairs, self._filled, len(data)))
-        self._parts.append(data)
-        self._filled += len(data)
+    def _add(self, part: bytes, indexes: list[bytes]) -> None:
+        self._parts.append(part)
+        self._indexes.append(indexes)
+        self._filled += len(part)
 
     def _describe(self, channels: Collection[int]) -> None:
         """Find the descriptions of these channels where they may be: in a chunk without their
@@ -182,7 +174,7 @@ class BlockReader:
         channel = self.channels.get(channel_id)
         return channel is not None and channel.schema_id in (0, *self.schemas)
 
-    def _walk(self, data: bytes) -> dict[int, bytes]:
+    def _walk(self, data: bytes) -> list[bytes]:
         """Return the indexes that a chunk should have, for its messages as far as it is intact;
         store new schemas and channels.
         """
@@ -200,7 +192,7 @@ class BlockReader:
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._learn(opcode, data[begin:end])
             position = end
-        return {channel: bytes(pairs) for channel, pairs in found.items()}
+        return [MESSAGE_INDEX.pack(one, len(pairs)) + pairs for one, pairs in found.items()]
 
     def _learn(self, opcode: int, data: bytes) -> None:
         match parsed(opcode, data):
@@ -218,13 +210,19 @@ class BlockReader:
         """Yield what was collected, in pieces of about BLOCK_BYTES."""
         if not self._filled:
             return
-        data = np.frombuffer(b"".join(self._parts), np.uint8)
-        places = {channel: _places(entries) for channel, entries in self._indexes.items()}
-        self._parts, self._filled = [], 0
-        self._indexes = defaultdict(list)
-        if not _are_messages(data, places):  # an index is damaged
-            walked = self._walk(data.tobytes())
-            places = {one: _places([(entries, 0, len(data))]) for one, entries in walked.items()}
+        parts, given = self._parts, self._indexes
+        self._parts, self._indexes, self._filled = [], [], 0
+        data = np.frombuffer(b"".join(parts), np.uint8)
+        indexes = [its or self._walk(part) for part, its in zip(parts, given, strict=True)]
+        places = _places(parts, indexes)
+        is_known = bool(self._begin) or places.keys() <= self.channels.keys()
+        if not (is_known and _are_messages(data, places)):  # declared in here, or a wrong index
+            both = zip(parts, given, indexes, strict=True)
+            indexes = [self._walk(part) if its else walked for part, its, walked in both]
+            places = _places(parts, indexes)
+        if not self._begin and not places.keys() <= self._described:
+            self._describe(places.keys())
+        del parts
         if len(data) < 2 * BLOCK_BYTES:
             yield Block(data, places, share)
             return
@@ -243,17 +241,31 @@ def _claimed(chunk: bytes) -> int:
     return int(CHUNK.unpack_from(chunk)[2]) if len(chunk) >= CHUNK.size else 0
 
 
-def _places(indexes: Sequence[tuple[bytes, int, int]]) -> Places:
-    """Return the possible offsets of a channel's messages in a block, by the indexes of its chunks:
-    entries, offset of the chunk in the block, size of the chunk.
+def _places(parts: Sequence[bytes], indexes: Sequence[Sequence[bytes]]) -> dict[int, Places]:
+    """Return the possible offsets of each channel's messages in a block.
+
+    Args:
+        parts: chunks of the block.
+        indexes: contents of the message index records of each.
     """
-    step = INDEX_ENTRY.size
-    entries = b"".join(pairs[: len(pairs) // step * step] for pairs, _, _ in indexes)
-    counts = [len(pairs) // step for pairs, _, _ in indexes]
-    bases, sizes = (np.repeat([one[k] for one in indexes], counts) for k in (1, 2))
-    places = np.frombuffer(entries, "<i8")[1::2]
-    inside = (places >= 0) & (places <= sizes - HEAD_BYTES)
-    return np.sort((places + bases)[inside])
+    merged = [one for its in indexes for one in its]
+    sizes = np.array([len(one) for one in merged], np.int64)
+    data = np.frombuffer(b"".join(merged), np.uint8)
+    begins = np.cumsum(sizes) - sizes
+    channels = field_at(data, begins, 0, "<u2")
+    claimed = np.minimum(field_at(data, begins, 2, "<u4"), sizes - MESSAGE_INDEX.size)
+    counts = claimed.astype(np.int64) // INDEX_ENTRY.size
+    lengths = np.array([len(part) for part in parts], np.int64)
+    owners = np.repeat(np.arange(len(parts)), [len(its) for its in indexes])
+    firsts = begins + MESSAGE_INDEX.size - INDEX_ENTRY.size * (np.cumsum(counts) - counts)
+    entries = np.repeat(firsts, counts) + INDEX_ENTRY.size * np.arange(counts.sum())
+    places = field_at(data, entries, 8, "<i8")
+    inside = (places >= 0) & (places <= np.repeat(lengths[owners], counts) - HEAD_BYTES)
+    places = places + np.repeat((np.cumsum(lengths) - lengths)[owners], counts)
+    channel = np.repeat(channels, counts)
+    return {
+        one: np.sort(places[inside & (channel == one)]) for one in dict.fromkeys(channels.tolist())
+    }
 
 
 def _are_messages(data: Bytes, places: Mapping[int, Places]) -> bool:

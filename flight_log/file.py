@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from flight_log.run_folder import log_of, station_log
-from quadrotor.errors import StorageError
+from quadrotor.errors import StorageError, os_errors
 
 PIECE = 1 << 15
 """Bytes held in memory before the data set aside go to a file, and read from it at once."""
@@ -92,12 +92,9 @@ class LogFile:
 
     def sync(self) -> None:
         """Flush to the disk (0.4 ms for 64 kB); thread-safe. Raises StorageError."""
-        with self._closing:
-            try:
-                if self._fd >= 0:
-                    os.fdatasync(self._fd)
-            except OSError as error:
-                raise StorageError(f"cannot write {self.path}: {error.strerror}") from error
+        with self._closing, os_errors(lambda why: f"cannot write {self.path}: {why}"):
+            if self._fd >= 0:
+                os.fdatasync(self._fd)
 
     def is_in_place(self) -> bool:
         """Return False if the file or its folder was removed, so that further writes are lost."""
@@ -113,10 +110,8 @@ class LogFile:
         with self._closing:
             descriptor, self._fd = self._fd, -1
         if descriptor >= 0:
-            try:
+            with os_errors(lambda why: f"cannot write {self.path}: {why}"):
                 os.close(descriptor)
-            except OSError as error:
-                raise StorageError(f"cannot write {self.path}: {error.strerror}") from error
 
 
 @contextmanager
@@ -127,7 +122,7 @@ def open_log(path: Path) -> Iterator[BinaryIO]:
     pipe would block for ever.
     """
     path = log_of(path)
-    try:
+    with os_errors(lambda why: f"cannot read {path}: {why}"):
         descriptor = os.open(path, READING)
         mode = os.fstat(descriptor).st_mode
         if not stat.S_ISREG(mode):
@@ -136,8 +131,6 @@ def open_log(path: Path) -> Iterator[BinaryIO]:
             raise StorageError(f"cannot read {path}: it is {what}; give the path of an .mcap file")
         with os.fdopen(descriptor, "rb") as stream:
             yield stream
-    except OSError as error:
-        raise StorageError(f"cannot read {path}: {error.strerror}") from error
 
 
 def is_being_written(path: Path) -> bool:

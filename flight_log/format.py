@@ -13,7 +13,7 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
-from lz4.frame import LZ4FrameDecompressor
+from lz4.frame import create_decompression_context, decompress_chunk
 from mcap import records as library
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -123,7 +123,8 @@ def opened(name: str, content: bytes) -> bytes:
         raise ValueError("size")
     check_chunk(name, compression, len(stored), size)
     if compression == "lz4":
-        data: bytes = LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+        context = create_decompression_context()
+        data: bytes = decompress_chunk(context, stored, max_length=size + 1)[0]
     elif compression == "zstd":
         data = _unpacked_zstd(stored, size)
     else:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,18 @@ class PayloadLayout:
     lengths: list[tuple[int, int]] = field(default_factory=list)  # offset of a uint32, its value
     numbers: dict[str, tuple[int, np.dtype[Any]]] = field(default_factory=dict)  # by path
     texts: dict[str, list[tuple[int, int]]] = field(default_factory=dict)  # offset, bytes
+
+    @cached_property
+    def record(self) -> np.dtype[np.void]:
+        """Return the payload as a numpy type whose fields are its numbers."""
+        return np.dtype(
+            {
+                "names": list(self.numbers),
+                "formats": [kind for _, kind in self.numbers.values()],
+                "offsets": [offset for offset, _ in self.numbers.values()],
+                "itemsize": self.size,
+            }
+        )
 
     def fits(self, rows: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
         """Return which of the payloads (N, size) have this layout, shape (N,)."""

@@ -88,21 +88,23 @@ def _walk(
     place, state.whole_bytes = len(MAGIC), begin
     if begin:
         place = stream.seek(begin)
+    read, unpack, head_bytes, footer = stream.read, RECORD.unpack, RECORD.size, int(Opcode.FOOTER)
     while True:
-        head = stream.read(RECORD.size)
-        opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
-        end = place + RECORD.size + length
-        if opcode and end <= size:
-            check_record(name, length, place)
-        data = stream.read(length) if opcode and end <= size else b""
-        if opcode == 0 or len(data) < length or end > size:
+        head = read(head_bytes)
+        opcode, length = unpack(head) if len(head) == head_bytes else (0, 0)
+        end = place + head_bytes + length
+        if opcode == 0 or end > size:
+            break
+        check_record(name, length, place)
+        data = read(length)
+        if len(data) < length:
             break
         place = state.whole_bytes = end
         state.share = place / size
         held = [data]
         del data  # so that only the reader holds it, and it is freed before the next one
         yield opcode, held.pop()
-        if opcode == Opcode.FOOTER:
+        if opcode == footer:
             behind = stream.read(len(MAGIC))
             more = size - place - len(behind)
             if more and stream.read(len(MAGIC)) == MAGIC:

@@ -13,7 +13,7 @@ from flight_log.index import RECOVERED_METADATA, index_problem
 from flight_log.mcap_writer import McapWriter
 from flight_log.records import RawMessage, ReadState, records
 from flight_log.run_folder import station_log
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError, StorageError, os_errors
 
 PIECE = 1 << 20
 """Bytes; a killed writer leaves less than this after the tear."""
@@ -47,7 +47,7 @@ def recover(path: Path) -> Recovery:
     path = station_log(path)
     if not index_problem(path):
         return Recovery(path, torn=False)
-    try:
+    with os_errors(lambda why: f"cannot repair {path}: {why}"):
         path = path.resolve(strict=True)  # the target of a link, not the link itself
         if is_being_written(path):
             raise StorageError(f"{path} is being written now; stop the recording first")
@@ -59,8 +59,6 @@ def recover(path: Path) -> Recovery:
         finally:
             target.path.unlink(missing_ok=True)
             target.close()
-    except OSError as error:
-        raise StorageError(f"cannot repair {path}: {error.strerror}") from error
 
 
 def _repair(path: Path, target: LogFile, problem: str) -> Recovery:

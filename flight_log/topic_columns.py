@@ -150,7 +150,7 @@ class _TopicReader:
             field_at(data, places, PUBLISH_AT, "<i8"),
         )
         texts: dict[str, npt.NDArray[Any]] = {}
-        for size in np.unique(sizes).tolist():
+        for size in sorted(set(sizes.tolist())):
             chosen = np.flatnonzero(sizes == size)
             rows = rows_at(data, places[chosen] + HEAD_BYTES, size)
             self._read_size(rows, chosen, out, texts)
@@ -237,15 +237,7 @@ def _fill(
 ) -> None:
     count = len(out.log_ns)
     if layout.numbers:
-        record = np.dtype(
-            {
-                "names": list(layout.numbers),
-                "formats": [kind for _, kind in layout.numbers.values()],
-                "offsets": [offset for offset, _ in layout.numbers.values()],
-                "itemsize": layout.size,
-            }
-        )
-        read = np.ascontiguousarray(rows).view(record)[:, 0]
+        read = np.ascontiguousarray(rows).view(layout.record)[:, 0]
         with np.errstate(over="ignore", invalid="ignore"):
             for path in layout.numbers:
                 if len(rows) == count:  # all messages have this layout

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import platformdirs
 
-from quadrotor.errors import StorageError
+from quadrotor.errors import StorageError, os_errors
 
 FREE_SPACE_FLOOR = 500_000_000
 """Bytes; with less free space the recorder stops, so nothing starts either."""
@@ -34,14 +34,10 @@ def open_data_folder(chosen: Path | None, option: str = "--data") -> Path:
     """
     folder = data_folder(chosen)
     hint = f"choose another with {option} DIR"
-    try:
+    with os_errors(lambda why: f"folder {folder} cannot be written ({why}); {hint}"):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"quadlab")
-    except OSError as error:
-        raise StorageError(
-            f"folder {folder} cannot be written ({error.strerror}); {hint}"
-        ) from None
     free = shutil.disk_usage(folder).free
     if free < FREE_SPACE_FLOOR:
         raise StorageError(

@@ -131,7 +131,8 @@ def parse_settings(
 
     Raises UsageError with the word, what is allowed and what to try.
     """
-    from quadrotor.parameters import ParameterStore, parse_text
+    from quadrotor.parameter_checks import parse_text
+    from quadrotor.parameters import ParameterStore
     from vehicle.parameters import VehicleParameters, check_pairs
     from vehicle.simulator.parameters import SimulatorParameters
 

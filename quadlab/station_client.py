@@ -13,9 +13,12 @@ from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import ParameterDescription
+from vehicle_link import clock
 from vehicle_link.clock import monotonic_ns
+from vehicle_link.lockstep import page_at
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.parameters.service import ParameterClient
+from vehicle_link.termination_signal import Ending
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Publisher, Received
@@ -126,6 +129,26 @@ def _user() -> str:
         return getpass.getuser()
     except (OSError, KeyError):  # a container without this user's name
         return "somebody"
+
+
+def await_session(loopback_port: int, stopping: Ending, say: Callable[[str], None]) -> Any:
+    """Return a session of the running station, whose clock is followed, once there is one; None
+    when this process is to end before.
+    """
+    is_reported = False
+    while True:
+        try:
+            session = loopback_session(loopback_port)
+            break
+        except LinkError as error:
+            if not is_reported:
+                say(f"{error}; trying again")
+            is_reported = True
+            if stopping.wait(1.0):
+                return None
+    if clock.page() is None:  # the simulation may have begun after this process
+        clock.follow(page_at(loopback_port))
+    return session
 
 
 @contextmanager

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar, cast, overload
 
 import numba
 from numba.core.caching import FunctionCache
@@ -98,6 +98,18 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
     if inner:
         out.__class__ = Inner
     return out
+
+
+def direct(function: Function, *arguments: object) -> Function:
+    """Return the machine code of a compiled function for arguments of these types, compiled or
+    loaded now, for a caller whose arguments always have them.
+
+    A call of the function itself first finds out the types, which takes longer than most laws:
+    0.3 µs for each record. The machine code raises TypeError for a record of another size, and
+    does not notice one of another type.
+    """
+    dispatcher: Any = function
+    return cast(Function, dispatcher.compile(tuple(map(numba.typeof, arguments))))
 
 
 def digest(module: str) -> str:

@@ -6,6 +6,9 @@ unchanged on the page and in the terminal.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
 
 class QuadlabError(Exception):
     """Root of every error caused by the user, the network or the disk, not by a defect."""
@@ -80,3 +83,16 @@ class JobTimeoutError(JobError):
 
 class UsageError(QuadlabError):
     """Wrong usage of the command line; the process exits with status 2."""
+
+
+@contextmanager
+def os_errors(
+    line: Callable[[str], str], kind: type[QuadlabError] = StorageError
+) -> Iterator[None]:
+    """Raise an OSError of the block as an error of this kind, whose message is the line that tells
+    the operating system's reason.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(line(error.strerror or str(error))) from error

@@ -55,16 +55,12 @@ class ClockOffset:
     def __init__(self, window: int = WINDOW) -> None:
         self._window = window
         self._exchanges: tuple[Exchange, ...] = ()
-        self._offset_ns = 0
+        self.offset_ns = 0
+        """The server's clock minus the client's; 0 before the first exchange."""
 
     @property
     def known(self) -> bool:
         return bool(self._exchanges)
-
-    @property
-    def offset_ns(self) -> int:
-        """Return the server's clock minus the client's; 0 before the first exchange."""
-        return self._offset_ns
 
     @property
     def round_trip_ns(self) -> int:
@@ -76,7 +72,7 @@ class ClockOffset:
         """Add an exchange; empty the window if the server's clock was set, as by a restart."""
         kept = self._exchanges if self._exchanges and self._agrees(exchange) else ()
         self._exchanges = (*kept, exchange)[-self._window :]
-        self._offset_ns = min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns
+        self.offset_ns = min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns
 
     def to_server(self, client_ns: int) -> int:
         """Convert a time of the client's clock to the server's."""
@@ -86,7 +82,7 @@ class ClockOffset:
         return server_ns - self.offset_ns
 
     def clear(self) -> None:
-        self._exchanges, self._offset_ns = (), 0
+        self._exchanges, self.offset_ns = (), 0
 
     def _agrees(self, exchange: Exchange) -> bool:
         """Return whether an exchange agrees with the best one: both offsets are accurate to half

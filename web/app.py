@@ -61,6 +61,17 @@ from web.tuning.routes import add_tuning
 from web.vehicle_context import VehicleContext
 from web.view import proxy as pump
 
+PAGES = {
+    "/": "console/index.html",
+    "/kill": "emergency/kill.html",
+    "/fleet": "fleet/fleet.html",
+    "/runs": "runs/runs.html",
+    "/replay/{run_id}": "replay/replay.html",
+    "/compare": "compare/compare.html",
+    "/report/{run_id}": "experiments/report.html",
+    "/setup": "setup/setup.html",
+}
+"""Documents of the page, by address."""
 STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (RefusedError, 409),
     (ParameterError, 422),
@@ -118,14 +129,15 @@ def create_app(
     return app
 
 
-def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
-    @app.get("/", include_in_schema=False)
+def _add_page(app: FastAPI, place: str, document: str) -> None:
+    @app.get(place, include_in_schema=False)
     def page() -> HTMLResponse:
-        return FILES.document("console/index.html")
+        return FILES.document(document)
 
-    @app.get("/kill", include_in_schema=False)
-    def kill_page() -> HTMLResponse:
-        return FILES.document("emergency/kill.html")
+
+def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
+    for place, document in PAGES.items():
+        _add_page(app, place, document)
 
     @app.get("/design", include_in_schema=False)
     def design_page(_: Admin) -> HTMLResponse:

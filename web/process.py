@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 import time
@@ -22,6 +23,7 @@ from web.live.latest import Live
 from web.live.sockets import LiveWebSocket, listen
 from web.live.station import Station
 
+NICENESS = 5  # while it serves: display comes after flying, and after other programs
 CLOSING_TIME = 2  # s for open downloads and sockets to end at shutdown
 CHECKS_TOLD = 5.5
 """Time, in s, from a vehicle's first message to the end of the station's start-up checks."""
@@ -70,6 +72,8 @@ def run_web(
         return Station(session.open, vehicle, live, hub, lambda _: session.close())
 
     def show_link(url: str, signed_in: str | None = None) -> None:
+        if signed_in is None:
+            give_way()
         if token is not None and url.endswith(token):  # wait until others have printed
             Thread(target=print_settled, args=(url, lives), daemon=True).start()
         else:
@@ -99,6 +103,15 @@ def run_web(
             server(app, tls).run(sockets=[listener])
     finally:
         listener.close()
+
+
+def give_way() -> None:
+    """Lower the priority of this process: of its threads, and of its session where one counts."""
+    for thread in os.listdir("/proc/self/task"):
+        with contextlib.suppress(OSError):  # it has ended, or had a higher niceness
+            os.setpriority(os.PRIO_PROCESS, int(thread), NICENESS)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(NICENESS))
 
 
 def url_of(host: str, port: int, *, has_tls: bool) -> str:

@@ -21,7 +21,8 @@ import numpy as np
 
 from benchmarks.logs.killed_file import Board, Kill, look
 from benchmarks.logs.recorded_run import MadeRun, write_run
-from console.catalogue.catalogue import Catalogue, RunEntry, run_name
+from console.catalogue.catalogue import Catalogue, run_name
+from console.catalogue.tables import RunEntry
 from console.runs.adoption import tidy_runs
 from console.runs.recorder import Recorder
 from console.runs.run import Run, RunEnd

@@ -20,7 +20,7 @@ from benchmarks.page.parameter_page import FLAGS, STATIC
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.notes import write_notes
 from console.catalogue.search import RunSearch
-from console.catalogue.tables import RunRow
+from console.catalogue.tables import RunEntry
 from console.catalogue.tags import change_tags
 from web.runs.listing import lines
 
@@ -95,7 +95,7 @@ def filled(data: Path) -> Catalogue:
     ids = [f"run{number:05}" for number in range(COUNT)]
     with catalogue.session() as session:
         session.add_all(
-            RunRow(
+            RunEntry(
                 id=name,
                 vehicle="quad1",
                 start_ns=now_ns - number * 3_600_000_000_000,

@@ -6,17 +6,17 @@ The page and the station share it; names from outside become paths only through 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Engine, create_engine, event, func, select
+from sqlalchemy import create_engine, event, func, select
 from sqlalchemy.orm import Session
 
 from console.catalogue.database_file import DatabaseFile
 from console.catalogue.search import RunSearch, condition
-from console.catalogue.tables import Base, RunRow, TrashRow
+from console.catalogue.tables import Base, RunEntry, TrashRow
 from console.catalogue.transactions import transactions
 from flight_log.columns.places import CACHES
 from flight_log.run_folder import log_of
@@ -25,29 +25,6 @@ from quadrotor.errors import StorageError
 RUNS = "runs"
 DATABASE = "catalogue.sqlite"
 SUFFIX = ".mcap"
-
-
-@dataclass(frozen=True, slots=True)
-class RunEntry:
-    """A row of the catalogue."""
-
-    id: str
-    vehicle: str
-    start_ns: int  # epoch, station clock
-    duration: float  # s
-    file: str  # name of the run's folder or single file within the runs folder
-    bytes: int = 0
-    messages: int = 0
-    operator: str = ""
-    complete: bool = False  # closed with its index
-    recovered: bool = False  # its end was lost, and it was closed later
-    problem: str = ""  # why the file is not as it should be, or empty
-    notes: str = ""
-
-    @property
-    def start(self) -> datetime:
-        """Return the start in UTC."""
-        return datetime.fromtimestamp(self.start_ns * 1e-9, UTC)
 
 
 class Catalogue:
@@ -71,16 +48,17 @@ class Catalogue:
                 f"cannot make the folder {self.folder} ({error.strerror}); "
                 "choose another with --data"
             ) from error
-        self._engine = create_engine(url or f"sqlite:///{data / DATABASE}")
-        if self._engine.dialect.name == "sqlite":
-            event.listen(self._engine, "connect", _set_up_sqlite)
+        self.engine = create_engine(url or f"sqlite:///{data / DATABASE}")
+        """The engine of the database, for the tables of other modules."""
+        if self.engine.dialect.name == "sqlite":
+            event.listen(self.engine, "connect", _set_up_sqlite)
         self.session = transactions(
-            self._engine,
+            self.engine,
             Base.metadata,
             "the catalogue of runs",
             "; the logs themselves are not touched",
         )
-        self._file = DatabaseFile(self._engine, data)
+        self._file = DatabaseFile(self.engine, data)
 
     @property
     def problem(self) -> str:
@@ -89,47 +67,41 @@ class Catalogue:
         """
         return self._file.problem()
 
-    @property
-    def engine(self) -> Engine:
-        """Return the engine of the database, for the tables of other modules."""
-        return self._engine
-
     def close(self) -> None:
-        self._engine.dispose()
+        self.engine.dispose()
 
     def add(self, entry: RunEntry) -> None:
         """Add a new run, or update a known one; notes already written are kept."""
         with self.session() as session:
-            row = session.get(RunRow, entry.id)
-            values = {name: getattr(entry, name) for name in RunEntry.__slots__}
-            if row is None:
-                session.add(RunRow(**values))
-                return
-            values.pop("notes")
-            _update(row, values)
+            known = session.get(RunEntry, entry.id)
+            session.merge(entry if known is None else replace(entry, notes=known.notes))
 
     def update(self, run_id: str, **values: Any) -> None:
         """Change columns of a run. Raises StorageError for an unknown or deleted run."""
         with self.session() as session:
-            _update(self.existing(session, run_id), values)
+            row = self.existing(session, run_id)
+            for name, value in values.items():
+                if name not in RunEntry.__table__.columns:
+                    raise AttributeError(f"runs have no column {name!r}")
+                setattr(row, name, value)
 
     def get(self, run_id: str) -> RunEntry:
         """Return a run's entry. Raises StorageError for an unknown or deleted run."""
         with self.session() as session:
-            return _entry(self.existing(session, run_id))
+            return self.existing(session, run_id)
 
     def runs(
         self, search: RunSearch | str = "", vehicle: str = "", limit: int = 200, offset: int = 0
     ) -> list[RunEntry]:
         """Return the runs, newest first, without deleted ones. A text is searched for as words."""
-        query = select(RunRow).where(condition(_search(search, vehicle)))
-        query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc())
+        query = select(RunEntry).where(condition(_search(search, vehicle)))
+        query = query.order_by(RunEntry.start_ns.desc(), RunEntry.id.desc())
         with self.session() as session:
-            return [_entry(row) for row in session.scalars(query.limit(limit).offset(offset))]
+            return list(session.scalars(query.limit(limit).offset(offset)))
 
     def count(self, search: RunSearch | str = "", vehicle: str = "") -> int:
         """Return the number of runs that `runs` would list."""
-        query = select(func.count()).select_from(RunRow)
+        query = select(func.count()).select_from(RunEntry)
         with self.session() as session:
             return session.scalar(query.where(condition(_search(search, vehicle)))) or 0
 
@@ -154,11 +126,11 @@ class Catalogue:
             raise StorageError(f"the file of run {run_id} is gone: {path}")
         return path
 
-    def existing(self, session: Session, run_id: str) -> RunRow:
+    def existing(self, session: Session, run_id: str) -> RunEntry:
         """Return the row of a run within `session`. Raises StorageError for an unknown or deleted
         run.
         """
-        row = session.get(RunRow, run_id)
+        row = session.get(RunEntry, run_id)
         if row is None:
             raise StorageError(f"no run {run_id!r} in the catalogue; list them on the Runs page")
         if session.get(TrashRow, run_id) is not None:
@@ -191,17 +163,6 @@ def run_name(
 
 def _search(search: RunSearch | str, vehicle: str) -> RunSearch:
     return RunSearch(words=search, vehicle=vehicle) if isinstance(search, str) else search
-
-
-def _update(row: RunRow, values: dict[str, Any]) -> None:
-    for name, value in values.items():
-        if name not in RunEntry.__slots__:
-            raise AttributeError(f"runs have no column {name!r}")
-        setattr(row, name, value)
-
-
-def _entry(row: RunRow) -> RunEntry:
-    return RunEntry(**{name: getattr(row, name) for name in RunEntry.__slots__})
 
 
 def _set_up_sqlite(connection: Any, _record: Any) -> None:

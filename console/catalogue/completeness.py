@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from sqlalchemy import select
 
 from console.catalogue.search import NOT_DELETED
-from console.catalogue.tables import CompletenessRow, RunRow
+from console.catalogue.tables import CompletenessRow, RunEntry
 
 if TYPE_CHECKING:
     from console.catalogue.catalogue import Catalogue
@@ -63,9 +63,9 @@ def completeness_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, C
 
 def open_runs(catalogue: Catalogue, vehicle: str) -> list[str]:
     """Return the ids of the vehicle's runs that are still to be compared, newest first."""
-    query = select(RunRow.id).join(CompletenessRow, CompletenessRow.run_id == RunRow.id)
-    query = query.where(CompletenessRow.state == "open", RunRow.vehicle == vehicle, NOT_DELETED)
-    query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc()).limit(MOST_OPEN)
+    query = select(RunEntry.id).join(CompletenessRow, CompletenessRow.run_id == RunEntry.id)
+    query = query.where(CompletenessRow.state == "open", RunEntry.vehicle == vehicle, NOT_DELETED)
+    query = query.order_by(RunEntry.start_ns.desc(), RunEntry.id.desc()).limit(MOST_OPEN)
     with catalogue.session() as session:
         return list(session.scalars(query))
 

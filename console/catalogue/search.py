@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, and_, exists, or_, select
 
-from console.catalogue.tables import MarkRow, RunRow, TagRow, TrashRow
+from console.catalogue.tables import Mark, RunEntry, TagRow, TrashRow
 
 MOST_WORDS = 12
 
@@ -29,31 +29,31 @@ class RunSearch:
     until_ns: int = 0
 
 
-NOT_DELETED: ColumnElement[bool] = RunRow.id.not_in(select(TrashRow.run_id))
+NOT_DELETED: ColumnElement[bool] = RunEntry.id.not_in(select(TrashRow.run_id))
 
 
 def condition(search: RunSearch) -> ColumnElement[bool]:
     """Return the condition for a query of runs; deleted ones are never found."""
     wanted: list[Any] = [NOT_DELETED]
     if search.vehicle:
-        wanted.append(RunRow.vehicle == search.vehicle)
+        wanted.append(RunEntry.vehicle == search.vehicle)
     if search.since_ns:
-        wanted.append(RunRow.start_ns >= search.since_ns)
+        wanted.append(RunEntry.start_ns >= search.since_ns)
     if search.until_ns:
-        wanted.append(RunRow.start_ns < search.until_ns)
+        wanted.append(RunEntry.start_ns < search.until_ns)
     if search.tag:
         same = TagRow.tag.ilike(_literally(search.tag), escape="\\")
-        wanted.append(exists().where(TagRow.run_id == RunRow.id, same))
+        wanted.append(exists().where(TagRow.run_id == RunEntry.id, same))
     wanted += [_has(word) for word in search.words.split()[:MOST_WORDS]]
     return and_(*wanted)
 
 
 def _has(word: str) -> ColumnElement[bool]:
-    columns = (RunRow.id, RunRow.operator, RunRow.notes, RunRow.vehicle)
+    columns = (RunEntry.id, RunEntry.operator, RunEntry.notes, RunEntry.vehicle)
     return or_(
         *(column.icontains(word, autoescape=True) for column in columns),
-        exists().where(TagRow.run_id == RunRow.id, TagRow.tag.icontains(word, autoescape=True)),
-        exists().where(MarkRow.run_id == RunRow.id, MarkRow.text.icontains(word, autoescape=True)),
+        exists().where(TagRow.run_id == RunEntry.id, TagRow.tag.icontains(word, autoescape=True)),
+        exists().where(Mark.run_id == RunEntry.id, Mark.text.icontains(word, autoescape=True)),
     )
 
 

@@ -6,8 +6,10 @@ only tables, which are added, and never columns.
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 from sqlalchemy import BigInteger, String, Text
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.orm import DeclarativeBase, Mapped, MappedAsDataclass, mapped_column
 
 ID = 120
 LABEL = 120
@@ -17,23 +19,31 @@ class Base(DeclarativeBase):
     """The base class of the tables here."""
 
 
-class RunRow(Base):
+class RunEntry(MappedAsDataclass, Base):
     """One run; the log itself is a file in the runs folder."""
 
     __tablename__ = "runs"
 
     id: Mapped[str] = mapped_column(String(ID), primary_key=True)
     vehicle: Mapped[str] = mapped_column(String(60), index=True)
-    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)
-    duration: Mapped[float] = mapped_column(default=0.0)
+    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)  # epoch, station clock
+    duration: Mapped[float]  # s
     file: Mapped[str] = mapped_column(String(200))
+    """Name of the run's folder or single file within the runs folder."""
     bytes: Mapped[int] = mapped_column(BigInteger, default=0)
     messages: Mapped[int] = mapped_column(BigInteger, default=0)
     operator: Mapped[str] = mapped_column(String(LABEL), default="")
-    complete: Mapped[bool] = mapped_column(default=False)
+    complete: Mapped[bool] = mapped_column(default=False)  # closed with its index
     recovered: Mapped[bool] = mapped_column(default=False)
+    """Whether its end was lost, and it was closed later."""
     problem: Mapped[str] = mapped_column(Text, default="")
+    """Why the file is not as it should be, or empty."""
     notes: Mapped[str] = mapped_column(Text, default="")
+
+    @property
+    def start(self) -> datetime:
+        """Return the start in UTC."""
+        return datetime.fromtimestamp(self.start_ns * 1e-9, UTC)
 
 
 class NoteRow(Base):
@@ -57,14 +67,15 @@ class TagRow(Base):
     tag: Mapped[str] = mapped_column(String(40), primary_key=True, index=True)
 
 
-class MarkRow(Base):
+class Mark(MappedAsDataclass, Base):
     """A moment that a person marked; the mark's messages are in the log too."""
 
     __tablename__ = "run_marks"
 
     run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
     id: Mapped[str] = mapped_column(String(64), primary_key=True)
-    stamp_ns: Mapped[int] = mapped_column(BigInteger)  # the vehicle's clock
+    stamp_ns: Mapped[int] = mapped_column(BigInteger)
+    """The vehicle's clock when the key was pressed."""
     time: Mapped[float]  # s since the start of the run
     text: Mapped[str] = mapped_column(Text, default="")
     requester: Mapped[str] = mapped_column(String(LABEL), default="")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import delete, func, select
 
 from console.catalogue.search import NOT_DELETED
-from console.catalogue.tables import RunRow, TagRow
+from console.catalogue.tables import RunEntry, TagRow
 from quadrotor.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def all_tags(catalogue: Catalogue) -> dict[str, int]:
     """Return tag → number of runs that have it, most used first; deleted runs do not count."""
     with catalogue.session() as session:
         count = func.count().label("count")
-        query = select(TagRow.tag, count).join(RunRow, RunRow.id == TagRow.run_id)
+        query = select(TagRow.tag, count).join(RunEntry, RunEntry.id == TagRow.run_id)
         query = query.where(NOT_DELETED).group_by(TagRow.tag).order_by(count.desc(), TagRow.tag)
         return {row[0]: row[1] for row in session.execute(query)}
 

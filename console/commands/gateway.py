@@ -120,7 +120,7 @@ class CommandGateway:
         self._permit(name, request.requester)
         values = from_parameters(request.parameters)
         own = {key: value for key, value in values.items() if key.startswith(PREFIX)}
-        self._store.check(own)
+        self._store.tried(own)
         if any(authority_of(key) == SIMULATOR for key in values):
             return self._change_simulator(request, values)
         applied, revision = {}, self._store.revision

@@ -35,37 +35,33 @@ class ControlLease:
     """The state machine of the lease. Times in s of any steady clock. Not thread-safe."""
 
     def __init__(self) -> None:
-        self._holder = ""
+        self.holder = ""
         self._seen = self._acted = 0.0
         self._asking = ""
         self._asked = 0.0
 
-    @property
-    def holder(self) -> str:
-        return self._holder
-
     def view(self, now: float) -> LeaseView:
         left = UNANSWERED - self._waited(now) if self._asking else 0.0
-        return LeaseView(self._holder, self._asking, max(left, 0.0))
+        return LeaseView(self.holder, self._asking, max(left, 0.0))
 
     def may_command(self, who: str, now: float) -> bool:
         """Return whether `command` would allow this requester."""
         self.expire(now)
-        return self._holder in ("", who)
+        return self.holder in ("", who)
 
     def command(self, who: str, now: float) -> None:
         """Count a command of this person. Raises RefusedError when another holds the lease."""
         if not self.may_command(who, now):
             raise RefusedError(
-                f"{self._holder} has control; request it, or wait until it is released"
+                f"{self.holder} has control; request it, or wait until it is released"
             )
-        if not self._holder:
+        if not self.holder:
             self._give(who, now)
         self._seen = self._acted = now
 
     def present(self, who: str, now: float) -> None:
         """Note that this person has a page open."""
-        if who == self._holder:
+        if who == self.holder:
             self._seen = now
         self.expire(now)
 
@@ -74,10 +70,10 @@ class ControlLease:
         person requests it.
         """
         self.expire(now)
-        if self._holder in ("", who):
+        if self.holder in ("", who):
             self._give(who, now)
         elif self._asking not in ("", who):
-            raise RefusedError(f"{self._asking} has already requested control from {self._holder}")
+            raise RefusedError(f"{self._asking} has already requested control from {self.holder}")
         elif not self._asking:
             self._asking, self._asked = who, now
 
@@ -103,7 +99,7 @@ class ControlLease:
 
     def expire(self, now: float) -> None:
         """Take the lease from an absent or silent holder; call some times a second."""
-        if not self._holder:
+        if not self.holder:
             return
         unanswered = self._asking and self._waited(now) > UNANSWERED
         if now - self._seen > ABSENT or unanswered:
@@ -113,14 +109,14 @@ class ControlLease:
         return now - max(self._asked, self._acted)
 
     def _of_holder(self, who: str) -> None:
-        if who != self._holder:
-            raise RefusedError(f"you do not have control: {self._holder or 'no one'} has it")
+        if who != self.holder:
+            raise RefusedError(f"you do not have control: {self.holder or 'no one'} has it")
 
     def _free(self, now: float) -> None:
-        following, self._holder = self._asking, ""
+        following, self.holder = self._asking, ""
         if following:
             self._give(following, now)
 
     def _give(self, who: str, now: float) -> None:
-        self._holder, self._asking = who, ""
+        self.holder, self._asking = who, ""
         self._seen = self._acted = now

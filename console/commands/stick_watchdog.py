@@ -30,7 +30,8 @@ class StickWatchdog:
 
     def __init__(self) -> None:
         self._held_at: float | None = None  # s, last message while enabled
-        self._latched = False
+        self.dropped = False
+        """Whether it has dropped: True from a drop until the dead-man is released."""
         self._repeats = 0
 
     def feed(
@@ -43,9 +44,9 @@ class StickWatchdog:
             if self._held_at is not None:
                 self._repeats = REPEATS - 1
             self._held_at = None
-            self._latched = False
+            self.dropped = False
             return DROPPED
-        if self._latched:
+        if self.dropped:
             return DROPPED
         self._held_at = now
         self._repeats = 0
@@ -64,12 +65,7 @@ class StickWatchdog:
         """Return the seconds until silence becomes a drop; None = nothing to drop."""
         return None if self._held_at is None else max(self._held_at + timeout - now, 0.0) + 1e-4
 
-    @property
-    def dropped(self) -> bool:
-        """Return True from a drop until the dead-man is released."""
-        return self._latched
-
     def _drop(self) -> None:
         self._held_at = None
-        self._latched = True
+        self.dropped = True
         self._repeats = REPEATS

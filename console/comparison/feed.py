@@ -6,22 +6,25 @@ heartbeats, forwards sticks and serves the link; and a crash there ends nothing 
 
 from __future__ import annotations
 
+import base64
+import io
+import os
 import pickle
-import subprocess
+import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from functools import partial
+from typing import IO, Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.comparison.parameters import ComparisonParameters
-from quadrotor.checkout import ROOT, RUN_MODULE
-from quadrotor.errors import LinkError
+from quadrotor.errors import JobError, LinkError, QuadlabError
 from quadrotor.records import Array
+from vehicle_link.jobs import Job
 
-COMMAND = (*RUN_MODULE, f"{__package__}.process")
 PERIOD = 0.1
 """Seconds between two batches, each of which gives a result."""
 HELD = 4000
@@ -61,7 +64,8 @@ class ComparisonFeed:
         self._check_due = self._needed_until = -LINGER
         self._queue: deque[tuple[Any, ...]] = deque(maxlen=HELD)
         self._has_telemetry = False
-        self._child: subprocess.Popen[bytes] | None = None
+        self._child: Job[None] | None = None
+        self._orders: IO[bytes] = io.BytesIO()
         self._started = -RESTART_PERIOD
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="comparison", daemon=True)
@@ -87,8 +91,7 @@ class ComparisonFeed:
 
     def close(self) -> None:
         self._closing.set()
-        child = self._child
-        if child is not None:
+        if (child := self._child) is not None:
             child.terminate()  # ends a blocked write, too
         self._thread.join(PATIENCE)
 
@@ -96,13 +99,16 @@ class ComparisonFeed:
         due = time.monotonic()
         while not self._closing.is_set():
             due = max(due + (PERIOD if self._child else CHECK_PERIOD), time.monotonic())
-            self._closing.wait(due - time.monotonic())
+            while (left := due - time.monotonic()) > 0.0 and not self._closing.is_set():
+                if self._child is None:
+                    self._closing.wait(left)
+                elif self._child.poll(left):
+                    self._ended(self._child)
             if not self._is_needed():
                 self._rest()
             elif self._has_telemetry and self._alive():
                 self._send()
-        if self._child is not None:
-            self._end(self._child)
+        self._rest()
 
     def _is_needed(self) -> bool:
         now = time.monotonic()
@@ -115,58 +121,80 @@ class ComparisonFeed:
     def _rest(self) -> None:
         child, self._child = self._child, None
         if child is not None:
-            self._end(child)
+            self._close_orders()
+            child.stop(PATIENCE)
         self._queue.clear()
 
     def _alive(self) -> bool:
         """Return whether the process runs; start it if necessary, again if it has ended."""
-        child = self._child
-        if child is not None and child.poll() is None:
+        if self._child is not None:
             return True
         if self._closing.is_set() or time.monotonic() < self._started + RESTART_PERIOD:
             return False
-        if child is not None:
-            self._say(f"the comparison of estimators ended ({child.returncode}); started again")
         self._started = time.monotonic()
+        theirs, ours = os.pipe()
+        self._orders = os.fdopen(ours, "wb")
         try:
-            self._child = child = subprocess.Popen(
-                COMMAND, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE
-            )
-        except OSError as error:
-            self._say(f"the comparison of estimators cannot be started: {error}")
-            return False
-        threading.Thread(
-            target=self._receive, args=(child,), name="comparison output", daemon=True
-        ).start()
-        return True
+            self._child = Job(compare, theirs, niceness=0, report=self._take, keep=(theirs,))
+        except JobError as error:
+            self._close_orders()
+            self._say(f"the comparison of estimators {error}")
+        finally:
+            os.close(theirs)
+        return self._child is not None
+
+    def _ended(self, child: Job[None]) -> None:
+        self._child = None
+        self._close_orders()
+        try:
+            child.result()
+        except QuadlabError as error:
+            self._say(f"the comparison of estimators ended: {error}; it is started again")
+
+    def _close_orders(self) -> None:
+        with suppress(OSError):  # of what was not sent any more
+            self._orders.close()
 
     def _send(self) -> None:
         """Send the queue, even when it is empty: it is the process's clock."""
-        assert self._child is not None
-        assert self._child.stdin is not None
         items = [self._queue.popleft() for _ in range(len(self._queue))]
-        with suppress(OSError):  # noticed by `_alive`
-            self._child.stdin.write(pickle.dumps((self._parameters.estimators, items)))
-            self._child.stdin.flush()
+        with suppress(OSError):  # noticed by its end
+            pickle.dump((self._parameters.estimators, items), self._orders)
+            self._orders.flush()
 
-    def _receive(self, child: subprocess.Popen[bytes]) -> None:
-        assert child.stdout is not None
-        with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
-            while True:
-                what, *arguments = pickle.load(child.stdout)
-                with suppress(LinkError):  # the session was closed first
-                    if what == TOPIC:
-                        self._publish(TOPIC, *arguments)
-                    else:
-                        self._say(*arguments)
+    def _take(self, reported: Any) -> None:
+        what, text, stamp_ns = reported
+        with suppress(LinkError):  # the session was closed first
+            if what == TOPIC:
+                self._publish(TOPIC, base64.b64decode(text), stamp_ns)
+            elif what == "say":
+                self._say(text)
+            else:
+                print(text, file=sys.stderr, flush=True)
 
-    def _end(self, child: subprocess.Popen[bytes]) -> None:
-        assert child.stdin is not None
-        with suppress(OSError):
-            child.stdin.close()
-        child.terminate()
-        try:
-            child.wait(PATIENCE)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
+
+def compare(orders: int, report: Callable[[Any], None]) -> None:
+    """Compare estimators until the orders end; this is the process.
+
+    Orders are pickled batches of the station's messages; reports are results, ten a second, lines
+    for the operator, and lines for the log.
+    """
+    from console.comparison.process import ComparisonWorker  # loads code that the station lacks
+
+    # The station may run before others (negative niceness); what is only looked at may not.
+    os.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))
+    lock = threading.Lock()
+
+    def tell(what: str, text: str, stamp_ns: int = 0) -> None:
+        with lock:  # a thread that compiles reports, too
+            report((what, text, stamp_ns))
+
+    worker = ComparisonWorker(
+        lambda payload, stamp_ns: tell(TOPIC, base64.b64encode(payload).decode(), stamp_ns),
+        partial(tell, "say"),
+        partial(tell, "log"),
+    )
+    with os.fdopen(orders, "rb") as source, suppress(EOFError):
+        while True:
+            worker.process(pickle.load(source))
+    worker.close()

@@ -1,18 +1,12 @@
-"""The process that compares estimators: `python -m console.comparison.process`.
-
-Batches of the station's messages arrive on standard input; ten results a second and lines for the
-operator are written to standard output, all pickled. The process ends when its input ends.
+"""The work of the process that compares estimators: batches of the station's messages come in, ten
+results a second and lines for the operator go out.
 """
 
 from __future__ import annotations
 
-import os
-import pickle
-import signal
-import sys
 import traceback
 from collections.abc import Callable, Sequence
-from typing import Any, BinaryIO
+from typing import Any
 
 from bearing_sim import PAPER_BEACONS, BearingMeasurement
 from console.comparison.comparison import EstimatorComparison
@@ -33,10 +27,16 @@ class ComparisonWorker:
     Args:
         publish: called with an encoded quadlab_msgs/EstimatorComparison and its stamp, ns.
         say: called with a line for the operator.
+        log: called with text for the log.
     """
 
-    def __init__(self, publish: Callable[[bytes, int], None], say: Callable[[str], None]) -> None:
-        self._publish, self._say = publish, say
+    def __init__(
+        self,
+        publish: Callable[[bytes, int], None],
+        say: Callable[[str], None],
+        log: Callable[[str], None] = print,
+    ) -> None:
+        self._publish, self._say, self._log = publish, say, log
         self._comparison = EstimatorComparison(say)
         self._kernels = CompiledEstimators(say)
         self._text = ""
@@ -55,7 +55,7 @@ class ComparisonWorker:
             try:
                 act()
             except Exception as error:
-                traceback.print_exc()
+                self._log(traceback.format_exc())
                 if self._defect != repr(error):
                     self._defect = repr(error)
                     self._say(f"a defect in the comparison of estimators, see the log: {error!r}")
@@ -101,46 +101,3 @@ class ComparisonWorker:
         report = self._comparison.report()
         if report is not None:
             self._publish(encode(message_of(report)), report.stamp_ns)
-
-
-def main() -> None:
-    """Run until the input ends. Ctrl-C is left to the station, which then closes the input."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # The station may have raised priority; this process needs none.
-    os.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))
-    output = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what an estimator prints must not mix with messages
-
-    def send(*message: Any) -> None:
-        output.write(pickle.dumps(message))
-        output.flush()
-
-    worker = ComparisonWorker(
-        lambda payload, stamp_ns: send("comparison", payload, stamp_ns),
-        lambda line: send("say", line),
-    )
-
-    def end(*_: object) -> None:
-        worker.close()  # ends a compiler that we started
-        os._exit(0)  # an exception raised here may occur in a destructor, and be lost there
-
-    signal.signal(signal.SIGTERM, end)
-    try:
-        _work(worker, sys.stdin.buffer)
-    except BrokenPipeError:
-        pass  # the station ended first
-    finally:
-        worker.close()
-
-
-def _work(worker: ComparisonWorker, source: BinaryIO) -> None:
-    while True:
-        try:
-            batch: Batch = pickle.load(source)
-        except EOFError:
-            return
-        worker.process(batch)
-
-
-if __name__ == "__main__":
-    main()

@@ -21,7 +21,7 @@ from console.experiments.user_file import errors_with_line
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import PREFIX, RUN_MODULE
-from quadrotor.errors import JobError, MeasurementError, QuadlabError, RefusedError, StorageError
+from quadrotor.errors import JobError, MeasurementError, QuadlabError, RefusedError, os_errors
 from vehicle_link.jobs import run
 
 EVALUATION = 60.0
@@ -89,7 +89,7 @@ def evaluate(job: EvaluationJob) -> dict[str, Any]:
             f"metrics and limits of {experiment.name} are numbers by name: {error}"
         ) from error
     proposal, problem = proposed(job)
-    try:
+    with os_errors(lambda why: f"the report cannot be written: {why}"):
         folder.mkdir(exist_ok=True)
         files = []
         if isinstance(experiment, Reporting):
@@ -111,8 +111,6 @@ def evaluate(job: EvaluationJob) -> dict[str, Any]:
             "proposal": proposal and json.loads(proposal.model_dump_json()),
         }
         write_result(job.log, content)
-    except OSError as error:
-        raise StorageError(f"the report cannot be written: {error}") from error
     return content
 
 

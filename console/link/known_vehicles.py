@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.atomic_file import replacing
-from quadrotor.errors import StorageError, UsageError
+from quadrotor.errors import StorageError, UsageError, os_errors
 from vehicle_link.transport.session import parse_endpoint
 
 FILE, STATION_FILE = "known_vehicles.toml", "station.json"
@@ -103,8 +103,5 @@ def station_vehicles(data: Path) -> tuple[str, ...]:
 
 
 def _write(path: Path, text: str) -> None:
-    try:
-        with replacing(path) as new:
-            new.write_text(text)
-    except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
+    with os_errors(lambda why: f"cannot write {path}: {why}"), replacing(path) as new:
+        new.write_text(text)

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Mapping
 
 from console.parameters.station import StationParameters, StationTree
-from quadrotor.parameters import ParameterDescription, ParameterStore, ParameterValue
+from quadrotor.parameters import ParameterStore, ParameterValue
 
 PREFIX = "station."
 
@@ -17,14 +17,14 @@ OnChange = Callable[[str, ParameterValue, ParameterValue, str, int], None]
 """Called with name, old value, new value, requester, revision."""
 
 
-class StationStore:
+class StationStore(ParameterStore):
     """The backend of the station's parameter services; thread-safe."""
 
     def __init__(self) -> None:
         self._tree = StationTree(
             station=StationParameters().model_copy(deep=True)  # never the class's defaults
         )
-        self._store = ParameterStore(self._tree)
+        super().__init__(self._tree)
         self._lock = threading.Lock()
         self._notifying = threading.Lock()
         self._before_change: BeforeChange = lambda *_: None
@@ -34,16 +34,6 @@ class StationStore:
     def parameters(self) -> StationParameters:
         """Return the live objects, which their users read directly; only `change` writes."""
         return self._tree.station
-
-    @property
-    def revision(self) -> int:
-        return self._store.revision
-
-    def descriptions(self) -> tuple[ParameterDescription, ...]:
-        return self._store.descriptions()
-
-    def values(self) -> dict[str, ParameterValue]:
-        return self._store.values()
 
     def subscribe(self, on_change: OnChange) -> None:
         """Call `on_change` once for each value that really changes, in the order of the revisions,
@@ -57,33 +47,26 @@ class StationStore:
         """
         self._before_change = before_change
 
-    def check(self, values: Mapping[str, object]) -> None:
-        """Raise ParameterError when `change` would, without calling what `consult` set."""
-        self._checked(values)
-
-    def preset(self, values: Mapping[str, object]) -> None:
-        """Set values before the start, from the command line. Raises ParameterError."""
-        self._store.preset(values)
-
     def change(
         self, values: Mapping[str, object], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:
         """Change values, all or nothing; return (applied values, revision). Raises
         ParameterError.
         """
-        self._before_change(self._checked(values), requester)
+        self._before_change(self.tried(values), requester)
         with self._notifying:
             with self._lock:
-                before = self._store.values()
-                applied = self._store.set(values)
-                revision = self._store.revision
+                before = self.values()
+                applied = self.set(values)
+                revision = self.revision
             for name, value in applied.items():
                 if value != before[name]:
                     self._on_change(name, before[name], value, requester, revision)
         return applied, revision
 
-    def _checked(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
-        """Return the values as they would be applied. Raises ParameterError.
+    def tried(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
+        """Return the values as they would be applied, without calling what `consult` set. Raises
+        ParameterError.
 
         They are tried on a copy: texts such as the beacons' layout are checked on assignment, and
         when one of several values is refused, none may stay.

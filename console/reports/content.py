@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 
@@ -57,6 +58,21 @@ class Picture:
     height: float
     draw: Callable[[Any], None]
     link: str = ""  # to the moment in the replay
+
+    @cached_property
+    def figure(self) -> Any:
+        """Return the matplotlib figure, laid out once for page and PDF; its dpi are a PDF's."""
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(WIDTH, self.height), dpi=72, layout="constrained")
+        FigureCanvasSVG(figure)
+        self.draw(figure)
+        engine = figure.get_layout_engine()
+        assert engine is not None
+        engine.execute(figure)
+        figure.set_layout_engine("none")  # with one, matplotlib would draw twice
+        return figure
 
 
 Block = Heading | Text | Table | Picture

@@ -8,7 +8,7 @@ from html import escape
 from io import BytesIO
 from typing import Any
 
-from console.reports.content import WIDTH, Heading, Picture, Report, Table, Text
+from console.reports.content import Heading, Picture, Report, Table, Text
 from console.reports.plots import STYLE
 
 GENERATOR = "quadlab report"
@@ -116,14 +116,12 @@ def _link(picture: Picture) -> str:
 def _picture(picture: Picture) -> str:
     """Return the figure as a data URL."""
     import matplotlib
-    from matplotlib.figure import Figure
 
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, picture.height), layout="constrained")
-        picture.draw(figure)
         kind, made = "svg+xml", BytesIO()
-        figure.savefig(made, format="svg", metadata={"Date": None, "Creator": None})
+        about = {"Date": None, "Creator": None}
+        picture.figure.savefig(made, format="svg", dpi=100, metadata=about)
         if made.tell() > LARGEST_SVG:
             kind, made = "png", BytesIO()
-            figure.savefig(made, format="png", dpi=2 * 96 * 1.25)
+            picture.figure.savefig(made, format="png", dpi=2 * 96 * 1.25)
     return f"data:image/{kind};base64,{base64.b64encode(made.getvalue()).decode()}"

@@ -92,15 +92,21 @@ class Pages:
 
     def picture(self, picture: Picture, number: int) -> None:
         self._room(_height(picture))
-        self._figure.set_layout_engine("constrained")  # draws twice: pages of text need none
+        from matplotlib.artist import Artist
+
         below = PAGE[1] - self._at - picture.height
-        slots = self._figure.add_gridspec(
-            3,
-            3,
-            height_ratios=(self._at, picture.height, below),
-            width_ratios=(MARGIN, WIDTH, MARGIN),
-        )
-        picture.draw(self._figure.add_subfigure(slots[1, 1]))
+        figure = picture.figure
+        figure.patch.set_visible(False)
+        figure.bbox_inches.bounds = MARGIN, below, WIDTH, picture.height
+
+        def draw(renderer: Any) -> None:
+            page, renderer.figure = renderer.figure, figure  # whose dpi change for bitmaps
+            figure.draw(renderer)
+            renderer.figure = page
+
+        artist: Any = Artist()
+        artist.draw = draw
+        self._figure.add_artist(artist)
         self._at += picture.height + 0.05
         self.text(f"{number}. {picture.title}. {picture.caption}", color="#444444", after=0.2)
 

@@ -7,14 +7,15 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from console.catalogue.catalogue import Catalogue, RunEntry, runs_in
-from console.catalogue.marks import Mark, find_mark, store_mark
+from console.catalogue.catalogue import Catalogue, runs_in
+from console.catalogue.marks import find_mark, store_mark
+from console.catalogue.tables import Mark, RunEntry
 from console.runs.trash import finish_moves, is_deleted, is_in_trash
 from flight_log import is_closed, recover, summarize
 from flight_log.file import is_being_written
 from flight_log.reader import read_topic
 from flight_log.run_folder import STATION, log_of, run_bytes, station_log
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError, StorageError, os_errors
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
 
@@ -30,10 +31,8 @@ def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
     lines = finish_moves(catalogue)
     shutil.rmtree(catalogue.folder / ".replay", ignore_errors=True)  # an older version's caches
     known = {entry.id: entry for entry in catalogue.runs(limit=1_000_000)}
-    try:
+    with os_errors(lambda why: f"cannot list {catalogue.folder}: {why}"):
         paths = runs_in(catalogue.folder)
-    except OSError as error:
-        raise StorageError(f"cannot list {catalogue.folder}: {error.strerror}") from error
     folders = {path.name for path in paths if path.is_dir()}
     for path in paths:
         if path.stem in folders and not path.is_dir():

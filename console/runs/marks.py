@@ -13,7 +13,8 @@ from dataclasses import replace
 from typing import Any
 
 from console.catalogue.catalogue import Catalogue
-from console.catalogue.marks import LONGEST, OLDEST, Mark, find_mark, store_mark
+from console.catalogue.marks import LONGEST, OLDEST, find_mark, store_mark
+from console.catalogue.tables import Mark
 from console.context import StationContext
 from console.link.outbox import INFO
 from console.runs.run import RecorderStatus

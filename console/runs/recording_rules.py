@@ -21,21 +21,17 @@ class RecordingPolicy:
     """
 
     def __init__(self) -> None:
-        self._armed = False
+        self.armed = False
         self._disarmed_at: float | None = None
-
-    @property
-    def armed(self) -> bool:
-        return self._armed
 
     @property
     def continues(self) -> bool:
         """Return whether a run is to continue, while armed or for a while afterwards."""
-        return self._armed or self._disarmed_at is not None
+        return self.armed or self._disarmed_at is not None
 
     def status(self, armed: bool, now: float) -> Decision:
         """Decide for each status message. The first armed one starts a run at once."""
-        was_armed, self._armed = self._armed, armed
+        was_armed, self.armed = self.armed, armed
         if armed:
             self._disarmed_at = None
             return Decision.NOTHING if was_armed else Decision.START

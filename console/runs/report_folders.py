@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from console.atomic_file import replacing
-from quadrotor.errors import StorageError
+from quadrotor.errors import StorageError, os_errors
 
 RESULT = "result.json"
 FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,119}")
@@ -62,7 +62,5 @@ def write_result(log: Path, content: dict[str, Any]) -> None:
 def write_decision(log: Path, decision: str, requester: str) -> None:
     """Write the decision about the calibration that the run proposes. Raises StorageError."""
     result = read_result(log)
-    try:
+    with os_errors(lambda why: f"the report of run {log.stem} cannot be written: {why}"):
         write_result(log, result | {"decision": decision, "decided_by": requester})
-    except OSError as error:
-        raise StorageError(f"the report of run {log.stem} cannot be written: {error}") from None

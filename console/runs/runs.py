@@ -10,8 +10,9 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
-from console.catalogue.catalogue import Catalogue, RunEntry, run_name
+from console.catalogue.catalogue import Catalogue, run_name
 from console.catalogue.completeness import Completeness, store_completeness
+from console.catalogue.tables import RunEntry
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
 from console.runs.recorder import PERIOD, Recorder

@@ -8,7 +8,7 @@ from sqlalchemy import func, select
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.search import NOT_DELETED
-from console.catalogue.tables import RunRow, TrashRow
+from console.catalogue.tables import RunEntry, TrashRow
 from console.runs.disk import free_bytes
 from flight_log.columns.places import CACHES, folder_bytes
 
@@ -38,12 +38,12 @@ class Storage:
 
 def storage(catalogue: Catalogue) -> Storage:
     """Return the disk space used by runs. Raises StorageError."""
-    size = func.coalesce(func.sum(RunRow.bytes), 0)
-    listed = select(func.count(), size).select_from(RunRow).where(NOT_DELETED)
-    deleted = select(func.count(), size).select_from(RunRow)
-    deleted = deleted.where(RunRow.id.in_(select(TrashRow.run_id)))
-    recent = select(RunRow.bytes, RunRow.duration).where(NOT_DELETED, RunRow.duration > 1.0)
-    recent = recent.order_by(RunRow.start_ns.desc()).limit(RECENT)
+    size = func.coalesce(func.sum(RunEntry.bytes), 0)
+    listed = select(func.count(), size).select_from(RunEntry).where(NOT_DELETED)
+    deleted = select(func.count(), size).select_from(RunEntry)
+    deleted = deleted.where(RunEntry.id.in_(select(TrashRow.run_id)))
+    recent = select(RunEntry.bytes, RunEntry.duration).where(NOT_DELETED, RunEntry.duration > 1.0)
+    recent = recent.order_by(RunEntry.start_ns.desc()).limit(RECENT)
     with catalogue.session() as session:
         runs, run_bytes = session.execute(listed).one()
         trashed, trashed_bytes = session.execute(deleted).one()

@@ -21,10 +21,10 @@ from sqlalchemy import delete, select
 
 from console.catalogue.catalogue import SUFFIX, Catalogue, runs_in
 from console.catalogue.search import NOT_DELETED
-from console.catalogue.tables import CompletenessRow, MarkRow, NoteRow, RunRow, TagRow, TrashRow
+from console.catalogue.tables import CompletenessRow, Mark, NoteRow, RunEntry, TagRow, TrashRow
 from flight_log.columns.places import place_of
 from flight_log.file import is_being_written
-from quadrotor.errors import RefusedError, StorageError
+from quadrotor.errors import RefusedError, StorageError, os_errors
 
 TRASH = "trash"
 MADE_AGAIN = (".viser",)
@@ -88,9 +88,9 @@ def restore_run(catalogue: Catalogue, run_id: str) -> None:
 
 def deleted_runs(catalogue: Catalogue) -> list[DeletedRun]:
     """Return the deleted runs, the newest deletion first."""
-    query = select(RunRow, TrashRow).join(TrashRow, TrashRow.run_id == RunRow.id)
+    query = select(RunEntry, TrashRow).join(TrashRow, TrashRow.run_id == RunEntry.id)
     with catalogue.session() as session:
-        rows = session.execute(query.order_by(TrashRow.deleted_ns.desc(), RunRow.id.desc()))
+        rows = session.execute(query.order_by(TrashRow.deleted_ns.desc(), RunEntry.id.desc()))
         return [
             DeletedRun(
                 run.id,
@@ -150,7 +150,7 @@ def finish_moves(catalogue: Catalogue) -> list[str]:
     for path in sorted(runs_in(catalogue.folder / TRASH)):
         log = catalogue.folder / path.name
         with catalogue.session() as session:
-            query = select(RunRow.id).where(RunRow.file == path.name, NOT_DELETED)
+            query = select(RunEntry.id).where(RunEntry.file == path.name, NOT_DELETED)
             run_id = session.scalar(query)
         if run_id is not None and not log.exists():
             _move(log, path.parent)
@@ -164,23 +164,19 @@ def _remove(catalogue: Catalogue, run_id: str) -> None:
     StorageError.
     """
     log = catalogue.folder / TRASH / _file_of(catalogue, run_id).name
-    try:
+    with os_errors(lambda why: f"run {run_id} cannot be removed from {log.parent}: {why}"):
         for path in reversed(list(_belongings(log))):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    except OSError as error:
-        raise StorageError(
-            f"run {run_id} cannot be removed from {log.parent}: {error.strerror or error}"
-        ) from error
     with catalogue.session() as session:
-        for table in (TagRow, NoteRow, MarkRow, CompletenessRow, TrashRow):
+        for table in (TagRow, NoteRow, Mark, CompletenessRow, TrashRow):
             session.execute(delete(table).where(table.run_id == run_id))
-        session.execute(delete(RunRow).where(RunRow.id == run_id))
+        session.execute(delete(RunEntry).where(RunEntry.id == run_id))
 
 
 def _file_of(catalogue: Catalogue, run_id: str) -> Path:
     """Return the file of a listed or deleted run, in the runs folder. Raises StorageError."""
     with catalogue.session() as session:
-        run = session.get(RunRow, run_id)
+        run = session.get(RunEntry, run_id)
         if run is None:
             catalogue.existing(session, run_id)  # raises the error
         assert run is not None

@@ -70,10 +70,6 @@ class StationBeacons:
         self._set(str(asked.values()[STATION_LAYOUT]))
 
     @property
-    def places(self) -> Places:
-        return self._places
-
-    @property
     def position_w(self) -> Array | None:
         """Return the vehicle's estimated position (3,) m, None without a recent one."""
         state = self._state
@@ -95,7 +91,7 @@ class StationBeacons:
 
     def _set(self, text: str) -> None:
         beacons = parse_layout(text)
-        self._places: Places = dict(
+        self.places: Places = dict(
             zip(beacons.ids.tolist(), beacons.positions_w.tolist(), strict=True)
         )
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import queue
 import re
-import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -21,9 +20,10 @@ from console.trackers.camera_figures import figures_text
 from console.trackers.camera_view import CameraPicture, CameraView
 from console.trackers.health import Unit, Up, to_world
 from console.trackers.source import Body, Frame, Source
+from console.trackers.source_reader import RETRY, SourceReader, is_final
 from console.trackers.system_clock import SystemClock
 from console.trackers.tracked_vehicle import TopicNames, TrackedVehicle, check_alone
-from quadrotor.errors import MeasurementError, QuadlabError, UsageError
+from quadrotor.errors import MeasurementError
 from quadrotor.plain_rotations import Array
 from quadrotor.records import NO_ATTITUDE, pose_sample
 from vehicle_link import topics
@@ -36,7 +36,6 @@ STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
 """Seconds without a body, or without frames, until it is reported."""
-RETRY = 1.0
 RECENT = 1.0
 """Seconds over which rates are counted."""
 KEPT = 64
@@ -85,7 +84,6 @@ class Tracker:
             topics.encode_picture(0, b"", "")  # generates its serialiser now, which takes a second
         self._clock = SystemClock()
         self._items: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
-        self._closing = threading.Event()
         self._frames: deque[float] = deque()
         self._seen: deque[tuple[float, str]] = deque()
         self._places: dict[str, Array] = {}
@@ -94,8 +92,7 @@ class Tracker:
         self._last_frame_at = monotonic()
         self._status_at = 0.0
         self._note, self._noted = "", 0.0  # a recent event of the system
-        self._source: Source | None = None
-        self._reader = threading.Thread(target=self._read, name="source", daemon=True)
+        self._reader: SourceReader | None = None
 
     def run(self, stopping: Ending) -> None:
         """Run until `stopping`. Raises UsageError when the source cannot be opened as requested,
@@ -103,7 +100,7 @@ class Tracker:
         """
         try:
             check_alone(self._session, self._vehicles, self.topics.status, stopping)
-            self._reader.start()
+            self._reader = SourceReader("source", self._open_source, self._items.put)
             while not stopping.wait(0.0):
                 try:
                     item = self._items.get(timeout=STATUS_PERIOD / 2)
@@ -112,8 +109,8 @@ class Tracker:
                 else:
                     if isinstance(item, Frame):
                         self._handle(item)
-                    elif isinstance(item, UsageError) or not isinstance(item, QuadlabError):
-                        raise item  # another try in this process would not help
+                    elif is_final(item):
+                        raise item
                     elif isinstance(item, MeasurementError):
                         self._note, self._noted = f"{self._name}: {item}", monotonic()
                     else:
@@ -123,33 +120,11 @@ class Tracker:
             for one in self._vehicles:
                 one.status.put(encode(self._status(one, ENDED)))
         finally:
-            self._closing.set()
-            if self._source is not None:
-                self._source.close()
-                self._reader.join(RETRY)
+            if self._reader is not None:
+                self._reader.close()
+                self._reader.thread.join(RETRY)
             for one in self._vehicles:
                 one.close()
-
-    # ------------------------------------------------------------------ the reader's thread
-    def _read(self) -> None:
-        while not self._closing.is_set():
-            try:
-                self._source = self._open_source()
-                self._read_on(self._source)
-            except Exception as error:
-                self._items.put(error)
-            if self._source is not None:
-                self._source.close()
-            self._closing.wait(RETRY)
-
-    def _read_on(self, source: Source) -> None:
-        while not self._closing.is_set():
-            try:
-                for frame in source.frames():
-                    self._items.put(frame)
-                return
-            except MeasurementError as error:  # in one message: the next may be valid
-                self._items.put(error)
 
     # ------------------------------------------------------------------ frames
     def _handle(self, frame: Frame) -> None:

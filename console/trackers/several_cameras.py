@@ -11,17 +11,18 @@ import math
 import queue
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from console.trackers.camera import CameraSource
 from console.trackers.in_order import InOrder
 from console.trackers.source import Body, Frame, Source
+from console.trackers.source_reader import SourceReader
 from console.trackers.system_clock import SystemClock
 from estimation.tags.camera_fusion import BodyPose, CameraFusion
 from quadrotor.errors import MeasurementError, QuadlabError, UsageError
 from vehicle_link.clock import monotonic_ns
 
-RETRY = 1.0
 QUIET_NS, STARTING_NS = 500_000_000, 5_000_000_000
 """Time in ns without news after which a camera is reported, and for which it may start."""
 KEPT = 64
@@ -48,19 +49,16 @@ class SeveralCameras:
         self._names = names
         self._news: queue.Queue[_News] = queue.Queue(KEPT)
         self._closed = threading.Event()
-        self._sources: list[Source | None] = [None] * len(names)
         self._clocks = [SystemClock() for _ in names]
         self._order: InOrder[tuple[int, Frame]] = InOrder(len(names))
         self._fusions: dict[str, CameraFusion] = {}
         self._troubles: dict[int, str] = {}
         self._heard_ns = [monotonic_ns() + STARTING_NS] * len(names)
         self._ended: set[int] = set()
-        self._threads = [
-            threading.Thread(target=self._read, args=(k, one), name=f"camera {name}", daemon=True)
+        self._readers = [
+            SourceReader(f"camera {name}", one, partial(self._tell, k))
             for k, (name, one) in enumerate(zip(names, openers, strict=True))
         ]
-        for one in self._threads:
-            one.start()
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames of all cameras; what is wrong with some of them is a frame's doubt.
@@ -90,34 +88,8 @@ class SeveralCameras:
 
     def close(self) -> None:
         self._closed.set()
-        for one in self._sources:
-            if one is not None:
-                one.close()
-
-    # ------------------------------------------------------------------ the cameras' threads
-    def _read(self, camera: int, open_source: Callable[[], Source]) -> None:
-        while not self._closed.is_set():
-            source = None
-            try:
-                source = self._sources[camera] = open_source()
-                self._read_on(camera, source)
-            except Exception as error:
-                self._tell(camera, error)
-                if isinstance(error, UsageError) or not isinstance(error, QuadlabError):
-                    return
-            finally:
-                if source is not None:
-                    source.close()
-            self._closed.wait(RETRY)
-
-    def _read_on(self, camera: int, source: Source) -> None:
-        while not self._closed.is_set():
-            try:
-                for frame in source.frames():
-                    self._tell(camera, frame)
-                return
-            except MeasurementError as error:  # in one picture: the next may be usable
-                self._tell(camera, error)
+        for one in self._readers:
+            one.close()
 
     def _tell(self, camera: int, news: Frame | Exception) -> None:
         self._news.put(_News(camera, news))

@@ -13,7 +13,7 @@ from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import PartFile, discard
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles
 from flight_log.file import sync_folder
-from quadrotor.errors import StorageError
+from quadrotor.errors import StorageError, os_errors
 
 BLOCK = 1 << 20
 SUM_PAUSE = 0.2
@@ -125,11 +125,8 @@ def sha256_of(path: Path, check: Callable[[], None] = lambda: None) -> bytes:
     blocks.
     """
     digest = hashlib.sha256()
-    try:
-        with path.open("rb") as stream:
-            while block := stream.read(BLOCK):
-                digest.update(block)
-                check()
-    except OSError as error:
-        raise StorageError(f"cannot read {path}: {error.strerror}") from error
+    with os_errors(lambda why: f"cannot read {path}: {why}"), path.open("rb") as stream:
+        while block := stream.read(BLOCK):
+            digest.update(block)
+            check()
     return digest.digest()

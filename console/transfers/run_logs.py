@@ -15,7 +15,7 @@ from flight_log.file import sync_folder
 from flight_log.merge import LEAD_NS, merge
 from flight_log.run_folder import STATION, VEHICLE, run_bytes, vehicle_logs
 from flight_log.vehicle_messages import EDGE_NS, Comparison, vehicle_times
-from quadrotor.errors import StorageError
+from quadrotor.errors import os_errors
 from vehicle_link.jobs import run
 
 
@@ -83,12 +83,10 @@ def into_folder(log: Path) -> Path:
     if log.is_dir():
         return log
     folder = log.with_suffix("")
-    try:
+    with os_errors(lambda why: f"cannot make the folder {folder}: {why}"):
         folder.mkdir()
         if (report := report_folder(log)).exists():
             report.rename(report_folder(folder))
         log.rename(folder / STATION)
         sync_folder(folder.parent)
-    except OSError as error:
-        raise StorageError(f"cannot make the folder {folder}: {error.strerror}") from error
     return folder

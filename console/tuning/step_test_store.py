@@ -20,7 +20,7 @@ import numpy as np
 from console.atomic_file import replacing
 from console.tuning.collection import Gap, Samples
 from console.tuning.evaluation import Plan
-from quadrotor.errors import StorageError
+from quadrotor.errors import StorageError, os_errors
 from quadrotor.parameters import ParameterValue
 
 FOLDER = "tuning"
@@ -79,7 +79,7 @@ class StepTestStore:
     def keep(self, run: StepTest, samples: Samples) -> None:
         """Store a test, and remove the oldest beyond the number kept. Raises StorageError."""
         with self._lock:
-            try:
+            with os_errors(lambda why: f"the test cannot be kept: {why}"):
                 self._folder.mkdir(exist_ok=True)
                 with replacing(self._path(run.id, ".npz")) as new, new.open("wb") as stream:
                     np.savez_compressed(
@@ -90,8 +90,6 @@ class StepTestStore:
                     )
                 with replacing(self._path(run.id)) as new:
                     new.write_text(json.dumps(asdict(run), indent=1))
-            except OSError as error:
-                raise StorageError(f"the test cannot be kept: {error}") from error
             self._prune(self._folder)
 
     def runs(self) -> list[StepTest]:
@@ -134,12 +132,10 @@ class StepTestStore:
     # ------------------------------------------------------------------ with the lock held
     def _move(self, name: str, here: Path, there: Path) -> None:
         self._known(name, here)
-        try:
+        with os_errors(lambda why: f"the test {name} cannot be moved: {why}"):
             there.mkdir(exist_ok=True)
             for suffix in (".npz", ".json"):
                 os.replace(here / f"{name}{suffix}", there / f"{name}{suffix}")
-        except OSError as error:
-            raise StorageError(f"the test {name} cannot be moved: {error}") from error
 
     def _read(self, name: str) -> StepTest | None:
         try:

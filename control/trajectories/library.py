@@ -10,7 +10,7 @@ from control.trajectories.feasibility import examine
 from control.trajectories.limits import Limits
 from control.trajectories.polynomial import Polynomial
 from control.trajectories.python_file import load_python
-from quadrotor.errors import QuadlabError, RefusedError, StorageError
+from quadrotor.errors import QuadlabError, RefusedError, os_errors
 from quadrotor.vehicle_model import VehicleModel
 
 LOADERS = {".csv": load_csv, ".py": load_python}
@@ -50,12 +50,8 @@ def files_of(folder: Path) -> list[tuple[str, Path]]:
     """Return name (without ending) and path of the .csv and .py files whose name starts with a
     letter or digit, but not of those of subfolders. Raises StorageError.
     """
-    try:
+    with os_errors(lambda why: f"the trajectory folder {folder} cannot be read: {why}"):
         files = sorted(p for p in folder.iterdir() if p.suffix.lower() in LOADERS)
-    except OSError as error:
-        raise StorageError(
-            f"the trajectory folder {folder} cannot be read: {error.strerror}"
-        ) from None
     return [(path.stem, path) for path in files if path.stem[:1].isalnum()]
 
 

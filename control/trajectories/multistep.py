@@ -54,13 +54,9 @@ class Multistep:
         self._axis = AXES.index(axis)
         levels = [level * amplitude for level in LEVELS[shape]] * repeats
         self.edges = ((0.0, 0.0), *((lead + i * duration, x) for i, x in enumerate(levels)))
-        self._duration = lead + len(levels) * duration
+        self.duration = lead + len(levels) * duration
+        """The duration in s, with the rest at both ends."""
         self._index = 0
-
-    @property
-    def duration(self) -> float:
-        """Return the duration in s, with the rest at both ends."""
-        return self._duration
 
     @property
     def span(self) -> tuple[float, float]:

@@ -113,47 +113,39 @@ class Polynomial:
     """
 
     def __init__(self, times: Array, coefficients: Array, extremes: tuple[float, ...] = ()) -> None:
-        self._times = np.ascontiguousarray(times, dtype=float)
-        self._coefficients = np.ascontiguousarray(coefficients, dtype=float)
+        self.times = np.ascontiguousarray(times, dtype=float)
+        """The times of the knots, (S + 1,) s."""
+        self.coefficients = np.ascontiguousarray(coefficients, dtype=float)
+        """The coefficients (S, 4, 10), see `sample_polynomial`."""
         self.extremes = extremes
         self.duration = float(times[-1])
-
-    @property
-    def times(self) -> Array:
-        """Return the times of the knots, (S + 1,) s."""
-        return self._times
-
-    @property
-    def coefficients(self) -> Array:
-        """Return the coefficients (S, 4, 10), see `sample_polynomial`."""
-        return self._coefficients
 
     def slowed(self, factor: float) -> Polynomial:
         """Return the same path in `factor` times the time."""
         extremes = tuple(factor * t for t in self.extremes)
-        return Polynomial(self._times * factor, self._coefficients, extremes)
+        return Polynomial(self.times * factor, self.coefficients, extremes)
 
     def moved(self, start: tuple[float, float, float, float]) -> Polynomial:
         """Return the same path, shifted and turned about z_W to begin at (x, y, z, yaw)."""
-        first = self._coefficients[0, :, 0]
+        first = self.coefficients[0, :, 0]
         angle = start[3] - float(first[3])
         s, c = math.sin(angle), math.cos(angle)
-        out = self._coefficients.copy()
-        x, y = self._coefficients[:, 0], self._coefficients[:, 1]
+        out = self.coefficients.copy()
+        x, y = self.coefficients[:, 0], self.coefficients[:, 1]
         out[:, 0], out[:, 1] = c * x - s * y, s * x + c * y
         out[:, :, 0] += np.array(start) - out[0, :, 0]
-        return Polynomial(self._times, out, self.extremes)
+        return Polynomial(self.times, out, self.extremes)
 
     def sample(self, t: float, reference: Record) -> None:
-        sample_polynomial(self._times, self._coefficients, t, reference, 0.0)
+        sample_polynomial(self.times, self.coefficients, t, reference, 0.0)
 
     def sample_grid(self, t: float, step: float, references: Record) -> None:
-        sample_polynomial(self._times, self._coefficients, t, references, step)
+        sample_polynomial(self.times, self.coefficients, t, references, step)
 
     def stretches(self) -> tuple[Stretch, ...]:
         """Return each segment if there are few, else an even grid, finer at known extremes."""
-        if len(self._coefficients) <= 20:
-            return tuple((a, b, 48) for a, b in pairwise(self._times.tolist()))
+        if len(self.coefficients) <= 20:
+            return tuple((a, b, 48) for a, b in pairwise(self.times.tolist()))
         if not self.extremes:
             count = min(SAMPLES_MAX, max(1000, round(self.duration * UNKNOWN_RATE)))
             return ((0.0, self.duration, count),)

@@ -19,6 +19,7 @@ from estimation.error_state.update import FIT_UPDATES
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, JudgedReading, Outcome
 from estimation.parameters import EstimationParameters, noise_record
 from estimation.refusals import refuse_bearings, refuse_pose, refuse_reading, refuse_sweeps
+from quadrotor.compiled import direct
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
     BEARINGS_SAMPLE,
@@ -50,13 +51,16 @@ class ErrorStateEstimator(CompiledEstimator):
         super().__init__(new_memory(), "measurement_ns")
         self.restarts: list[str] = []
         self._on_marker = False
-        self._base_ns = self._memory["base_ns"]  # a view, made once
+        self._base_ns = self.memory["base_ns"]  # a view, made once
         self._waiting: list[tuple[int, Record]] = []
         self._sweeps: dict[int, Record] = {}
         self._run = FrameRun()
         self._due_ns = 1 << 62
         self._failed: MeasurementError | None = None
         self.configure(parameters or EstimationParameters())
+        imu, state, estimate = self.outputs()
+        self._predict = direct(kernels.predict, self.memory, imu, self._noise, 0.002, state)
+        self._report = direct(kernels.report, self.memory, estimate)
 
     def configure(self, parameters: EstimationParameters) -> None:
         """Set new noise levels; state and covariance are kept."""
@@ -68,28 +72,28 @@ class ErrorStateEstimator(CompiledEstimator):
     @property
     def covariance(self) -> Array:
         """Return the covariance (15, 15) of the error at the newest event (see `memory`)."""
-        covariance: Array = self._memory["covariance"][0].copy()
+        covariance: Array = self.memory["covariance"][0].copy()
         return covariance
 
     @property
     def deviations(self) -> Deviations:
         """Return the standard deviations of position, velocity and attitude by its covariance."""
-        return judgement.deviations_of(self._memory[0])
+        return judgement.deviations_of(self.memory[0])
 
     @property
     def inconsistency(self) -> str:
         """Return why its measurements contradict it, with numbers; empty while they do not, or
         while there are too few since a start.
         """
-        return judgement.inconsistency_of(self._memory[0]) if self._initialized else ""
+        return judgement.inconsistency_of(self.memory[0]) if self.initialized else ""
 
     def _judge(self, m: Any) -> Convergence:
         return judgement.convergence_of(m)
 
     def reset(self) -> None:
         """Forget everything, biases included."""
-        self._memory[:] = new_memory()
-        self._initialized = False
+        self.memory[:] = new_memory()
+        self.initialized = False
         self._waiting.clear()
         self._sweeps.clear()
         self._run.clear()
@@ -110,17 +114,17 @@ class ErrorStateEstimator(CompiledEstimator):
 
         Raises MeasurementError when the pose is not finite or its quaternion not unit.
         """
-        m, position, quaternion = self._memory[0], pose["position_w"][0], pose["quaternion_wb"][0]
+        m, position, quaternion = self.memory[0], pose["position_w"][0], pose["quaternion_wb"][0]
         if not has_attitude(quaternion):
             position, quaternion, deviations = start.start_on_marker(
-                m, position, self._noise[0], deviations, initialized=self._initialized
+                m, position, self._noise[0], deviations, initialized=self.initialized
             )
         norm2 = float(quaternion @ quaternion)
         if not (np.isfinite(position).all() and abs(norm2 - 1.0) < NORM_TOLERANCE):
             raise refuse_pose(pose)
         stamp_ns = int(pose["stamp_ns"][0])
         start.begin(m, stamp_ns, position, quaternion / math.sqrt(norm2), deviations, velocity_w)
-        self._initialized = True
+        self.initialized = True
         if m["stamp_ns"] > m["base_ns"]:
             self._anchor()
 
@@ -128,10 +132,10 @@ class ErrorStateEstimator(CompiledEstimator):
         """Restart at the present position with the heading of the parameters if the filter runs on
         a marker alone: a turn, or minutes of waiting, on the ground cannot be observed.
         """
-        m = self._memory[0]
-        if self._initialized and self._on_marker:
+        m = self.memory[0]
+        if self.initialized and self._on_marker:
             marker_w = m["now"][:3] + rotate(m["now"][6:10], self._marker_b)
-            self._initialized = False
+            self.initialized = False
             self.initialize(pose_sample(int(m["stamp_ns"]), marker_w, NO_ATTITUDE))
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:
@@ -139,11 +143,11 @@ class ErrorStateEstimator(CompiledEstimator):
 
         Before the first pose only the angular velocity is estimated.
         """
-        kernels.predict(self._memory, imu, self._noise, dt, state)
+        self._predict(self.memory, imu, self._noise, dt, state)
         now_ns = self._stamp_ns.item()
         if now_ns >= self._due_ns:
             self._apply_waiting(now_ns)
-        if self._initialized and now_ns - self._base_ns.item() > ANCHOR_NS:
+        if self.initialized and now_ns - self._base_ns.item() > ANCHOR_NS:
             self._anchor()
 
     def correct(self, pose: Record, estimate: Record) -> None:
@@ -152,7 +156,7 @@ class ErrorStateEstimator(CompiledEstimator):
         A pose that cannot be applied is counted in `ignored`. Raises MeasurementError when the pose
         is not finite or its quaternion not unit.
         """
-        if not self._initialized:
+        if not self.initialized:
             self.initialize(pose)
             return
         if not self._take(pose):
@@ -169,7 +173,7 @@ class ErrorStateEstimator(CompiledEstimator):
         """
         if not self._take(bearings):
             raise self._refused(refuse_bearings(bearings))
-        if self._initialized:
+        if self.initialized:
             self._apply(bearings)
         else:
             self._start_from(bearings)
@@ -185,7 +189,7 @@ class ErrorStateEstimator(CompiledEstimator):
         if not self._take(sweeps):
             raise self._refused(refuse_sweeps(sweeps))
         self._sweeps[int(sweeps["number"][0])] = sweeps[0].copy()
-        if self._initialized:
+        if self.initialized:
             self._apply(sweeps)
         else:
             self._start_from_sweeps(sweeps)
@@ -198,9 +202,9 @@ class ErrorStateEstimator(CompiledEstimator):
         """
         if not self._take(reading):
             raise refuse_reading(reading)
-        if not self._initialized:
+        if not self.initialized:
             return JudgedReading(Outcome.TOO_OLD)
-        m = self._memory[0]
+        m = self.memory[0]
         outcome = Outcome(apply_one(m, self._noise[0]))
         if outcome not in (Outcome.APPLIED, Outcome.OUTLIER):
             return JudgedReading(outcome)
@@ -208,7 +212,7 @@ class ErrorStateEstimator(CompiledEstimator):
 
     def report(self, estimate: Record) -> None:
         """Write biases, the last correction and the measurement age into the ESTIMATE (1,)."""
-        kernels.report(self._memory, estimate)
+        self._report(self.memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:
         """Return a warning when no measurements arrive; no gain depends on their rate (Hz)."""
@@ -219,7 +223,7 @@ class ErrorStateEstimator(CompiledEstimator):
     # ------------------------------------------------------------------ parts
     def _take(self, measurement: Record) -> bool:
         """Store it as the new measurement; return False when it is invalid."""
-        m = self._memory[0]
+        m = self.memory[0]
         taken = kernels.take(m, measurement)
         if measurement.dtype == POSE_SAMPLE:
             self._on_marker = m["new_kind"] == MARKER
@@ -229,7 +233,7 @@ class ErrorStateEstimator(CompiledEstimator):
         """Apply the stored measurement, now or when the IMU has reached its time. Raises
         MeasurementError.
         """
-        m = self._memory[0]
+        m = self.memory[0]
         if 0 < int(m["new_ns"] - m["stamp_ns"]) <= AHEAD_NS:
             self._waiting.append((int(m["new_ns"]), measurement.copy()))
             self._due_ns = min(due_ns for due_ns, _ in self._waiting)
@@ -256,7 +260,7 @@ class ErrorStateEstimator(CompiledEstimator):
 
         Raises MeasurementError when it gives no start.
         """
-        m = self._memory[0]
+        m = self.memory[0]
         outcome, confirmed = apply_one(m, self._noise[0]), m["applied"] >= FIT_UPDATES
         tracked = measurement.dtype == POSE_SAMPLE
         if measurement.dtype == BEARINGS_SAMPLE:
@@ -290,8 +294,8 @@ class ErrorStateEstimator(CompiledEstimator):
 
     def _anchor(self) -> None:
         """Propagate filter and covariance to the newest sample without a measurement."""
-        kernels.take_nothing(self._memory[0])
-        apply_one(self._memory[0], self._noise[0])
+        kernels.take_nothing(self.memory[0])
+        apply_one(self.memory[0], self._noise[0])
 
     def _start_from(self, bearings: Record) -> None:
         """Start at the pose that one frame gives by itself. Raises MeasurementError."""
@@ -308,5 +312,5 @@ class ErrorStateEstimator(CompiledEstimator):
         self.initialize(*start.start_at(sweeps[0], pose), velocity_w)
 
     def _refused(self, error: MeasurementError) -> MeasurementError:
-        self._memory["outcomes"][0, Outcome.INVALID] += 1
+        self.memory["outcomes"][0, Outcome.INVALID] += 1
         return error

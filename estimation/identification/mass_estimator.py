@@ -18,9 +18,9 @@ import math
 
 import numpy as np
 
-from quadrotor.compiled import compiled
+from quadrotor.compiled import compiled, direct
 from quadrotor.parameters import Parameters, parameter
-from quadrotor.records import Record
+from quadrotor.records import ACTUATORS, ESTIMATE, STATE, Record
 from quadrotor.vehicle_model import GRAVITY
 
 MASS_GAINS = np.dtype(
@@ -142,6 +142,9 @@ class MassEstimator:
     def __init__(self, mass: float, parameters: MassParameters | None = None) -> None:
         self.configure(parameters or MassParameters())
         self.reset(mass)
+        state, actuators, estimate = (np.zeros(1, kind) for kind in (STATE, ACTUATORS, ESTIMATE))
+        of = self._memory, self._gains
+        self._step = direct(step, *of, state, actuators, True, 0.002, estimate)
 
     def configure(self, parameters: MassParameters) -> None:
         """Set new gains; the estimate is kept."""
@@ -170,4 +173,4 @@ class MassEstimator:
         self, state: Record, actuators: Record, airborne: bool, dt: float, estimate: Record
     ) -> None:
         """Learn from one tick; write mass and variance into the ESTIMATE. All shapes (1,)."""
-        step(self._memory, self._gains, state, actuators, airborne, dt, estimate)
+        self._step(self._memory, self._gains, state, actuators, airborne, dt, estimate)

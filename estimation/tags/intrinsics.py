@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from quadrotor.errors import MeasurementError, StorageError
+from quadrotor.errors import MeasurementError, StorageError, os_errors
 from quadrotor.records import Array
 
 MODEL = "plumb_bob"
@@ -67,12 +67,8 @@ class Intrinsics:
             "distortion_coefficients": {"rows": 1, "cols": 5, "data": self.distortion.tolist()},
             **({ABOUT: dict(about)} if about else {}),
         }
-        try:
+        with os_errors(lambda why: f"{path}: {why}; name a file that can be written"):
             YAML().dump(told, path)
-        except OSError as error:
-            raise StorageError(
-                f"{path}: {error.strerror}; name a file that can be written"
-            ) from None
 
 
 def load_intrinsics(path: Path) -> Intrinsics:

@@ -33,14 +33,20 @@ RECEIVED, STAMP, HEADER, PAYLOAD = "received_ns", "stamp_ns", "header_delay_ns",
 ROWS = 1 << 20
 """Rows that are written at once, and are contiguous in the file."""
 PIECE = 1 << 20
+HELD = 1 << 15
+"""Number of a column's values that are held in memory before they go to a file."""
 
 
 class _Growing:
-    """Values of one column that arrive in pieces; stored in a file only once they differ."""
+    """Values of one column that arrive in pieces; held in memory up to HELD, then in a file, and
+    only once they differ.
+    """
 
     def __init__(self, path: Path, dtype: npt.DTypeLike) -> None:
         self.dtype = np.dtype(dtype)
         self._path = path
+        self._held: list[npt.NDArray[Any]] = []
+        self._held_count = self._filed_count = 0
         self.first: Any = None
         self.count = 0
         self.is_constant = True
@@ -49,16 +55,16 @@ class _Growing:
         """Add values, shape (N,). Raises OSError."""
         if not len(values):
             return
-        values = values.astype(self.dtype, copy=False)
         if self.is_constant:
             if not self.count:
-                self.first = values[0]
-            same = np.isnan(values) if np.isnan(self.first) else values == self.first
-            if not same.all():
+                self.first = values[0].item()
+            is_number = self.first == self.first
+            same = values == self.first if is_number else np.isnan(values)
+            if np.count_nonzero(same) < len(values):
                 self.is_constant = False
-                self._append(np.full(self.count, self.first))
+                self._append(np.full(self.count, self.first, self.dtype))
         if not self.is_constant:
-            self._append(values)
+            self._append(values.astype(self.dtype, copy=False))
         self.count += len(values)
 
     def fill(self, count: int) -> None:
@@ -67,13 +73,22 @@ class _Growing:
             self.extend(np.full(count - self.count, np.nan))
 
     def _append(self, values: npt.NDArray[Any]) -> None:
-        with self._path.open("ab") as file:
-            values.tofile(file)
+        self._held.append(values)
+        self._held_count += len(values)
+        if self._held_count > HELD:
+            with self._path.open("ab") as file:
+                file.writelines(values.data for values in self._held)
+            self._filed_count += self._held_count
+            self._held, self._held_count = [], 0
 
     def read(self) -> npt.NDArray[Any]:
-        """Return all values, mapped, (count,)."""
+        """Return all values, (count,), mapped if there are many."""
         if self.is_constant:
             return np.full(self.count, self.first, self.dtype)
+        if not self._filed_count:
+            return np.concatenate(self._held)
+        with self._path.open("ab") as file:
+            file.writelines(values.data for values in self._held)
         return np.memmap(self._path, self.dtype, "r")
 
 

@@ -10,7 +10,7 @@ from flight_log.imports.ros_bags import BagTables
 from flight_log.imports.tables import Hdf5Table, NumpyTable, Source, TextTable
 from flight_log.imports.ulog import UlogTables
 from flight_log.limits import bounded_reader
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError, StorageError, os_errors
 
 MAGIC = {
     b"\x89HDF\r\n\x1a\n": "hdf5",
@@ -24,7 +24,7 @@ TEXT = "csv"
 
 def format_of(path: Path) -> str:
     """Return the format of a file or folder. Raises LogFormatError or StorageError."""
-    try:
+    with os_errors(lambda why: f"cannot read {path}: {why}"):
         if not path.exists():
             raise StorageError(f"{path} is not a file")
         if (path / "metadata.yaml").is_file():
@@ -33,8 +33,6 @@ def format_of(path: Path) -> str:
             raise LogFormatError(f"{path} is a folder; give one file of it")
         with path.open("rb") as file:
             head = file.read(4096)
-    except OSError as error:
-        raise StorageError(f"cannot read {path}: {error.strerror}") from error
     if not head:
         raise LogFormatError(f"{path.name} is empty")
     found = next((name for magic, name in MAGIC.items() if head.startswith(magic)), None)

@@ -16,7 +16,7 @@ from flight_log.imports.mapping import Mapping, load_mapping, names
 from flight_log.imports.raw import read_raw
 from flight_log.imports.run_writer import write_run
 from flight_log.run_folder import STATION
-from quadrotor.errors import StorageError, UsageError
+from quadrotor.errors import StorageError, UsageError, os_errors
 
 DEFAULT_VEHICLE = "imported"
 EXAMPLE = "--mapping NAME_OR_FILE"
@@ -83,10 +83,8 @@ class NewRun:
             "imported_as": self.flight.source,
             "import_notes": "; ".join(self.flight.notes),
         }
-        try:
+        with os_errors(lambda why: f"cannot write in {folder.parent}: {why}"):
             making = Path(tempfile.mkdtemp(prefix=".import-", dir=folder.parent))
-        except OSError as error:
-            raise StorageError(f"cannot write in {folder.parent}: {error.strerror}") from error
         try:
             made = making / run_id
             write_run(made / STATION, self.flight, metadata)

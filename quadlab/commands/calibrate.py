@@ -62,7 +62,7 @@ class Calibrate:
 
     def _options(self, reply: Any) -> dict[str, Any]:
         """Return the options, checked against those of the station. Raises UsageError."""
-        from quadrotor.parameters import parse_text
+        from quadrotor.parameter_checks import parse_text
         from vehicle_link.parameters.messages import from_descriptor
 
         known = dict(zip(reply.names, reply.problems, strict=True))

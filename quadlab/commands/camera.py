@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from quadlab.commands.option_types import File, Flag, Folder
 from quadlab.data_folder import open_data_folder
-from quadrotor.errors import MeasurementError, StorageError, UsageError
+from quadrotor.errors import MeasurementError, UsageError, os_errors
 
 if TYPE_CHECKING:
     from estimation.tags.camera_calibration import CameraCalibration
@@ -105,9 +105,7 @@ def _print(board: Board, file: Path) -> int:
 
     if file.exists():
         raise UsageError(f"{file} exists already; give --paper a new file")
-    try:
+    with os_errors(lambda why: f"{file}: {why}; name a file that can be written"):
         file.write_text(board_pdf(board), "latin-1")
-    except OSError as error:
-        raise StorageError(f"{file}: {error.strerror}; name a file that can be written") from None
     print(f"print {file} at 100 %, and glue it to something flat")
     return 0

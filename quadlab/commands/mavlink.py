@@ -13,7 +13,7 @@ import tyro
 from quadlab.commands.option_types import File, Flag, Folder
 from quadlab.data_folder import open_data_folder
 from quadlab.vehicle_names import THE_VEHICLE, check_name
-from quadrotor.errors import LinkError, UsageError
+from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
     from quadlab.mavlink.gateway import Gateway
@@ -62,24 +62,14 @@ class Mavlink:
         check_reach(endpoints, self.unsigned or bool(secret))
         from quadlab.mavlink.frames import parse_origin
         from quadlab.mavlink.link import Link
-        from quadlab.station_client import StationClient
-        from vehicle_link import clock
-        from vehicle_link.lockstep import page_at
+        from quadlab.station_client import StationClient, await_session
         from vehicle_link.termination_signal import EndSignal
-        from vehicle_link.transport.session import loopback_session
 
         origin = parse_origin(self.origin)
         stopping = EndSignal()
-        session: Any = None
-        while session is None:
-            try:
-                session = loopback_session(self.loopback_port)
-            except LinkError as error:
-                say(f"{error}; trying again")
-                if stopping.wait(1.0):
-                    return 0
-        if clock.page() is None:
-            clock.follow(page_at(self.loopback_port))
+        session = await_session(self.loopback_port, stopping, say)
+        if session is None:
+            return 0
 
         def open_link(has_left: Callable[[Peer], None]) -> Link:
             return Link(endpoints, secret, say, has_left)

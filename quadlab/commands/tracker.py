@@ -13,7 +13,7 @@ import tyro
 from quadlab.commands.option_types import File, Files, Folder, optional
 from quadlab.data_folder import data_folder
 from quadlab.vehicle_names import THE_VEHICLE, check_name
-from quadrotor.errors import LinkError, UsageError
+from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
     from console.trackers.camera_view import CameraView
@@ -140,10 +140,8 @@ class Tracker:
         from console.trackers.onboard_camera import BearingsTracker
         from console.trackers.process import Tracker as Poses
         from console.trackers.source import name_of
-        from vehicle_link import clock
-        from vehicle_link.lockstep import page_at
+        from quadlab.station_client import await_session
         from vehicle_link.termination_signal import EndSignal
-        from vehicle_link.transport.session import loopback_session
 
         stopping = EndSignal()
         host = self.host or (ANYWHERE if self.system == "udp" else HERE)
@@ -154,18 +152,11 @@ class Tracker:
             where = ""
         elif self.system in CAMERAS:
             where = f"{' rendered' * bool(self.rendered)} {' '.join(map(str, self.cameras))}"
-        session, is_reported = None, False
-        while session is None:
-            try:
-                session = loopback_session(self.loopback_port)
-            except LinkError as error:
-                if not is_reported:
-                    print(f"tracker: {error}; trying again", flush=True)
-                is_reported = True
-                if stopping.wait(1.0):
-                    return 0
-        if clock.page() is None:
-            clock.follow(page_at(self.loopback_port))
+        session = await_session(
+            self.loopback_port, stopping, lambda line: print(f"tracker: {line}", flush=True)
+        )
+        if session is None:
+            return 0
         print(f"tracker: {self.system}{where}, for {', '.join(bodies)}", flush=True)
         kind = BearingsTracker if self.of_bearings else Poses
         names = [name_of(one) for one in self.cameras] if self.system in CAMERAS else []

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from xml.sax.saxutils import quoteattr
 
 from quadlab.fmu_export.models import Variable, variables
-from quadrotor.errors import StorageError
+from quadrotor.errors import os_errors
 from vehicle.simulator.c_library import compile_library
 
 FOLDER = Path(__file__).with_name("c")
@@ -207,7 +207,5 @@ def write_fmu(source: Path, shown: Sequence[Variable], path: Path, fmi: int) -> 
             info = zipfile.ZipInfo(file)  # of 1980, whenever it is written
             info.external_attr = 0o644 << 16
             archive.writestr(info, data, zipfile.ZIP_DEFLATED)
-    try:
+    with os_errors(lambda why: f"--out {path} cannot be written: {why}"):
         path.write_bytes(packed.getvalue())
-    except OSError as error:
-        raise StorageError(f"--out {path} cannot be written: {error.strerror}") from None

@@ -18,7 +18,7 @@ import tyro
 from quadlab.commands.option_types import Folder, optional
 from quadlab.data_folder import open_data_folder
 from quadlab.vehicle_names import check_name
-from quadrotor.errors import StorageError, UsageError
+from quadrotor.errors import UsageError, os_errors
 from vehicle_link.security.authority import TlsFiles
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def write_bundle(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
     out = out.expanduser().absolute()
     if out.suffix != ".tar":
         return issue(out).folder
-    try:
+    with os_errors(lambda why: f"cannot write {out}: {why}"):
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory() as folder:
             files = issue(Path(folder))
@@ -45,8 +45,6 @@ def write_bundle(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
             with tarfile.open(out, "w") as tar:
                 for path in sorted(files.folder.iterdir()):
                     tar.add(path, path.name)
-    except OSError as error:
-        raise StorageError(f"cannot write {out}: {error.strerror or error}") from error
     return out
 
 

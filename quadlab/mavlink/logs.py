@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.tables import RunEntry
 from flight_log.run_folder import log_of
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.peer import Peer
-from quadrotor.errors import StorageError
+from quadrotor.errors import StorageError, os_errors
 
 PIECE = 90
 """Bytes of one LOG_DATA."""
@@ -65,15 +66,12 @@ class Logs:
             raise StorageError(f"there is no log {number}; list the logs first")
         _, path, size = self._files[number]
         end = min(start + count, size)
-        try:
-            with path.open("rb") as file:
-                file.seek(start)
-                while start < end:
-                    data = file.read(min(PIECE, end - start))
-                    if not data:
-                        return
-                    padded = list(data.ljust(PIECE, b"\0"))
-                    yield mavlink.MAVLink_log_data_message(number, start, len(data), padded)
-                    start += len(data)
-        except OSError as error:
-            raise StorageError(f"{path} cannot be read: {error.strerror}") from error
+        with os_errors(lambda why: f"{path} cannot be read: {why}"), path.open("rb") as file:
+            file.seek(start)
+            while start < end:
+                data = file.read(min(PIECE, end - start))
+                if not data:
+                    return
+                padded = list(data.ljust(PIECE, b"\0"))
+                yield mavlink.MAVLink_log_data_message(number, start, len(data), padded)
+                start += len(data)

@@ -31,7 +31,7 @@ from vehicle_link.transport.rmw_keys import full_name
 
 GROUP = 5
 """Number of ticks passed at once to the publisher of the slow topics, as in the comms process."""
-BATCH = 20 * GROUP
+BATCH = 100 * GROUP
 """Number of ticks encoded and written at once: vectorised, a message costs a fraction of a
 microsecond."""
 

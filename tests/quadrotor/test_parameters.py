@@ -16,7 +16,8 @@ from quadrotor.errors import (
     UnknownParameterError,
     WrongTypeError,
 )
-from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter, parse_text
+from quadrotor.parameter_checks import parse_text
+from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
 
 
 class Motor(Parameters):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.catalogue.catalogue import RunEntry
+from console.catalogue.tables import RunEntry
 
 
 def run_entry(name: str, **fields: object) -> RunEntry:

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from quadrotor.records import Record
 from vehicle.plugins import host
-from vehicle.plugins.contract import Array, Contract, Field, as_attributes, layout
+from vehicle.plugins.contract import (
+    Array,
+    Contract,
+    Field,
+    Quaternion,
+    Vector,
+    as_attributes,
+    fields_of,
+    layout,
+)
 
 __all__ = [
     "BEHAVIOR",
@@ -23,52 +32,25 @@ __all__ = [
     "load",
 ]
 
-INPUT = (
-    Field("time", 1, "s", "since the behavior was chosen"),
-    Field("dt", 1, "s", "since the last tick"),
-    Field("reset", 1, "", "1 when it begins, at the reference of this input"),
-    Field("position_w", 3, "m", "world axes, z up"),
-    Field("velocity_w", 3, "m/s", "world axes"),
-    Field("quaternion_wb", 4, "", "body to world, w x y z, unit"),
-    Field("angular_velocity_b", 3, "rad/s", "body axes: x forward, y left, z up"),
-    Field("reference_position_w", 3, "m", "flown in the last tick; world axes"),
-    Field("reference_velocity_w", 3, "m/s", "the same"),
-    Field("reference_yaw", 1, "rad", "the same; about z of the world"),
-    Field("stick", 4, "", "forward, left, up, yaw, from -1 to 1"),
-    Field("stick_held", 1, "", "1 while the sticks are held and fresh, else 0"),
-)
-OUTPUT = (
-    Field("time", 1, "s", "of the input that this answers"),
-    Field("ended", 1, "", "1 when it is over: the vehicle brakes and hovers"),
-    Field("position_w", 3, "m", "at `time` of the input; world axes"),
-    Field("velocity_w", 3, "m/s", "its derivatives"),
-    Field("acceleration_w", 3, "m/s²", ""),
-    Field("jerk_w", 3, "m/s³", ""),
-    Field("snap_w", 3, "m/s⁴", ""),
-    Field("yaw", 1, "rad", "about z of the world"),
-    Field("yaw_rate", 1, "rad/s", ""),
-    Field("yaw_acceleration", 1, "rad/s²", ""),
-)
-INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
 ZEROS = np.zeros(3)
 ZEROS.flags.writeable = False
 
 
 class Input(Protocol):
-    """The argument of `Behavior.step`: numbers, and arrays of 3 or 4, as `INPUT` names them."""
+    """The argument of `Behavior.step`: numbers, and arrays of 3 or 4."""
 
-    time: float
-    dt: float
-    reset: float
-    position_w: Array
-    velocity_w: Array
-    quaternion_wb: Array
-    angular_velocity_b: Array
-    reference_position_w: Array
-    reference_velocity_w: Array
-    reference_yaw: float
-    stick: Array
-    stick_held: float
+    time: Annotated[float, "s", "since the behavior was chosen"]
+    dt: Annotated[float, "s", "since the last tick"]
+    reset: Annotated[float, "", "1 when it begins, at the reference of this input"]
+    position_w: Annotated[Vector, "m", "world axes, z up"]
+    velocity_w: Annotated[Vector, "m/s", "world axes"]
+    quaternion_wb: Annotated[Quaternion, "", "body to world, w x y z, unit"]
+    angular_velocity_b: Annotated[Vector, "rad/s", "body axes: x forward, y left, z up"]
+    reference_position_w: Annotated[Vector, "m", "flown in the last tick; world axes"]
+    reference_velocity_w: Annotated[Vector, "m/s", "the same"]
+    reference_yaw: Annotated[float, "rad", "the same; about z of the world"]
+    stick: Annotated[Array, (4,), "", "forward, left, up, yaw, from -1 to 1"]
+    stick_held: Annotated[float, "", "1 while the sticks are held and fresh, else 0"]
 
 
 class Answer(NamedTuple):
@@ -78,14 +60,23 @@ class Answer(NamedTuple):
     continued with them until the next one.
     """
 
-    position_w: Array
-    velocity_w: Array = ZEROS
-    acceleration_w: Array = ZEROS
-    jerk_w: Array = ZEROS
-    snap_w: Array = ZEROS
-    yaw: float | None = None
-    yaw_rate: float = 0.0
-    yaw_acceleration: float = 0.0
+    position_w: Annotated[Vector, "m", "at `time` of the input; world axes"]
+    velocity_w: Annotated[Vector, "m/s", "its derivatives"] = ZEROS
+    acceleration_w: Annotated[Vector, "m/s²", ""] = ZEROS
+    jerk_w: Annotated[Vector, "m/s³", ""] = ZEROS
+    snap_w: Annotated[Vector, "m/s⁴", ""] = ZEROS
+    yaw: Annotated[float | None, "rad", "about z of the world"] = None
+    yaw_rate: Annotated[float, "rad/s", ""] = 0.0
+    yaw_acceleration: Annotated[float, "rad/s²", ""] = 0.0
+
+
+INPUT = fields_of(Input)
+OUTPUT = (
+    Field("time", 1, "s", "of the input that this answers"),
+    Field("ended", 1, "", "1 when it is over: the vehicle brakes and hovers"),
+    *fields_of(Answer),
+)
+INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
 
 
 class Behavior(Protocol):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.compiled import compiled
+from quadrotor.compiled import compiled, direct
 
 Array = npt.NDArray[np.float64]
 
@@ -32,12 +32,11 @@ class ReferenceRounding:
 
     def __init__(self) -> None:
         self._carry = np.zeros(4)
-        _round(np.zeros(4), self._carry)  # compiled now rather than in the first flight
+        self._round = direct(_round, self._carry, self._carry)
 
     def round(self, wanted: Array) -> tuple[int, int, int, int]:
         """Return counts 0..255 for `wanted` (4,), which is overwritten with them.
 
         Raises ValueError when one is not finite.
         """
-        counts: tuple[int, int, int, int] = _round(wanted, self._carry)
-        return counts
+        return self._round(wanted, self._carry)

@@ -14,9 +14,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.compiled import compiled
+from quadrotor.compiled import compiled, direct
 from quadrotor.parameters import Parameters, parameter
-from quadrotor.records import Record
+from quadrotor.records import IMU_SAMPLE, Record
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.boards.board import RawSample
 
@@ -137,24 +137,22 @@ class ImuCalibrator:
     """The calibration in use: the parameters, and the gyroscope drift found at the start."""
 
     def __init__(self, parameters: ImuCalibration) -> None:
-        self._gyroscope_bias_b = np.zeros(3)
+        self.gyroscope_bias_b = np.zeros(3)
+        """The drift (3,) in use, rad/s, body axes."""
         self.configure(parameters)
+        counts, sample = (0, 0, 0), np.zeros(1, IMU_SAMPLE)
+        self._apply = direct(_apply, 0, counts, counts, self._calibration, sample)
 
     def configure(self, parameters: ImuCalibration) -> None:
         """Set new parameters, keeping the gyroscope drift found at the start."""
         self._calibration = parameters.record()
-        self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
+        self._calibration["gyroscope_bias_b"] = self.gyroscope_bias_b
 
     def set_gyroscope_bias(self, bias_b: npt.NDArray[np.float64]) -> None:
         """Set the gyroscope drift: the mean (3,) of samples at rest, rad/s, body axes."""
-        self._gyroscope_bias_b = np.array(bias_b, dtype=np.float64)
-        self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
-
-    @property
-    def gyroscope_bias_b(self) -> npt.NDArray[np.float64]:
-        """Return the drift (3,) in use, rad/s, body axes."""
-        return self._gyroscope_bias_b
+        self.gyroscope_bias_b = np.array(bias_b, dtype=np.float64)
+        self._calibration["gyroscope_bias_b"] = self.gyroscope_bias_b
 
     def calibrate(self, raw: RawSample, sample: Record) -> None:
         """Write the IMU_SAMPLE of a raw sample into `sample`, shape (1,)."""
-        _apply(raw.stamp_ns, raw.accelerometer, raw.gyroscope, self._calibration, sample)
+        self._apply(raw.stamp_ns, raw.accelerometer, raw.gyroscope, self._calibration, sample)

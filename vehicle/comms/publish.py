@@ -92,7 +92,8 @@ class Publisher:
         self._pending: list[Record] = []
         self._pending_count = 0
         self._packet_size = telemetry.SAMPLES_A_PACKET
-        self._tick_rate = NOMINAL_RATE
+        self.tick_rate = NOMINAL_RATE
+        """The rate in Hz, as the loop measured it last."""
         self._packet = 0
         self._heartbeat = 0
         self._due_ns: dict[str, int] = {}
@@ -126,12 +127,7 @@ class Publisher:
     @property
     def next_packet_s(self) -> float:
         """Return the s from the last read until the next telemetry packet's ticks exist."""
-        return (self._packet_size - self._pending_count) / self._tick_rate
-
-    @property
-    def tick_rate(self) -> float:
-        """Return the rate in Hz, as the loop measured it last."""
-        return self._tick_rate
+        return (self._packet_size - self._pending_count) / self.tick_rate
 
     def heartbeat(self) -> None:
         """Send a heartbeat when one is due, with or without ticks; call it often.
@@ -173,8 +169,8 @@ class Publisher:
             self._pending_count = 0
         self._pending.append(ticks)
         self._pending_count += len(ticks)
-        self._tick_rate = float(ticks["status"]["tick_rate"][-1]) or NOMINAL_RATE
-        size = self._packet_size = samples_a_packet(self._tick_rate, self._packets)
+        self.tick_rate = float(ticks["status"]["tick_rate"][-1]) or NOMINAL_RATE
+        size = self._packet_size = samples_a_packet(self.tick_rate, self._packets)
         if self._pending_count < size:
             return
         # Joined as bytes: numpy's concatenate takes long to find that all have the same type.

@@ -7,6 +7,7 @@ call once, with the argument types used in flight. From numba's cache this takes
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 from control.behaviors.table import BehaviorName
 from quadrotor.parameters import ParameterValue
@@ -68,8 +69,11 @@ class _Hop:
         return reached()
 
 
+@cache
 def warm_up() -> list[str]:
-    """Fly the hop; return what was refused, as what follows a refusal would compile in flight."""
+    """Fly the hop, once in a process; return what was refused, as what follows it would compile in
+    flight.
+    """
     hop = _Hop()
     stack = hop.stack
     refused = [] if hop.until(lambda: stack.mode is Mode.READY) else ["not ready"]

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from flight_log import is_closed
 from flight_log.index import begins_as_log, read_index
-from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError
+from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError, os_errors
 from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.file_identity import identity_of
 from vehicle.onboard_log.repair import LATER
@@ -241,10 +241,8 @@ class OnboardFiles:
             raise RefusedError(f"{facts.name} was torn, and {self._repair()}; ask again later")
 
     def _free_bytes(self) -> int:
-        try:
+        with os_errors(lambda why: f"cannot use {self._folder}: {why}"):
             return self._free(self._folder if self._folder.exists() else self._folder.parent)
-        except OSError as error:
-            raise StorageError(f"cannot use {self._folder}: {error.strerror}") from error
 
 
 def _names(folder: Path) -> list[str]:

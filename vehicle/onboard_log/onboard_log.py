@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from flight_log.provenance import provenance
-from quadrotor.errors import QuadlabError, StorageError
+from quadrotor.errors import QuadlabError, StorageError, os_errors
 from quadrotor.records import Record
 from vehicle.onboard_log.file import Batch, Message, OnboardFile, Written, prepare, runs
 from vehicle.onboard_log.parameters import OnboardLogParameters
@@ -248,11 +248,9 @@ class OnboardLog:
         if 0 <= now_ns - self._checked_ns < CHECK_NS:
             return False
         self._checked_ns = now_ns
-        try:
+        with os_errors(lambda why: f"cannot use {self.folder}: {why}"):
             self.folder.mkdir(parents=True, exist_ok=True)
             free = self._free(self.folder)
-        except OSError as error:
-            raise StorageError(f"cannot use {self.folder}: {error.strerror}") from error
         least = self.stop_bytes
         if free < least:
             raise StorageError(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flight_log import is_closed
-from quadrotor.errors import StorageError
+from quadrotor.errors import StorageError, os_errors
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle_link.machine_checks import kernel_clock
 
@@ -86,7 +86,7 @@ class Ring:
 
     def tidy(self, keep: OnboardLogParameters) -> Iterator[str]:
         """Remove the oldest logs that must go; return a line for each. Raises StorageError."""
-        try:
+        with os_errors(lambda why: f"cannot tidy {self._folder}: {why}"):
             logs = self._logs()
             total = sum(log.size for log in logs)
             for log in self._removable(logs[:-1]):
@@ -94,8 +94,6 @@ class Ring:
                     log.path.unlink()
                     total -= log.size
                     yield f"onboard log {log.path.name} ({_size(log.size)}) removed: {why}"
-        except OSError as error:
-            raise StorageError(f"cannot tidy {self._folder}: {error.strerror}") from error
 
     def _logs(self) -> list[_Log]:
         """Return the logs, oldest first."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.compiled import compiled
+from quadrotor.compiled import compiled, direct
 from quadrotor.records import Record
 from quadrotor.vehicle_model import Four
 from vehicle.simulator.air import blow
@@ -66,26 +68,28 @@ def _run_python(
         period(p, registers, command)
 
 
-def run(
-    firmware: Firmware | NativeFirmware | BoardFirmware,
-    world: World,
-    row: int,
-    command: Command,
-    holder: Record,
-    periods: int,
-    dt: float,
-) -> None:
-    """Run `periods` of a firmware, `dt` (s) each, from row `row` of the random numbers on."""
+def runner(
+    firmware: Firmware | NativeFirmware | BoardFirmware, world: World, holder: Record
+) -> Callable[[int, Command, int, float], None]:
+    """Return the function that runs a firmware from this row of the random numbers on, with this
+    command, for this number of periods, each that long (s).
+    """
     if isinstance(firmware, Firmware):
-        program, registers = firmware.program, firmware.registers
-        _run_python(*world, row, program, registers, command, holder, periods, dt)
-        return
-    for k in range(row, row + periods):
-        a, b, c, d = firmware.references
-        move(*world, k, firmware.registers, (a, b, c, d), holder, dt)
-        if isinstance(firmware, BoardFirmware):
-            firmware.sense(*world, k)
-        firmware.period(command)
+        of = firmware.program, firmware.registers
+        machine = direct(_run_python, *world, 0, *of, STOPPED, holder, 1, 0.001)
+        return lambda row, command, periods, dt: machine(
+            *world, row, *of, command, holder, periods, dt
+        )
+
+    def run(row: int, command: Command, periods: int, dt: float) -> None:
+        for k in range(row, row + periods):
+            a, b, c, d = firmware.references
+            move(*world, k, firmware.registers, (a, b, c, d), holder, dt)
+            if isinstance(firmware, BoardFirmware):
+                firmware.sense(*world, k)
+            firmware.period(command)
+
+    return run
 
 
 def compile_periods(world: World, dt: float, fine: bool) -> None:
@@ -95,11 +99,10 @@ def compile_periods(world: World, dt: float, fine: bool) -> None:
         fine: whether for a board with finer sensors than the paper's.
     """
     firmware, holder = Firmware(), new_holder()
-    program, registers = firmware.program, firmware.registers
+    registers = firmware.registers
     sample(*world, 0, registers)
     firmware.period(STOPPED)
     move(*world, 0, registers, STOPPED, holder, dt)
-    _run_python(*world, 0, program, registers, STOPPED, holder, 1, dt)
     if fine:
         move(*world, 0, registers, (0.0, 0.0, 0.0, 0.0), holder, dt)
         sense(*world, 0, np.zeros((2, 3)))

@@ -19,9 +19,9 @@ from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
 from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.periods import Command, compile_periods, run
+from vehicle.simulator.periods import Command, compile_periods, runner
 from vehicle.simulator.plant import configure_plant, new_plant
-from vehicle.simulator.sensors import WARM_UP_TIME, Noise, new_sensors, sample
+from vehicle.simulator.sensors import SENSORS, WARM_UP_TIME, Noise, new_sensors, sample
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
@@ -72,7 +72,10 @@ class SimulatedVehicle:
         configure_holder(self._holder, self._plant, parameters)
         self._force_sensor = ForceSensor(parameters)
         self._noise, self._chance = Noise(parameters.seed), random.Random(parameters.seed)
+        self._sensors = np.zeros(1, SENSORS)
         self._fit_sensors(parameters)
+        world = self._plant, self._sensors, self._noise.block
+        self._run = runner(self.firmware, world, self._holder)
         self._begun_ns = 0  # time of period 0
         self._count = 0  # periods begun, period 0 included
         if firmware is None:
@@ -135,7 +138,7 @@ class SimulatedVehicle:
                 replies = firmware.receive(index, data)
                 if replies:
                     wire.write(replies)
-        if firmware.registers[_MIRROR_PERIOD] != self._sample_us:
+        if firmware.registers.item(_MIRROR_PERIOD) != self._sample_us:
             self._pace()
 
     def _advance(self, periods: int) -> None:
@@ -154,8 +157,7 @@ class SimulatedVehicle:
                 firmware.sense(self._plant, self._sensors, noise.block, row)
             firmware.period(command)
         else:
-            world = self._plant, self._sensors, noise.block
-            run(firmware, world, row, command, self._holder, periods, self._period)
+            self._run(row, command, periods, self._period)
             firmware.steps(stamp_ns // 1_000_000, periods, 1)
         self._count = last + 1
         if last % self._periods == 0:
@@ -260,7 +262,7 @@ class SimulatedVehicle:
 
     def _fit_sensors(self, parameters: SimulatorParameters) -> None:
         p = parameters
-        self._sensors, self._lost = new_sensors(p), p.lost_samples
+        self._sensors[...], self._lost = new_sensors(p), p.lost_samples
         self._warms_up = p.accelerometer_warm_up != 0.0 or p.gyroscope_warm_up != 0.0
 
     def _miss(self, motor: int) -> None:

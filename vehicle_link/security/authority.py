@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from quadrotor.errors import LinkError, StorageError
+from quadrotor.errors import LinkError, StorageError, os_errors
 from vehicle_link.security.certificates import (
     certificate_builder,
     general_name,
@@ -105,13 +105,9 @@ def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
             f"{folder} has no authority's key (it is a vehicle's copy), so no certificate of the "
             "page can be made; give one with --tls-certificate and --tls-key"
         )
-    try:
-        with locked(folder):
-            _ensure_web(files, {*LOCAL_NAMES, "::1", *names})
-    except OSError as error:
-        raise StorageError(
-            f"cannot make the certificate of the page in {folder}: {error.strerror or error}"
-        ) from error
+    what = f"cannot make the certificate of the page in {folder}"
+    with os_errors(lambda why: f"{what}: {why}"), locked(folder):
+        _ensure_web(files, {*LOCAL_NAMES, "::1", *names})
     return files
 
 
@@ -179,13 +175,11 @@ def issue(
             f"{folder} has a ca.key, so it is the folder of an authority and is left as it is; "
             "choose another with --out"
         )
-    try:
+    with os_errors(lambda why: f"cannot write {folder}: {why}"):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         write_secret(files.authority, authority.authority.read_bytes())
         files.key(role).unlink(missing_ok=True)
         _make_certificate(files, role, sorted(names), signer, subject, owner)
-    except OSError as error:
-        raise StorageError(f"cannot write {folder}: {error.strerror or error}") from error
     return files
 
 

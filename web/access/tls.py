@@ -8,8 +8,12 @@ import socket
 import ssl
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from quadrotor.errors import UsageError
+from quadrotor.errors import UsageError, os_errors
+
+if TYPE_CHECKING:
+    from cryptography.x509 import Certificate
 
 SOON = 14  # days before its end from which a certificate causes a warning
 
@@ -37,8 +41,8 @@ def private_tls(data: Path, names: tuple[str, ...]) -> Tls:
 
     files = ensure_web_certificate(data / "certificates", names)
     check_certificate(files, "web")
-    held = _read(files.certificate("web"), "the page's certificate").names
-    return Tls(files.certificate("web"), files.key("web"), held, files.authority)
+    names = _names(_read(files.certificate("web"), "the page's certificate"))
+    return Tls(files.certificate("web"), files.key("web"), names, files.authority)
 
 
 def given_tls(certificate: Path, key: Path) -> Tls:
@@ -61,12 +65,13 @@ def given_tls(certificate: Path, key: Path) -> Tls:
         )
         raise UsageError(f"--tls-key {key} {reason} {certificate}") from None
     now = datetime.datetime.now(datetime.UTC)
-    if not held.begin <= now <= held.end:
+    begin, end = held.not_valid_before_utc, held.not_valid_after_utc
+    if not begin <= now <= end:
         raise UsageError(
-            f"--tls-certificate {certificate} is valid from {held.begin:%Y-%m-%d} to "
-            f"{held.end:%Y-%m-%d} and not today ({now:%Y-%m-%d}); renew it"
+            f"--tls-certificate {certificate} is valid from {begin:%Y-%m-%d} to {end:%Y-%m-%d} "
+            f"and not today ({now:%Y-%m-%d}); renew it"
         )
-    return Tls(certificate, key, held.names)
+    return Tls(certificate, key, _names(held))
 
 
 def own_names(host: str) -> tuple[str, ...]:
@@ -84,38 +89,29 @@ def shown_host(host: str) -> str:
     return next(iter(_addresses()), socket.gethostname())
 
 
-@dataclass(frozen=True, slots=True)
-class _Held:
-    names: tuple[str, ...]
-    begin: datetime.datetime
-    end: datetime.datetime
-
-
-def _read(path: Path, option: str) -> _Held:
-    from cryptography import x509
+def _read(path: Path, option: str) -> Certificate:
+    from cryptography.x509 import load_pem_x509_certificate
 
     text = _readable(path, option)
     try:
-        certificate = x509.load_pem_x509_certificate(text)
+        return load_pem_x509_certificate(text)
     except ValueError:
         raise UsageError(f"{option} {path} holds no certificate in PEM form") from None
+
+
+def _names(certificate: Certificate) -> tuple[str, ...]:
+    from cryptography.x509 import ExtensionNotFound, SubjectAlternativeName
+
     try:
-        found = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName)
-        names = [str(name.value) for name in found.value]
-    except x509.ExtensionNotFound:
-        names = []
-    return _Held(
-        tuple(name for name in names if "*" not in name),
-        certificate.not_valid_before_utc,
-        certificate.not_valid_after_utc,
-    )
+        found = certificate.extensions.get_extension_for_class(SubjectAlternativeName).value
+    except ExtensionNotFound:
+        return ()
+    return tuple(str(name.value) for name in found if "*" not in str(name.value))
 
 
 def _readable(path: Path, option: str) -> bytes:
-    try:
+    with os_errors(lambda why: f"{option} {path} cannot be read ({why})", UsageError):
         return path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{option} {path} cannot be read ({error.strerror})") from None
 
 
 def _addresses() -> list[str]:

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from bearing_sim.beacons import Beacons, format_layout, parse_layout
 from flight_log.file import is_being_written
-from quadrotor.errors import RefusedError, StorageError
+from quadrotor.errors import RefusedError, os_errors
 from web.body import Body
 from web.parameters.replica import LAYOUT
 from web.requester import Operator
@@ -86,11 +86,9 @@ class BeaconSurvey:
 
     def ask(self, run_id: str, log: Path) -> None:
         """Start a survey, which replaces the previous one. Raises RefusedError, StorageError."""
-        try:
+        with os_errors(lambda why: f"cannot read {log}: {why}"):
             if is_being_written(log):
                 raise RefusedError(f"run {run_id} is being recorded; survey it when it has ended")
-        except OSError as error:
-            raise StorageError(f"cannot read {log}: {error.strerror}") from error
         with self._lock:
             if self._workshop is None:
                 raise RefusedError("this page makes no surveys; start it with `quadlab`")

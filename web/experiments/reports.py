@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse, HTMLResponse
+from fastapi.responses import FileResponse
 
 from console.runs.report_folders import read_result, report_file
 from web.requester import Operator
-from web.static_files import FILES
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
@@ -69,7 +68,3 @@ def add_reports(app: FastAPI, context: VehicleContext) -> None:
             content_disposition_type="inline" if kind else "attachment",
             headers={"content-security-policy": DOCUMENT} if path.suffix == ".html" else None,
         )
-
-    @app.get("/report/{run_id}", include_in_schema=False)
-    def report_page(run_id: str) -> HTMLResponse:
-        return FILES.document("experiments/report.html")

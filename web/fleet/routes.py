@@ -11,23 +11,17 @@ import contextlib
 from typing import Any
 
 from fastapi import FastAPI, WebSocket
-from fastapi.responses import HTMLResponse
 
 from web.commands.bodies import CommandBody
 from web.fleet.fleet import Fleet
 from web.live.conversation import converse, send_json
 from web.requester import Asker
-from web.static_files import FILES
 
 PERIOD = 0.4  # s between states
 PLOT_PERIOD = 0.1  # s between positions
 
 
 def add_fleet(app: FastAPI, fleet: Fleet) -> None:
-    @app.get("/fleet", include_in_schema=False)
-    def page() -> HTMLResponse:
-        return FILES.document("fleet/fleet.html")
-
     @app.get("/api/fleet")
     async def vehicles() -> list[dict[str, Any]]:
         """Return the state of each vehicle; ages in s, null = never."""

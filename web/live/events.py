@@ -11,7 +11,7 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 from fastapi import WebSocket
@@ -78,6 +78,10 @@ class EventHub:
     def publish_from_thread(self, message: Message) -> None:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self.publish, message)
+
+    def runs_changed(self, run_ids: Iterable[str]) -> None:
+        """Notify the pages, from any thread; they request again what they show."""
+        self.publish_from_thread({"type": "runs", "runs": list(run_ids)})
 
     def say(self, level: str, text: str) -> None:
         """Publish a line of this process in everyone's event list."""

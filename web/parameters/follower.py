@@ -8,12 +8,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+from collections.abc import Callable
 from typing import Any
 
 from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import FieldOfView
-from control.behaviors.parameters import flight_volume, keep_out
 from quadrotor.errors import QuadlabError
 from vehicle_link.parameters.change import (
     SIMULATOR,
@@ -22,6 +22,7 @@ from vehicle_link.parameters.change import (
     ParameterChange,
     authority_of,
 )
+from web.beacons.scene import BeaconScene
 from web.live.latest import Live
 from web.live.station import Station
 from web.parameters.replica import PageParameters
@@ -79,27 +80,16 @@ class ParameterFollower:
                 round_due = loop.time() + ROUND
                 if await self.is_simulator_news():
                     await self._read(status)
-            if (box := flight_volume(self._replica.value)) is not None:
-                self._scene.set_volume(box)
-            self._scene.boxes.set_boxes(keep_out(self._replica.value))
+            self._scene.show_parameters(self._replica.value)
             self._scene.mass = float(self._replica.value("model.mass") or 0.0)
 
     def show_beacons(self) -> None:
         """Show the beacons once the station's parameters are known, and whenever one changes."""
-        names = {name: f"{BEARINGS}{name}" for name in BearingParameters.model_fields}
-        values = {name: self._replica.value(full) for name, full in names.items()}
-        values = {name: value for name, value in values.items() if value is not None}
+        values = bearing_values(self._replica.value)
         if "layout" not in values or values == self._shown:
             return
         self._shown = values
-        with contextlib.suppress(QuadlabError, ValueError):  # a station of another version
-            sensor = BearingParameters.model_validate(values)
-            self._scene.beacons.set_beacons(
-                parse_layout(sensor.layout),
-                math.radians(sensor.sigma),
-                FieldOfView.of(sensor),
-                sensor.rate,
-            )
+        show_bearings(self._scene.beacons, values)
 
     def _is_due(self, status: Any) -> bool:
         self._replica.note_status(int(status.instance), int(status.parameter_revision))
@@ -135,3 +125,21 @@ class ParameterFollower:
             descriptions += described
             values |= read
         self._replica.load(values, revision, instance, since, descriptions)
+
+
+def bearing_values(value: Callable[[str], Any]) -> dict[str, Any]:
+    """Return the known parameters of the simulated bearings, by their names in their group."""
+    named = ((name, value(f"{BEARINGS}{name}")) for name in BearingParameters.model_fields)
+    return {name: one for name, one in named if one is not None}
+
+
+def show_bearings(scene: BeaconScene, values: dict[str, Any]) -> None:
+    """Show the beacons of these parameters; those of another version change nothing."""
+    with contextlib.suppress(QuadlabError, ValueError):
+        sensor = BearingParameters.model_validate(values)
+        scene.set_beacons(
+            parse_layout(sensor.layout),
+            math.radians(sensor.sigma),
+            FieldOfView.of(sensor),
+            sensor.rate,
+        )

@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Query
-from fastapi.responses import HTMLResponse, Response
+from fastapi.responses import Response
 
 from console.catalogue.catalogue import SUFFIX, Catalogue
 from flight_log.file import is_being_written
 from quadrotor.errors import StorageError
 from web.live.pictures import Camera
 from web.replay.store import Building, ReplayStore
-from web.static_files import FILES
 
 ONBOARD = "onboard"
 MOST_SIGNALS = 64
@@ -56,14 +55,6 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
         if path is not None and path.is_file():
             return path
         raise StorageError(f"no log {name!r:.80} in the folder {ONBOARD}")
-
-    @app.get("/replay/{run_id}", include_in_schema=False)
-    def page(run_id: str) -> HTMLResponse:
-        return FILES.document("replay/replay.html")
-
-    @app.get("/compare", include_in_schema=False)
-    def compare_page() -> HTMLResponse:
-        return FILES.document("compare/compare.html")
 
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:

@@ -10,10 +10,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from flight_log.file import is_being_written
 from flight_log.run_folder import log_of
-from quadrotor.errors import RefusedError, StorageError
-from web.runs.job_queue import Work, Workshop
+from quadrotor.errors import os_errors
+from web.runs.job_queue import Work, Workshop, check_closed
 
 SECONDS = 1800.0
 """Longest time for one recording, s."""
@@ -37,7 +36,7 @@ def write_recording(log: Path, file: Path, report: Callable[[float], None]) -> N
     record(log, file, report)
 
 
-class ViserExports:
+class ViserExports(Workshop):
     """Recordings of runs for viser; safe for several threads.
 
     Args:
@@ -45,9 +44,9 @@ class ViserExports:
     """
 
     def __init__(self, function: Callable[..., None] = write_recording) -> None:
-        self.workshop = Workshop(function, "recordings", SECONDS)
+        super().__init__(function, "recordings", SECONDS)
         self._version = version("viser")  # a recording fits only the client of the same version
-        self._lock = threading.Lock()
+        self._asking = threading.Lock()
         self._exports: dict[tuple[str, int], Export] = {}  # by run and age of its log
 
     def ask(self, run_id: str, log: Path) -> Export:
@@ -57,16 +56,10 @@ class ViserExports:
         """
         name = f"{log.stem}.{self._version}.viser"
         file = log / name if log.is_dir() else log.with_name(name)
-        try:
+        check_closed(run_id, log, "3D recording")
+        with os_errors(lambda why: f"cannot read {log}: {why}"):
             written_ns = log_of(log).stat().st_mtime_ns
-            if is_being_written(log):
-                raise RefusedError(
-                    f"run {run_id} is being recorded; its 3D recording can be made "
-                    "once it has ended"
-                )
-        except OSError as error:
-            raise StorageError(f"cannot read {log}: {error.strerror}") from error
-        with self._lock:
+        with self._asking:
             if file.exists() and file.stat().st_mtime_ns >= written_ns:
                 return Export("ready", 1.0, path=file)
             key = (run_id, written_ns)
@@ -74,15 +67,11 @@ class ViserExports:
             if export is not None and export.name != "ready":
                 return export
             export = Export()
-            self.workshop.put(export, (log, file), partial(_finish, log, file, export))
+            self.put(export, (log, file), partial(_finish, log, file, export))
             self._exports[key] = export
             while len(self._exports) > REMEMBERED:
                 self._exports.pop(next(iter(self._exports)))
             return export
-
-    def stop(self) -> None:
-        """End the running process, if any; no partial file remains."""
-        self.workshop.stop()
 
 
 def _finish(log: Path, file: Path, export: Export, reason: str) -> str:

@@ -7,9 +7,11 @@ import queue
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from quadrotor.errors import QuadlabError, RefusedError
+from flight_log.file import is_being_written
+from quadrotor.errors import QuadlabError, RefusedError, os_errors
 from vehicle_link.jobs import run
 
 MOST_WAITING = 20
@@ -37,6 +39,15 @@ class _Order(NamedTuple):
     work: Work
     arguments: Sequence[Any]
     finish: Callable[[str], str]
+
+
+def check_closed(run_id: str, log: Path, what: str) -> None:
+    """Raise RefusedError while the run is being recorded, StorageError if it cannot be read."""
+    with os_errors(lambda why: f"cannot read {log}: {why}"):
+        if is_being_written(log):
+            raise RefusedError(
+                f"run {run_id} is being recorded; its {what} can be made once it has ended"
+            )
 
 
 class Workshop:

@@ -8,10 +8,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import as_json, completeness_of
 from console.catalogue.marks import mark_counts
 from console.catalogue.notes import Note, newest_notes
+from console.catalogue.tables import RunEntry
 from console.catalogue.tags import tags_of
 from console.runs.report_folders import RESULT, read_result, report_folder
 from flight_log.file import is_being_written

@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from console.runs.report_folders import FILE_NAME, report_folder
-from flight_log.file import is_being_written
-from quadrotor.errors import RefusedError, StorageError
-from web.runs.job_queue import Work, Workshop
+from web.runs.job_queue import Work, Workshop, check_closed
 
 SECONDS = 300.0
 """Longest time for one report, s."""
@@ -39,7 +37,7 @@ def make_report(log: Path, report: Callable[[float], None]) -> None:
     write_report(log, report_folder(log), progress=report)
 
 
-class ReportMaking:
+class ReportMaking(Workshop):
     """Reports of runs made on request; safe for several threads.
 
     Args:
@@ -49,8 +47,8 @@ class ReportMaking:
     def __init__(
         self, function: Callable[..., None] = make_report, seconds: float = SECONDS
     ) -> None:
-        self.workshop = Workshop(function, "reports", seconds)
-        self._lock = threading.Lock()
+        super().__init__(function, "reports", seconds)
+        self._asking = threading.Lock()
         self._asked: dict[str, Making] = {}
 
     def ask(self, run_id: str, log: Path) -> Making:
@@ -58,19 +56,13 @@ class ReportMaking:
 
         Raises RefusedError while the run is being recorded or too many wait, StorageError.
         """
-        try:
-            if is_being_written(log):
-                raise RefusedError(
-                    f"run {run_id} is being recorded; its report can be made once it has ended"
-                )
-        except OSError as error:
-            raise StorageError(f"cannot read {log}: {error.strerror}") from error
-        with self._lock:
+        check_closed(run_id, log, "report")
+        with self._asking:
             making = self._asked.get(run_id)
             if making is not None and making.is_under_way:
                 return making
             making = Making()
-            self.workshop.put(making, (log,))
+            self.put(making, (log,))
             self._asked.pop(run_id, None)
             self._asked[run_id] = making
             while len(self._asked) > REMEMBERED:
@@ -80,10 +72,6 @@ class ReportMaking:
     def state(self, run_id: str) -> Making:
         """Return the state of the newest requested report; `none` if none was since the start."""
         return self._asked.get(run_id) or Making("none")
-
-    def stop(self) -> None:
-        """End the running process, if any."""
-        self.workshop.stop()
 
 
 def files_of(log: Path) -> list[str]:

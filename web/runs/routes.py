@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import FastAPI, HTTPException, Query
-from fastapi.responses import FileResponse, HTMLResponse
+from fastapi.responses import FileResponse
 
 from console.catalogue.marks import marks_of
 from console.catalogue.notes import notes_history, write_notes
@@ -19,12 +19,10 @@ from console.catalogue.tags import all_tags, change_tags
 from quadrotor.errors import StorageError
 from web.requester import Operator
 from web.runs.bodies import MarkBody, NotesBody, TagsBody
-from web.runs.changes import tell_changed
 from web.runs.listing import about, lines
 from web.runs.onboard import add_onboard
 from web.runs.sharing import add_sharing, log_response
 from web.runs.trash import add_trash
-from web.static_files import FILES
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
@@ -50,10 +48,6 @@ def add_runs(app: FastAPI, parts: VehicleContext) -> None:
 
 def _add_list(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
-
-    @app.get("/runs", include_in_schema=False)
-    def page() -> HTMLResponse:
-        return FILES.document("runs/runs.html")
 
     @app.get("/api/runs")
     def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:
@@ -98,7 +92,7 @@ def _add_notes(app: FastAPI, parts: VehicleContext) -> None:
         `replaced` is another person's text that was written after the version `seen`.
         """
         written = write_notes(catalogue, run_id, body.notes, session.label, body.seen)
-        tell_changed(parts.hub, [run_id])
+        parts.hub.runs_changed([run_id])
         replaced = written.replaced
         return {
             "notes": written.note.text,
@@ -129,7 +123,7 @@ def _add_tags_and_marks(app: FastAPI, parts: VehicleContext) -> None:
         except StorageError as error:
             raise HTTPException(404, str(error)) from error
         changed = change_tags(catalogue, body.runs, body.add, body.remove)
-        tell_changed(parts.hub, changed)
+        parts.hub.runs_changed(changed)
         return changed
 
     @app.get("/api/runs/{run_id}/marks")

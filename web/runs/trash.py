@@ -16,7 +16,6 @@ from console.runs.trash import delete_run, deleted_runs, purge, restore_run
 from quadrotor.errors import QuadlabError
 from web.requester import Admin, Operator
 from web.runs.bodies import RunsBody
-from web.runs.changes import tell_changed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,7 +72,7 @@ def add_trash(app: FastAPI, parts: VehicleContext) -> None:
         """Delete all runs in the trash for good; `refused`: id → reason, of those not deleted."""
         purged = purge(catalogue)
         if purged.done:
-            tell_changed(parts.hub, purged.done)
+            parts.hub.runs_changed(purged.done)
         return asdict(purged)
 
     def _each(run_ids: list[str], act: Callable[[str], None]) -> dict[str, Any]:
@@ -86,7 +85,7 @@ def add_trash(app: FastAPI, parts: VehicleContext) -> None:
             except QuadlabError as error:
                 refused[run_id] = str(error)
         if done:
-            tell_changed(parts.hub, done)
+            parts.hub.runs_changed(done)
         return {"done": done, "refused": refused}
 
 

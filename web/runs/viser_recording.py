@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bearing_sim.beacons import parse_layout
-from bearing_sim.bearing_parameters import BearingParameters
-from bearing_sim.observability import FieldOfView
-from control.behaviors.parameters import flight_volume, keep_out
 from flight_log import read_attachments, read_log, summarize
 from flight_log.attached import json_value, logged_value
-from quadrotor.errors import QuadlabError, StorageError
+from quadrotor.errors import StorageError
 from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
 from web.live.latest import Live
-from web.parameters.follower import BEARINGS
+from web.parameters.follower import BEARINGS, bearing_values, show_bearings
 from web.view.scene import Scene
 from web.view.server import ViewServer
 
@@ -105,22 +100,8 @@ class _Flight:
             self._scene_of_parameters()
 
     def _scene_of_parameters(self) -> None:
-        if (box := flight_volume(self._values.get)) is not None:
-            self._scene.set_volume(box)
-        self._scene.boxes.set_boxes(keep_out(self._values.get))
-        fields = BearingParameters.model_fields
-        known = ((name, self._values.get(f"{BEARINGS}{name}")) for name in fields)
-        own: dict[str, Any] = {name: value for name, value in known if value is not None}
-        try:
-            sensor = BearingParameters(**own)
-            self._scene.beacons.set_beacons(
-                parse_layout(sensor.layout),
-                math.radians(sensor.sigma),
-                FieldOfView.of(sensor),
-                sensor.rate,
-            )
-        except (QuadlabError, ValueError, TypeError):
-            return  # a log of another version; the beacons stay where they were
+        self._scene.show_parameters(self._values.get)
+        show_bearings(self._scene.beacons, bearing_values(self._values.get))
 
 
 def _station_values(log: Path) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
-from fastapi.responses import HTMLResponse
 
 from quadrotor.errors import LinkError
 from vehicle_link.checks import Check, from_messages
@@ -19,7 +18,6 @@ from web.access.users import shown
 from web.requester import Operator
 from web.setup.page_checks import page_checks
 from web.setup.vehicles import known_vehicles
-from web.static_files import FILES
 
 if TYPE_CHECKING:
     from web.fleet.fleet import Fleet
@@ -28,10 +26,6 @@ if TYPE_CHECKING:
 
 def add_setup(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
     station, people = context.station, context.people
-
-    @app.get("/setup", include_in_schema=False)
-    def page() -> HTMLResponse:
-        return FILES.document("setup/setup.html")
 
     @app.get("/api/setup/vehicles")
     async def vehicles() -> list[dict[str, Any]]:

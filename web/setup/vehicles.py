@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.tables import RunEntry
 from console.link.known_vehicles import KnownVehicles
 from web.live.latest import Live
 

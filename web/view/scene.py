@@ -10,11 +10,12 @@ from __future__ import annotations
 import asyncio
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from control.behaviors.parameters import Box
+from control.behaviors.parameters import Box, flight_volume, keep_out
 from quadrotor.constants import GRAVITY
 from web.beacons.scene import BeaconScene
 from web.beacons.shapes import Point, point_of, wxyz_of
@@ -115,6 +116,12 @@ class Scene:
     def is_plan_shown(self) -> bool:
         """Return whether a path that may be flown next is shown."""
         return bool(self._plan.visible)
+
+    def show_parameters(self, value: Callable[[str], Any]) -> None:
+        """Show the flight volume and the keep-out boxes of these parameters."""
+        if (box := flight_volume(value)) is not None:
+            self.set_volume(box)
+        self.boxes.set_boxes(keep_out(value))
 
     def set_volume(self, box: Box) -> None:
         """Set the flight volume, ((x low, high), (y low, high), (z low, high)) in m."""

@@ -105,7 +105,7 @@ def test_a_bad_layout_never_reaches_the_vehicle_and_changes_nothing(
     store: StationStore, vehicle: Vehicle, text: str, says: str
 ) -> None:
     before, values = store.values(), {"station.bearings.sigma": 3.0, STATION_LAYOUT: text}
-    for refused in (lambda: store.change(values, "ada"), lambda: store.check(values)):
+    for refused in (lambda: store.change(values, "ada"), lambda: store.tried(values)):
         with pytest.raises(OutOfBoundsError, match=says):
             refused()
     assert (store.values(), store.revision, vehicle.told) == (before, 0, [])

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from console.catalogue.catalogue import DATABASE, Catalogue
-from console.catalogue.marks import Mark, mark_counts, marks_of, store_mark
+from console.catalogue.marks import mark_counts, marks_of, store_mark
 from console.catalogue.notes import KEPT, newest_notes, notes_history, write_notes
 from console.catalogue.search import RunSearch
+from console.catalogue.tables import Mark
 from console.catalogue.tags import LONGEST, MOST, all_tags, change_tags, tags_of
 from console.runs.trash import delete_run
 from quadrotor.errors import ParameterError, StorageError

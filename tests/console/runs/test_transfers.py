@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, completeness_of, store_completeness
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import described
@@ -378,9 +378,7 @@ class Bench:
         )
 
     def enter(self, run: Path) -> None:
-        entry = described(run, None)
-        fields = {name: getattr(entry, name) for name in RunEntry.__slots__}
-        self.catalogue.add(RunEntry(**fields))
+        self.catalogue.add(described(run, None))
         store_completeness(self.catalogue, run.stem, Completeness("open"))
 
 

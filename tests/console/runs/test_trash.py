@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from console.catalogue.catalogue import Catalogue, RunEntry
-from console.catalogue.marks import Mark, marks_of, store_mark
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.marks import marks_of, store_mark
 from console.catalogue.notes import write_notes
-from console.catalogue.tables import MarkRow, NoteRow, RunRow, TagRow, TrashRow
+from console.catalogue.tables import Mark, NoteRow, RunEntry, TagRow, TrashRow
 from console.catalogue.tags import change_tags, tags_of
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import tidy_runs
@@ -124,8 +124,8 @@ def test_after_its_time_nothing_of_a_run_is_left(catalogue: Catalogue) -> None:
     assert not (catalogue.folder / CACHES / "r1").exists()
     assert names(catalogue.folder / TRASH) == set()
     with catalogue.session() as session:
-        assert session.get(RunRow, "r1") is None
-        for table in (TagRow, NoteRow, MarkRow, TrashRow):
+        assert session.get(RunEntry, "r1") is None
+        for table in (TagRow, NoteRow, Mark, TrashRow):
             assert session.scalar(select(table).where(table.run_id == "r1")) is None
     assert catalogue.count() == 2
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue
 from console.catalogue.notes import write_notes
+from console.catalogue.tables import RunEntry
 from console.parameters.station import RecorderParameters
 from console.runs import trash as run_trash
 from console.runs.adoption import tidy_runs

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pytest
 
-from console.trackers import several_cameras
+from console.trackers import several_cameras, source_reader
 from console.trackers.camera import CameraSource
 from console.trackers.camera_view import CameraView
 from console.trackers.several_cameras import SeveralCameras, open_cameras
@@ -96,7 +96,7 @@ def test_frames_of_cameras_with_clocks_of_their_own_come_in_the_order_of_their_s
 def test_a_camera_that_is_unplugged_is_told_by_name_and_the_other_goes_on(
     pair: Callable[..., tuple[SeveralCameras, Camera, Camera]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(several_cameras, "RETRY", 0.01)
+    monkeypatch.setattr(source_reader, "RETRY", 0.01)
     source, one, other = pair()
     frames = source.frames()
     other.is_open = False

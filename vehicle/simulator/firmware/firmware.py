@@ -42,6 +42,7 @@ START_MS = 58_000
 """Time, in ms, at power-up, chosen so that every run soon passes the wrap at 60 s."""
 
 _TIME, _MOTOR_STATE, _BATTERY = int(Id.TIME), int(Id.MOTOR_STATE), int(Id.BATTERY)
+_TIMEOUT = int(Id.EMERGENCY_TIMEOUT)
 _STOPPED = (0, 0, 0, 0)
 
 ALLOWED = {
@@ -151,9 +152,9 @@ class Firmware:
         """Set the time since power-up; check whether an emergency begins or ends."""
         self._ms = elapsed_ms
         if self._state is MotorState.ON:
-            if self.registers[_BATTERY] > BATTERY_LAND:
+            if self.registers.item(_BATTERY) > BATTERY_LAND:
                 self._charged_ms = elapsed_ms
-            silent = elapsed_ms - self._heard_ms > self.registers[Id.EMERGENCY_TIMEOUT]
+            silent = elapsed_ms - self._heard_ms > self.registers.item(_TIMEOUT)
             if silent or elapsed_ms - self._charged_ms > BATTERY_TIME_MS:
                 self._enter(MotorState.EMERGENCY)
         elif self._state is MotorState.EMERGENCY and (

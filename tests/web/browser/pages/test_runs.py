@@ -15,9 +15,9 @@ from sqlalchemy import delete
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, store_completeness
-from console.catalogue.marks import Mark, store_mark
+from console.catalogue.marks import store_mark
 from console.catalogue.notes import notes_history, write_notes
-from console.catalogue.tables import RunRow
+from console.catalogue.tables import Mark, RunEntry
 from console.catalogue.tags import change_tags, tags_of
 from console.runs.trash import deleted_runs
 from vehicle_link.messages import header, new
@@ -33,7 +33,7 @@ def enter(catalogue: Catalogue, count: int) -> None:
         (catalogue.folder / f"{name}.mcap").write_bytes(bytes(1000))
     with catalogue.session() as session:
         session.add_all(
-            RunRow(
+            RunEntry(
                 id=f"run{number:04}",
                 vehicle="quad1",
                 duration=61.0 + number,
@@ -165,7 +165,7 @@ def test_a_list_without_any_run_says_how_the_first_is_made(
     runs: Catalogue, runs_page: Any, sees: Any
 ) -> None:
     with runs.session() as session:
-        session.execute(delete(RunRow))
+        session.execute(delete(RunEntry))
     runs_page.reload()
     sees.text("#list .empty", "^No runs yet. Recording starts on arming.$")
     runs_page.fill("#search", "wind")
