@@ -212,7 +212,7 @@ class BaseStation:
             lambda: self._sticks.alarm is not None,
         )
         self._preflight = Preflight(context, gatherer.facts, self._vehicle_parameters.refresh)
-        self._startup_checks = StartupChecks(context, folder.parent, gatherer, endpoints)
+        startup_checks = StartupChecks(context, folder.parent, gatherer, endpoints)
         status = StatusSender(context, self._tracker, gatherer.note_link_status)
         polling = VehiclePolling(
             context, self._vehicle_parameters, self._layout, self._calibrations
@@ -255,8 +255,6 @@ class BaseStation:
                 self._transfers.tick,
             ),
         )
-        self._preflight.start()
-        self._startup_checks.start()
         self._threads = [
             threading.Thread(target=run, args=(self._closing, self._guard), name=name, daemon=True)
             for name, run in (
@@ -264,6 +262,8 @@ class BaseStation:
                 ("identification", identification.run),
                 ("polling", polling.run),
                 ("housekeeping", house.run),
+                ("preflight", self._preflight.run),
+                ("checks", startup_checks.run),
             )
         ]
         for thread in self._threads:
@@ -284,8 +284,6 @@ class BaseStation:
         self._closing.set()
         self.runs.close()
         self._transfers.close()
-        self._preflight.close()
-        self._startup_checks.close()
         self.experiments.close()
         self._sticks.close()
         self._tracker.close()

@@ -20,8 +20,8 @@ import math
 import numpy as np
 
 from control.parameters import DisturbanceParameters, Item
-from quadrotor.compiled import compiled
-from quadrotor.records import ACTUATORS, Record, new_state
+from quadrotor.compiled import compiled, direct
+from quadrotor.records import ACTUATORS, STATE, Record
 from quadrotor.rigid_body import drag_torque, gyroscopic_ratios, motor_share, rotors
 from quadrotor.vectors import Vector, add, along, axes_of, quaternion, scale, times, to_body, vector
 from quadrotor.vehicle_model import GRAVITY, Four, VehicleModel
@@ -259,14 +259,21 @@ class DisturbanceObserver:
 
     Attributes:
         memory: OBSERVER_MEMORY, shape (1,).
+        idle: whether it is switched off and faded out, so that no step is needed.
     """
 
     def __init__(self, parameters: DisturbanceParameters) -> None:
         self.memory = np.zeros(1, OBSERVER_MEMORY)
-        self._wanted = False
+        self._wanted, self.idle = False, True
         self.configure(parameters)
-        model, actuators, state = VehicleModel().record(), np.zeros(1, ACTUATORS), new_state()
-        self.step(state, actuators, model, False, False, 0.002, np.zeros(1, DISTURBANCE))
+        records = (
+            np.zeros(1, STATE),
+            np.zeros(1, ACTUATORS),
+            self._settings,
+            VehicleModel().record(),
+        )
+        out = np.zeros(1, DISTURBANCE)
+        self._observe = direct(observe, self.memory, *records, True, True, 0.002, out)
 
     def configure(self, parameters: DisturbanceParameters) -> None:
         """Set new settings, keeping the estimate."""
@@ -275,14 +282,7 @@ class DisturbanceObserver:
         if wanted and self.idle:  # the estimate is out of date
             self.memory[...] = 0
         self._wanted = wanted
-
-    @property
-    def idle(self) -> bool:
-        """Return whether it is switched off and faded out, so that no step is needed."""
-        if self._wanted:
-            return False
-        share = self.memory["force_share"].item() + self.memory["torque_share"].item()
-        return not share > 0.0
+        self.idle = not wanted and self._faded_out
 
     def step(
         self,
@@ -295,4 +295,11 @@ class DisturbanceObserver:
         out: Record,
     ) -> None:
         """Compute one tick into the DISTURBANCE `out`, see `observe_one`; records of shape (1,)."""
-        observe(self.memory, state, actuators, self._settings, model, flying, carried, dt, out)
+        memory, settings = self.memory, self._settings
+        self._observe(memory, state, actuators, settings, model, flying, carried, dt, out)
+        self.idle = not self._wanted and self._faded_out
+
+    @property
+    def _faded_out(self) -> bool:
+        share = self.memory["force_share"].item() + self.memory["torque_share"].item()
+        return not share > 0.0

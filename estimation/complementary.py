@@ -131,7 +131,7 @@ class ComplementaryEstimator(CompiledEstimator):
 
     def _correct(self, pose: Record, gains: Record, estimate: Record) -> None:
         self._apply(self.memory, pose, gains, estimate, self._outcome)
-        if self._outcome[0] == Outcome.INVALID:
+        if self._outcome.item() == Outcome.INVALID:
             raise refuse_pose(pose)
 
     def correct_bearings(self, bearings: Record, estimate: Record) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+RUNS = "runs"
+"""Folder of all runs in the data folder."""
 STATION, VEHICLE, MERGED = "station.mcap", "vehicle.mcap", "merged.mcap"
 
 

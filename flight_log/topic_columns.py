@@ -260,6 +260,8 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
     if not size:
         return np.full(len(rows), "", object)
     merged = np.concatenate([rows[:, offset : offset + length] for offset, length in pieces], 1)
+    if (merged == merged[0]).all():  # most texts never change, and sorting them takes long
+        merged = merged[:1]
     distinct, which = np.unique(merged.view(f"V{size}")[:, 0], return_inverse=True)
     made = np.empty(len(distinct), object)
     for k, one in enumerate(distinct):
@@ -269,7 +271,7 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
             at += length
         made[k] = ", ".join(words)
     joined: npt.NDArray[Any] = made[which]
-    return joined
+    return joined if len(joined) == len(rows) else joined.repeat(len(rows))
 
 
 def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:

@@ -259,7 +259,7 @@ def pose_sample(stamp_ns: int, position_w: Numbers, quaternion_wb: Numbers) -> R
 
 def has_attitude(quaternion_wb: npt.ArrayLike) -> bool:
     """Return whether a tracked quaternion is an attitude, not NO_ATTITUDE of a marker."""
-    return bool(np.count_nonzero(quaternion_wb))  # a tenth of the time of np.any
+    return bool(np.count_nonzero(quaternion_wb))  # np.any takes 4 µs
 
 
 def bearings_sample(
@@ -268,10 +268,9 @@ def bearings_sample(
     """Return a BEARINGS_SAMPLE without beacon positions, shape (1,), of the first MAX_BEACONS."""
     count = min(len(beacon_ids), MAX_BEACONS)
     sample = np.zeros(1, BEARINGS_SAMPLE)
-    item = sample[0]
-    item["stamp_ns"], item["count"], item["sigma"] = stamp_ns, count, sigma
-    item["beacon_id"][:count] = beacon_ids[:count]
-    item["bearing_b"][:count] = np.reshape(bearings_b, (-1, 3))[:count]
+    sample["stamp_ns"], sample["count"], sample["sigma"] = stamp_ns, count, sigma
+    sample["beacon_id"][0, :count] = beacon_ids[:count]
+    sample["bearing_b"][0, :count] = np.reshape(bearings_b, (-1, 3))[:count]
     return sample
 
 

@@ -41,7 +41,7 @@ LIVE = (
 )
 """Tests of links that must stay good during the test, and of a plant that runs in real time."""
 BROWSER = "web/browser/"
-LONG = ("web/test_openapi.py", "quadlab/fly/test_bearings.py", "vehicle/flight/test_kernels.py")
+LONG = ("quadlab/fly/", "web/test_openapi.py", "vehicle/flight/test_kernels.py")
 """Long tests, which start early, so that no process has one of them alone at the end."""
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's browsers; the shell draws the same with half the work, as it has no window."""

@@ -19,10 +19,9 @@ from console.catalogue.search import RunSearch, condition
 from console.catalogue.tables import Base, RunEntry, TrashRow
 from console.catalogue.transactions import transactions
 from flight_log.columns.places import CACHES
-from flight_log.run_folder import log_of
+from flight_log.run_folder import RUNS, log_of
 from quadrotor.errors import StorageError
 
-RUNS = "runs"
 DATABASE = "catalogue.sqlite"
 SUFFIX = ".mcap"
 

@@ -15,7 +15,7 @@ from console.checks.facts import Facts
 from console.checks.items import judged, reasons
 from console.context import StationContext
 from console.link.outbox import WARN
-from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new
 
@@ -49,15 +49,11 @@ class Preflight:
         self._newest: list[Check] = []
         self._published: tuple[object, ...] = ()
         self._published_at = float("-inf")
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="preflight", daemon=True)
 
-    def start(self) -> None:
-        self._thread.start()
-
-    def close(self) -> None:
-        self._closing.set()
-        self._thread.join(2.0)
+    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
+        """Run until `closing`; `guard` calls a function and survives its defects."""
+        while not closing.wait(PERIOD):
+            guard(self.tick)
 
     def before_arming(self, requester: str) -> None:
         """Raise RefusedError with all the reasons why the vehicle must not be armed now."""
@@ -113,13 +109,3 @@ class Preflight:
     def _gather(self) -> Facts:
         with self._judging:
             return self._facts()
-
-    def _run(self) -> None:
-        while not self._closing.wait(PERIOD):
-            try:
-                self.tick()
-            except QuadlabError:
-                if not self._closing.is_set():
-                    log.warning("pre-flight check", exc_info=True)
-            except Exception:  # a defect must not end the list: arming would stay refused
-                log.exception("pre-flight check")

@@ -11,6 +11,7 @@ import json
 import logging
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from console.checks.gather import Gatherer
 from console.context import StationContext
 from console.link.outbox import INFO, WARN
 from flight_log.provenance import provenance
-from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.checks import Check, from_messages, to_messages
 from vehicle_link.machine_checks import ClockWatch, clock_check, disk_check, governor_check
 from vehicle_link.messages import new
@@ -59,16 +60,15 @@ class StartupChecks:
         self._station: list[Check] = []
         self._vehicle: list[Check] = []
         self._checked = 0.0
-        self._closing = threading.Event()
+        self._periods = self._connected_for = 0
+        self._due = False
         context.node.serve("station/checks", SERVICES["checks"], self._answer)
-        self._thread = threading.Thread(target=self._run, name="checks", daemon=True)
 
-    def start(self) -> None:
-        self._thread.start()
-
-    def close(self) -> None:
-        self._closing.set()
-        self._thread.join(TIMEOUT)
+    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
+        """Run until `closing`; `guard` calls a function and survives its defects."""
+        while not closing.wait(PERIOD):
+            self._watch.compare()
+            guard(self._check_when_due)
 
     @property
     def found(self) -> list[Check]:
@@ -125,26 +125,16 @@ class StartupChecks:
         ours = provenance()["git_revision"]
         return [_compared(one, ours) for one in from_messages(answer.checks)]
 
-    def _run(self) -> None:
-        periods = connected_for = 0
-        due = False
-        while not self._closing.wait(PERIOD):
-            self._watch.compare()
-            periods += 1
-            try:
-                facts = self._gatherer.facts()
-                connected_for = connected_for + 1 if facts.link is LinkState.GOOD else 0
-                connected = connected_for == SETTLE and self._is_vehicle_unknown
-                due |= connected or (periods == WITHOUT_VEHICLE and not self._checked)
-                if due and not facts.armed:
-                    due = False
-                    self.run_checks()
-                    self._report()
-            except QuadlabError:
-                if not self._closing.is_set():
-                    log.warning("start-up checks", exc_info=True)
-            except Exception:  # the clock must stay watched
-                log.exception("start-up checks")
+    def _check_when_due(self) -> None:
+        self._periods += 1
+        facts = self._gatherer.facts()
+        self._connected_for = self._connected_for + 1 if facts.link is LinkState.GOOD else 0
+        connected = self._connected_for == SETTLE and self._is_vehicle_unknown
+        self._due |= connected or (self._periods == WITHOUT_VEHICLE and not self._checked)
+        if self._due and not facts.armed:
+            self._due = False
+            self.run_checks()
+            self._report()
 
     def _report(self) -> None:
         """Publish one line when a check needs attention."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,7 @@ from quadrotor.errors import QuadlabError
 from quadrotor.parameters import Parameters, ParameterValue
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleView:
+class VehicleView(NamedTuple):
     """The state of the vehicle in its newest telemetry."""
 
     time: float  # s, vehicle clock

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
-from console.catalogue.catalogue import RUNS
 from console.evaluation.explanation.finding import Finding
 from console.reports.content import Block, Heading, Picture, Text
 from console.reports.plots import COLORS, finish, line, styled, window
 from console.reports.run_log import RunLog
+from flight_log.run_folder import RUNS
 
 MARGIN = 3.0
 """Seconds plotted before and after the claimed interval."""

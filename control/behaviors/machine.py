@@ -74,6 +74,8 @@ class BehaviorMachine:
         trajectories: those loaded from files before the flight, by name.
 
     Attributes:
+        name: the active behavior's.
+        level: what the microcontroller has to hold, in a behavior that it flies itself, else None.
         control: gains in use, with which steps are checked.
         aborted: why a behavior ended by itself early, until `pop_aborted`.
         outside: the newest reference of another program; written between ticks.
@@ -96,7 +98,7 @@ class BehaviorMachine:
         self.aborted = ""
         self.outside = ExternalReference()
         self._inputs = TickInputs()
-        self._behavior: Behavior = Ground()
+        self._change(Ground())
         self._reference = new_reference()
         self._floats = self._reference.view("f8")
         self._target: Record | None = None
@@ -104,21 +106,9 @@ class BehaviorMachine:
         _compile(parameters)
 
     @property
-    def name(self) -> BehaviorName:
-        return self._behavior.name
-
-    @property
     def progress(self) -> float:
         """Return the completed share of the behavior, 0..1; 0 for those without an end."""
         return self._behavior.progress
-
-    @property
-    def level(self) -> Level | None:
-        """Return what the microcontroller has to hold, in a behavior that it flies itself.
-
-        Returns None in other behaviors.
-        """
-        return self._behavior if isinstance(self._behavior, Level) else None
 
     def set_parameters(self, parameters: BehaviorParameters) -> None:
         """Set walls and limits for the next request; `parameters` is stored, not copied."""
@@ -147,7 +137,7 @@ class BehaviorMachine:
 
     def reset(self) -> None:
         """Return to the ground state at once, when the motors are disarmed or cut."""
-        self._behavior = Ground()
+        self._change(Ground())
         self.landed = False
 
     def request(
@@ -175,7 +165,7 @@ class BehaviorMachine:
         context = self._context(state)
         if wanted is BehaviorName.HOVER and self._moving():
             wanted = BehaviorName.BRAKE
-        self._behavior = BEHAVIORS[wanted].start(context, arguments)
+        self._change(BEHAVIORS[wanted].start(context, arguments))
         self.landed = False
 
     def step(
@@ -206,16 +196,21 @@ class BehaviorMachine:
 
     def _finish(self) -> None:
         if self.name is BehaviorName.LAND:
-            self._behavior, self.landed = Ground(), True
+            self._change(Ground())
+            self.landed = True
             return
         context = self._context()
         ended = self._behavior
         aborted = ended.aborted if isinstance(ended, Excite | External) else ""
         self.aborted = aborted or self.aborted
         if aborted or isinstance(ended, External):
-            self._behavior = Brake.start(context, {})
+            self._change(Brake.start(context, {}))
         else:
-            self._behavior = Hover.start(context, {})
+            self._change(Hover.start(context, {}))
+
+    def _change(self, behavior: Behavior) -> None:
+        self._behavior, self.name = behavior, behavior.name
+        self.level = behavior if isinstance(behavior, Level) else None
 
     def _context(self, state: Record | None = None) -> Context:
         return Context(

@@ -15,8 +15,8 @@ import numpy as np
 from control.trajectories.laps import check_ramp, lap_rates, lap_stretches
 from control.trajectories.ramped_phase import Derivatives, ramped_phase
 from control.trajectories.trajectory import Stretch
-from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.compiled import compiled, direct
+from quadrotor.records import Record, new_reference
 
 FIGURE_EIGHT = np.dtype(
     [
@@ -114,6 +114,7 @@ class FigureEight:
         rate, total = lap_rates(laps, period)
         swing = (0.5 * width, 0.5 * height, z_amplitude, yaw_amplitude)
         self._eight[0] = ((*center, yaw), swing, rate, ramp, total)
+        self._sample = direct(sample_figure_eight, self._eight, 0.0, new_reference(), 0.0)
         self._stretches = lap_stretches(laps, period, ramp)
         self.duration = laps * period + ramp
 
@@ -136,7 +137,7 @@ class FigureEight:
         return cls(center, yaw, period=0.5 * duration, laps=1, ramp=0.5 * duration, **shape)
 
     def sample(self, t: float, reference: Record) -> None:
-        sample_figure_eight(self._eight, t, reference, 0.0)
+        self._sample(self._eight, t, reference, 0.0)
 
     def sample_grid(self, t: float, step: float, references: Record) -> None:
         sample_figure_eight(self._eight, t, references, step)

@@ -26,7 +26,6 @@ from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name, parse_names, parse_vehicles
 from quadrotor.errors import QuadlabError, UsageError
-from quadrotor.parameters import ParameterStore
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle_link.serial.ids import THE_ONE, Identity
 
@@ -156,6 +155,7 @@ class Simulator:
 
     def run(self) -> int:
         names = parse_names(self.name)
+        from quadrotor.parameters import ParameterStore
         from vehicle.simulator.parameters import SimulatorParameters
         from vehicle.simulator.process import run
 

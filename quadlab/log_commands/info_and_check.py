@@ -100,8 +100,9 @@ def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:
     """Return the comparison of a run with the vehicle's own log, if known: from the run's
     catalogue, else from its own metadata.
     """
-    from console.catalogue.catalogue import DATABASE, RUNS, Catalogue
+    from console.catalogue.catalogue import DATABASE, Catalogue
     from console.catalogue.completeness import completeness_of
+    from flight_log.run_folder import RUNS
 
     data = path.resolve().parent.parent
     if path.resolve().parent.name == RUNS and (data / DATABASE).is_file():

@@ -11,6 +11,8 @@ import math
 import re
 import struct
 
+import numpy as np
+
 from quadrotor.errors import WrongTypeError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 
@@ -60,7 +62,7 @@ def decoded(described: ParameterDescription, sent: float, kind: int) -> Paramete
             raise WrongTypeError(
                 f"parameter {described.name} is a float; it was sent as type {kind}"
             )
-        return _shortest(sent)
+        return float(str(np.float32(sent)))
     if kind == REAL32 and math.isfinite(sent):
         number = int(sent)  # of a program that knows no other type
     else:
@@ -71,11 +73,3 @@ def decoded(described: ParameterDescription, sent: float, kind: int) -> Paramete
             raise WrongTypeError(f"parameter {described.name} is {number}; there are {listed}")
         return described.choices[number]
     return bool(number) if described.type == "bool" else number
-
-
-def _shortest(sent: float) -> float:
-    for digits in range(6, 10):
-        text = f"{sent:.{digits}g}"
-        if struct.pack("<f", float(text)) == struct.pack("<f", sent):
-            return float(text)
-    return sent

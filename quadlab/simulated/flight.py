@@ -82,6 +82,8 @@ class SimulatedFlight(SimulatedGuide):
         if parameters.camera.enabled:
             estimated_w = self.stack.state["position_w"][0]
             self._bearings = OnboardCamera(parameters.bearings, parameters.camera, estimated_w)
+        cameras = self._bearings, self._outside
+        self._cameras = [one for one in cameras if isinstance(one, OnboardCamera | OutsideCameras)]
         self._beacons = KnownBeacons(parse_layout(parameters.beacons.layout))
         self._sender = CommandSender(self.stack.modes, self._board)
         self._complained_ns = -WARN_NS
@@ -108,8 +110,8 @@ class SimulatedFlight(SimulatedGuide):
             armed=stack.mode in MOTORS_ON,
             airborne=stack.ground.airborne,
             position_w=stack.state["position_w"][0].copy(),
-            mass=float(stack.estimate["mass"][0]),
-            mass_deviation=math.sqrt(float(stack.estimate["mass_variance"][0])),
+            mass=stack.estimate["mass"].item(),
+            mass_deviation=math.sqrt(stack.estimate["mass_variance"].item()),
         )
 
     def arm(self) -> None:
@@ -178,7 +180,8 @@ class SimulatedFlight(SimulatedGuide):
             self._sender.send(command)
             lap("serial")
             log.tick(stack.record)
-            log.readings(stack.readings)
+            if stack.own_sensors.externals:
+                log.readings(stack.readings)
             self._after_tick(stack.record)
             if stack.outbox:
                 self._drain_outbox()
@@ -209,10 +212,9 @@ class SimulatedFlight(SimulatedGuide):
             seen = bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
             self.stack.measure(seen)
             self._solve(seen, now_ns)
-        for cameras in (self._bearings, tracker):
-            if isinstance(cameras, OnboardCamera | OutsideCameras):
-                for topic, stamp_ns, jpeg in cameras.shown():
-                    self._log.picture(topic, stamp_ns, jpeg, now_ns)
+        for cameras in self._cameras:
+            for topic, stamp_ns, jpeg in cameras.shown():
+                self._log.picture(topic, stamp_ns, jpeg, now_ns)
         if self._outside is not None:
             for line in self._outside.said():
                 self.stack.say(f"tracker: {line}", mailbox.WARN)

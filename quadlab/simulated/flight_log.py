@@ -100,10 +100,9 @@ class FlightLog:
 
     def readings(self, judged: list[Record]) -> None:
         """Log the readings of one tick, JUDGED_READING (1,) each."""
-        if judged:
-            self._now_ns = self._newest_ns()
-            for one in judged:
-                self._publisher.reading(one)
+        self._now_ns = self._newest_ns()
+        for one in judged:
+            self._publisher.reading(one)
 
     def parameter_change(self, change: ParameterChange) -> None:
         if change.name == FLOWN_ON:

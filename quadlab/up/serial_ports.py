@@ -5,15 +5,18 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError, UsageError
-from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import find_kind
 from vehicle.processes.terminal import say
 from vehicle_link.crtp.links import is_link, open_port
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
 from vehicle_link.serial.ids import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
+
+if TYPE_CHECKING:
+    from quadrotor.parameters import ParameterValue
 
 AUTO = "auto"
 MAX_PORTS = 2

@@ -52,10 +52,10 @@ class Lab(SimulatedFlight):
         return self
 
     def hovering(self, height: float = 1.0, settling: float = 1.0, **take_off: float) -> Self:
-        """Arm, take off, and let the vehicle settle."""
+        """Arm, take off, faster than people do, and let the vehicle settle."""
         self.ready().arm()
         self.wait(0.5)
-        self.start("take_off", height=height, **take_off)
+        self.start("take_off", **{"height": height, "speed": 1.0} | take_off)
         self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
         self.wait(settling)
         return self

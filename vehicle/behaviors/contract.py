@@ -112,7 +112,7 @@ def _hovering(height: float = 1.0) -> Record:
     return x
 
 
-BEHAVIOR = Contract("behavior", INPUT_TYPE, OUTPUT_TYPE, step, rehearsal=(_hovering(),))
+BEHAVIOR = Contract("behavior", INPUT, OUTPUT, step, rehearsal=(_hovering(),))
 
 
 def hovering(height: float = 1.0) -> Input:

@@ -1,18 +1,23 @@
-"""The supported kinds of boards: built-in ones, and those of other packages (`quadlab.boards`)."""
+"""The supported kinds of boards: built-in ones, and those of other packages (`quadlab.boards`).
+
+The command line needs their names only: pydantic and numpy are imported with a board.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
 from quadrotor.errors import UsageError
 from quadrotor.packaged_files import packaged
-from quadrotor.parameters import Parameters, ParameterStore, ParameterValue
-from vehicle.boards.board import Board, CommandKind, Traits
 from vehicle_link.serial.port import BAUD_RATE, Port
+
+if TYPE_CHECKING:
+    from quadrotor.parameters import Parameters, ParameterValue
+    from vehicle.boards.board import Board, Traits
 
 MIKROKOPTER, BETAFLIGHT, CRAZYFLIE = "mikrokopter", "betaflight", "crazyflie"
 GROUP = "quadlab.boards"
@@ -73,6 +78,8 @@ class Kind(msgspec.Struct, frozen=True):
         level = getattr(options, "level", "")
         if not level:
             return self.traits
+        from vehicle.boards.board import CommandKind
+
         first = CommandKind[level.upper()]
         others = tuple(one for one in self.traits.takes if one is not first)
         gain = getattr(options, "angle_gain", self.traits.angle_gain)
@@ -94,6 +101,8 @@ class Kind(msgspec.Struct, frozen=True):
         """Return its options with these values, None if it has none. Raises ParameterError."""
         if self.options is None:
             return None
+        from quadrotor.parameters import ParameterStore
+
         options = self.options()
         ParameterStore(options).preset(values)
         return options

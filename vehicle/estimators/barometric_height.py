@@ -43,11 +43,11 @@ class BarometricHeight:
         if self._ground is None:
             self._ground = pressure
         up = lift - GRAVITY - self._bias
-        self.height += (self.climb + 0.5 * up * dt) * dt
-        self.climb += up * dt
-        error = (self._ground - pressure) / PASCALS_PER_METRE - self.height
+        height = self.height + (self.climb + 0.5 * up * dt) * dt
+        climb = self.climb + up * dt
+        error = (self._ground - pressure) / PASCALS_PER_METRE - height
         error = min(FARTHEST, max(-FARTHEST, error))
         w, held = POLE, min(dt, LONGEST_HELD)
-        self.height += 3.0 * w * held * error
-        self.climb += 3.0 * w * w * held * error
+        self.height = height + 3.0 * w * held * error
+        self.climb = climb + 3.0 * w * w * held * error
         self._bias -= w * w * w * held * error

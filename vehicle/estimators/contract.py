@@ -147,9 +147,7 @@ _REHEARSED["bearing_count"] = 4.0
 _DEFAULTS = {
     name: float(value[0]) for name, value in Answer._field_defaults.items()
 }  # of an FMU that has no biases or variances
-ESTIMATOR = Contract(
-    "estimator", INPUT_TYPE, OUTPUT_TYPE, step, (".py", FMU), (_REHEARSED,), _DEFAULTS
-)
+ESTIMATOR = Contract("estimator", INPUT, OUTPUT, step, (".py", FMU), (_REHEARSED,), _DEFAULTS)
 
 
 def load(source: str | Path) -> Estimator:

@@ -79,7 +79,7 @@ class Runner:
 
     def unused(self, now_ns: int) -> str | None:
         """Return a line about measurements not used because of their time, when that is new."""
-        return self._unused.check(str(self), self.estimator, now_ns)
+        return self._unused.check(self, self.estimator, now_ns)
 
     def restarts(self, now_ns: int) -> str | None:
         """Report that the estimator diverged and restarted, for one that is not in

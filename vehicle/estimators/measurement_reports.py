@@ -93,7 +93,7 @@ class UnusedMeasurements:
         self._checked_ns = self._reported_ns = -(1 << 62)
         self._reported: Counter[Outcome] = Counter()
 
-    def check(self, name: str, estimator: object, now_ns: int) -> str | None:
+    def check(self, name: object, estimator: object, now_ns: int) -> str | None:
         """Return a line about newly ignored measurements, usually None.
 
         Args:

@@ -73,7 +73,7 @@ class Navigation:
         self._refuses_bearings = False
         self._say = say
         self._queue: list[Record] = []
-        self._timely_ns = -(1 << 62)
+        self._timely = -(1 << 62), 0.0
         self._reports = MeasurementReports(say)
         self._choice: Choice | None = None
         self.externals: tuple[ExternalEstimator, ...] = ()
@@ -115,9 +115,10 @@ class Navigation:
         """
         age = self.active.measurement_age
         if age <= self._parameters.measurement_timeout:
-            self._timely_ns = now_ns - round(1e9 * age)
+            self._timely = now_ns, age
             return age
-        return max(age, 1e-9 * (now_ns - self._timely_ns))
+        then_ns, timely = self._timely
+        return max(age, timely + 1e-9 * (now_ns - then_ns))
 
     # ------------------------------------------------------------------ the tick
     def step(self, imu: Record, dt: float, state: Record, estimate: Record) -> None:

@@ -55,7 +55,7 @@ class CommandedModes(Protocol):
     def motor_state_wanted(self) -> MotorState: ...
 
     @property
-    def command_timeout_ms(self) -> int: ...
+    def command_timeout(self) -> float: ...
 
     @property
     def located(self) -> Record | None: ...
@@ -70,7 +70,7 @@ class CommandSender:
         self._modes, self._board = modes, board
         self._poses = board if isinstance(board, TakesPoses) else None
         self._motor_state = modes.motor_state_wanted
-        self._timeout_ms = 0
+        self._timeout = 0.0
 
     def send(self, command: Command | None) -> None:
         """Send a tick's command, and the requested motor state. Raises LinkError."""
@@ -83,10 +83,10 @@ class CommandSender:
 
     def service(self, now_s: float) -> None:
         """Repeat commands without an echo; `now_s` is from any monotonic clock."""
-        timeout_ms = self._modes.command_timeout_ms
-        if timeout_ms != self._timeout_ms:
-            self._timeout_ms = timeout_ms
-            self._board.set_command_timeout(timeout_ms)
+        timeout = self._modes.command_timeout
+        if timeout != self._timeout:
+            self._timeout = timeout
+            self._board.set_command_timeout(round(1000 * timeout))
         if self._poses is not None and (state := self._modes.located) is not None:
             self._poses.locate(state, now_s)
         self._board.service(now_s)

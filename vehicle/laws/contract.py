@@ -106,4 +106,4 @@ def hovering(mass: float = 1.308, height: float = 1.0) -> Input:
 
 _REHEARSED = _hovering(1.308, 1.0)
 _REHEARSED["reset"] = 1.0
-LAW = Contract("law", INPUT_TYPE, OUTPUT_TYPE, step, (".py", FMU), (_REHEARSED,))
+LAW = Contract("law", INPUT, OUTPUT, step, (".py", FMU), (_REHEARSED,))

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
@@ -52,8 +53,7 @@ class Contract:
 
     Args:
         kind: "law" or "estimator", the name that a file defines.
-        inputs, outputs: packed types, which begin with `time` and `time`, s. The inputs have
-            `reset`.
+        input_fields, output_fields: each begins with `time`, s; the inputs have `reset`.
         step: calls a plugin with one input, fields as attributes, and writes the output (1,).
         endings: of its files.
         rehearsal: inputs that it is stepped with before it counts as loaded, so that nothing is
@@ -64,8 +64,8 @@ class Contract:
     """
 
     kind: str
-    inputs: np.dtype[np.void]
-    outputs: np.dtype[np.void]
+    input_fields: tuple[Field, ...]
+    output_fields: tuple[Field, ...]
     step: Callable[[Any, Any, Record], None]
     endings: tuple[str, ...] = (".py",)
     rehearsal: tuple[Record, ...] = ()
@@ -73,15 +73,15 @@ class Contract:
     protocol: int = 1
     changes: Mapping[int, str] = field(default_factory=dict)
 
-    @property
-    def input_fields(self) -> tuple[Field, ...]:
-        """Return the fields of the inputs, without unit and meaning."""
-        return _fields_in(self.inputs)
+    @cached_property
+    def inputs(self) -> np.dtype[np.void]:
+        """Return the packed type of the inputs."""
+        return layout(self.input_fields)
 
-    @property
-    def output_fields(self) -> tuple[Field, ...]:
-        """Return the fields of the outputs, without unit and meaning."""
-        return _fields_in(self.outputs)
+    @cached_property
+    def outputs(self) -> np.dtype[np.void]:
+        """Return the packed type of the outputs."""
+        return layout(self.output_fields)
 
     @property
     def group(self) -> str:
@@ -93,13 +93,6 @@ def layout(fields: tuple[Field, ...]) -> np.dtype[np.void]:
     """Return the fields as a packed structured type of little-endian doubles."""
     return np.dtype(
         [(f.name, "<f8") if f.size == 1 else (f.name, "<f8", f.shape or f.size) for f in fields]
-    )
-
-
-def _fields_in(kind: np.dtype[np.void]) -> tuple[Field, ...]:
-    shapes = [(name, kind[name].shape) for name in kind.names or ()]
-    return tuple(
-        Field(name, math.prod(shape), "", "", shape[:-1] and shape) for name, shape in shapes
     )
 
 

@@ -143,7 +143,7 @@ def _at_rest(height: float = 1.0) -> Record:
     return x
 
 
-SENSOR = Contract("sensor", INPUT_TYPE, OUTPUT_TYPE, step, rehearsal=(_at_rest(),))
+SENSOR = Contract("sensor", INPUT, OUTPUT, step, rehearsal=(_at_rest(),))
 
 
 def at_rest(height: float = 1.0) -> Input:

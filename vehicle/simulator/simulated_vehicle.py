@@ -69,11 +69,12 @@ class SimulatedVehicle:
         self._commands: deque[tuple[int, Command]] = deque([(0, self.firmware.command)])
         self._plant = new_plant(parameters)
         self._holder = new_holder()
+        self._held = self._holder["held"]  # a view
         configure_holder(self._holder, self._plant, parameters)
         self._force_sensor = ForceSensor(parameters)
         self._noise, self._chance = Noise(parameters.seed), random.Random(parameters.seed)
         self._sensors = np.zeros(1, SENSORS)
-        self._fit_sensors(parameters)
+        self._fit(parameters)
         world = self._plant, self._sensors, self._noise.block
         self._run = runner(self.firmware, world, self._holder)
         self._begun_ns = 0  # time of period 0
@@ -167,10 +168,10 @@ class SimulatedVehicle:
 
     def _acting(self) -> Command:
         """Return the newest command that is at least as old as the latency."""
-        commands = self._commands
-        if self.firmware.command != commands[-1][1]:
-            commands.append((self.stamp_ns, self.firmware.command))
-        old_ns = self.stamp_ns - round(1e9 * self.parameters.command_latency)
+        commands, newest = self._commands, self.firmware.command
+        if newest != commands[-1][1]:
+            commands.append((self.stamp_ns, newest))
+        old_ns = self.stamp_ns - self._latency_ns
         while len(commands) > 1 and commands[1][0] <= old_ns:
             commands.popleft()
         return commands[0][1]
@@ -203,11 +204,11 @@ class SimulatedVehicle:
     @property
     def held(self) -> bool:
         """Return whether a hand or the bench holds the vehicle; setting it down takes a while."""
-        return bool(self._holder["held"][0] != FREE)
+        return bool(self._held.item() != FREE)
 
     def bench_reading(self) -> ForceReading | None:
         """Return the force/torque reading of the last step; None if none was due on the bench."""
-        if self._holder["held"][0] != BENCH:
+        if self._held.item() != BENCH:
             return None
         return self._force_sensor.read(self.stamp_ns, self._plant, self.parameters)
 
@@ -225,7 +226,7 @@ class SimulatedVehicle:
         if parameters.battery_charge != before.battery_charge:
             self.charge_battery(parameters.battery_charge)
         configure_holder(self._holder, self._plant, parameters)
-        self._fit_sensors(parameters)
+        self._fit(parameters)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)
         if isinstance(self.firmware, BoardFirmware):
@@ -260,9 +261,10 @@ class SimulatedVehicle:
         if state in (MotorState.ON, MotorState.EMERGENCY):
             raise RefusedError(f"{refused}: the motors are on; land and disarm, or cut them, first")
 
-    def _fit_sensors(self, parameters: SimulatorParameters) -> None:
+    def _fit(self, parameters: SimulatorParameters) -> None:
         p = parameters
         self._sensors[...], self._lost = new_sensors(p), p.lost_samples
+        self._latency_ns = round(1e9 * p.command_latency)
         self._warms_up = p.accelerometer_warm_up != 0.0 or p.gyroscope_warm_up != 0.0
 
     def _miss(self, motor: int) -> None:

@@ -82,6 +82,8 @@ class Exchange:
 
         `now_s` is any clock that does not go back.
         """
+        if not self.open:
+            return []
         frames = []
         in_vain: list[Request] = []
         for request in self.open:

@@ -41,10 +41,6 @@ class Quantity(msgspec.Struct, frozen=True):
         """Return whether the 16 bits are read as a signed number."""
         return self.bounds[0] < 0
 
-    @property
-    def si_unit(self) -> str:
-        return _SI.get(self.unit, (self.unit, 1.0))[0]
-
 
 def to_si(id: int, raw: int) -> float:
     """Return the value of an id in SI units (m g for thrust) from the int16 or uint16 of a frame.

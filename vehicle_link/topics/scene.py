@@ -39,7 +39,7 @@ class SceneMessages:
     def __init__(self, vehicle: str) -> None:
         self._vehicle = vehicle
         self._due = [0] * len(SCENE_TOPICS)
-        self._point_due = self._newest = 0
+        self._point_due = self._newest = self._soonest = 0
         self._flown: deque[Array] = deque(maxlen=POINTS)
         self._wanted: deque[Array] = deque(maxlen=POINTS)
 
@@ -47,6 +47,9 @@ class SceneMessages:
         """Return the messages due at these TICK records, shape (N,), oldest first."""
         found: list[Drawn] = []
         for index, stamp in enumerate(ticks["imu"]["stamp_ns"].tolist()):
+            if self._newest <= stamp < self._soonest:  # nothing is due, as in most ticks
+                self._newest = stamp
+                continue
             if stamp < self._newest:  # the vehicle has restarted
                 self._due, self._point_due = [0] * len(SCENE_TOPICS), 0
                 self._flown.clear()
@@ -60,6 +63,7 @@ class SceneMessages:
                 if stamp >= self._due[number]:
                     self._due[number] = stamp + PERIODS_NS[number]
                     found.append((topic, self._payload(topic, ticks[index], stamp), stamp))
+            self._soonest = min(self._point_due, *self._due)
         return found
 
     def _payload(self, topic: str, tick: np.void, stamp_ns: int) -> bytes:

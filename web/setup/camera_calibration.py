@@ -143,13 +143,11 @@ class CameraCalibrations:
             found = self._found
             result = None
             if found is not None:
-                warnings, focal = list(found.warnings), list(found.focal_lengths)
-                corners = [[round(one, 2) for one in corner] for corner in found.corners]
                 result = {
                     **asdict(found),
-                    "corners": corners,
-                    "warnings": warnings,
-                    "focal_lengths": focal,
+                    "corners": [[round(one, 2) for one in corner] for corner in found.corners],
+                    "warnings": list(found.warnings),
+                    "focal_lengths": found.focal_lengths,
                 }
             return {
                 "state": self._state,

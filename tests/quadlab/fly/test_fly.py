@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import json
 from collections import Counter, defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rosbags.highlevel import AnyReader
 
+from console.experiments import figure_eight, hover
 from flight_log import read_log
-from quadlab.__main__ import main
+from tests.support.flown import flown
 from tests.support.rates import RATES
-
-
-def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str, Any]:
-    main(["fly", *words, "--out", str(out), "--json"])
-    report: dict[str, Any] = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
-    return report
-
-
-def flown(out: Path, *words: str) -> dict[str, Any]:
-    """Return the report of a flight that several tests share."""
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        main(["fly", *words, "--json", "--out", str(out)])
-    report: dict[str, Any] = json.loads(printed.getvalue().strip().splitlines()[-1])
-    return report
 
 
 @pytest.fixture(scope="module")
@@ -39,13 +23,20 @@ def eight(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def hovered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def short_hover() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hover, "DURATION", 3.0)  # s
+        yield
+
+
+@pytest.fixture(scope="module")
+def hovered(tmp_path_factory: pytest.TempPathFactory, short_hover: None) -> dict[str, Any]:
     """Return one hover of seed 4."""
     return flown(tmp_path_factory.mktemp("hover"), "hover", "--seed", "4")
 
 
 @pytest.fixture(scope="module")
-def heavy(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def heavy(tmp_path_factory: pytest.TempPathFactory, short_hover: None) -> dict[str, Any]:
     """Return one flight of another seed, with a mass that the vehicle does not know."""
     words = ("--seed", "5", "--set", "simulator.mass=1.6")
     return flown(tmp_path_factory.mktemp("heavy"), "hover", *words)
@@ -61,9 +52,10 @@ def test_the_eight_with_full_sensors_stays_within_its_errors(eight: dict[str, An
 
 
 def test_with_the_true_state_only_the_motors_lag_remains(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    report = fly(capsys, tmp_path, "figure_eight", "--true-state")
+    monkeypatch.setattr(figure_eight, "LAPS", 2)  # of which one is steady
+    report = flown(tmp_path, "figure_eight", "--true-state")
     assert report["metrics"]["position_rms_m"] <= 0.002
 
 
@@ -71,9 +63,9 @@ def test_the_log_holds_every_topic_at_its_rate(eight: dict[str, Any]) -> None:
     counts: Counter[str] = Counter()
     for message in read_log(Path(eight["log"])):
         counts[message.topic.removeprefix("/quad1/")] += 1
-    flown = eight["metrics"]["flown_s"]
+    seconds = eight["metrics"]["flown_s"]
     for topic, rate in RATES.items():
-        assert counts[topic] / flown == pytest.approx(rate, rel=0.05), topic
+        assert counts[topic] / seconds == pytest.approx(rate, rel=0.05), topic
     assert counts["events"] >= 5
 
 
@@ -89,10 +81,7 @@ def test_another_reader_opens_the_log_and_finds_what_was_flown(eight: dict[str, 
 
 
 def test_the_same_seed_gives_the_same_messages_byte_for_byte(
-    hovered: dict[str, Any],
-    heavy: dict[str, Any],
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
+    hovered: dict[str, Any], heavy: dict[str, Any], tmp_path: Path
 ) -> None:
     def messages(
         report: dict[str, Any], topics: set[str] | None = None
@@ -103,7 +92,7 @@ def test_the_same_seed_gives_the_same_messages_byte_for_byte(
         return found
 
     first = messages(hovered)
-    again = messages(fly(capsys, tmp_path, "hover", "--seed", "4"))
+    again = messages(flown(tmp_path, "hover", "--seed", "4"))
     assert first.keys() == again.keys()
     for topic in first:
         assert first[topic] == again[topic], topic

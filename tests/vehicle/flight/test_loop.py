@@ -49,7 +49,7 @@ class FakeStack:
         self.outbox: list[mailbox.Notification] = []
         self.readings = [np.zeros(1, JUDGED_READING)]
         self.motor_state_wanted = MotorState.OFF
-        self.command_timeout_ms = 250
+        self.command_timeout = 0.25
         self.located: Record | None = None
         self.lost_ports = 0
         self.obstacle = ""
@@ -498,7 +498,7 @@ def test_the_command_timeout_is_set_once_and_when_it_changes(bench: Bench) -> No
     for _ in range(3):
         bench.samples(1)
     assert bench.mcu.timeouts == [250]
-    bench.stack.command_timeout_ms = 400
+    bench.stack.command_timeout = 0.4
     bench.mcu.lost_ports = 1
     bench.samples(1)
     assert bench.mcu.timeouts == [250, 400]

@@ -59,6 +59,7 @@ TRAITS = Traits("mikrokopter", (CommandKind.MOTORS, CommandKind.ANGLES), line_ns
 _MOTOR_STATES = tuple(MotorState)
 _MODES = frozenset(FlightControlMode)
 _RESTING = (MotorState.INIT, MotorState.OFF)
+_DIRECT = FlightControlMode.DIRECT
 _STOPPED = (0, 0, 0, 0)
 
 
@@ -157,12 +158,12 @@ class Microcontroller:
         """
         samples: list[RawSample] = []
         settled = self._clock.settled
-        for frame in self._ports.read():
+        for index, frame in self._ports.read():
             values = decode_data(frame)
             if values is None:
                 self._take_reply(frame)
                 continue
-            self.newest_ms[self._ports.reading] = values[0] & 0xFFFF
+            self.newest_ms[index] = values[0] & 0xFFFF
             if self._mirrored:
                 sample = self._sample(values, settled)
                 if sample is not None:
@@ -184,7 +185,7 @@ class Microcontroller:
         Raises OutOfBoundsError or, when the last port is lost, LinkError.
         """
         if isinstance(command, tuple):
-            self._command, self._mode = command, FlightControlMode.DIRECT
+            self._command, self._mode = command, _DIRECT
         elif isinstance(command, AttitudeCommand):
             self._command, self._mode = command.encode(), FlightControlMode.NEAR_HOVERING
         else:

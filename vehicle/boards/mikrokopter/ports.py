@@ -5,7 +5,7 @@ A lost port is ignored as long as the other one works.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from quadrotor.errors import LinkError
 from vehicle_link.serial.frames import Frame, FrameDecoder
@@ -20,42 +20,41 @@ class MicrocontrollerPorts:
 
     Attributes:
         lost: number of lost ports.
-        reading: index of the port that `read` is reading.
     """
 
     def __init__(self, ports: Sequence[Port], failures: list[str]) -> None:
         if not 1 <= len(ports) <= 2:
             raise LinkError(f"{len(ports)} serial ports given; a microcontroller has one or two")
-        self.lost = self.reading = 0
+        self.lost = 0
         self._failures = failures
-        self._ports = [(port, FrameDecoder()) for port in ports]
-        self._index = {id(port): index for index, port in enumerate(ports)}
+        self._ports = [(port, FrameDecoder(), index) for index, port in enumerate(ports)]
         self._damaged_before = 0  # on lost ports
         self._turn = 0
 
     @property
     def damaged(self) -> int:
         """Return the number of runs of bytes, on all ports, that are not frames."""
-        return self._damaged_before + sum(decoder.damaged for _, decoder in self._ports)
+        return self._damaged_before + sum(decoder.damaged for _, decoder, _ in self._ports)
 
     def filenos(self) -> tuple[int, ...]:
         """Return the file descriptors for poll(). Raises LinkError for ports in memory."""
-        return tuple(port.fileno() for port, _ in self._ports)
+        return tuple(port.fileno() for port, _, _ in self._ports)
 
-    def read(self) -> Iterator[Frame]:
-        """Yield the received frames, one port after the other.
+    def read(self) -> list[tuple[int, Frame]]:
+        """Return the received frames, one port after the other, each with the index of its port.
 
         Raises LinkError when the last port is lost.
         """
-        for port, decoder in tuple(self._ports):
+        frames: list[tuple[int, Frame]] = []
+        for port, decoder, index in tuple(self._ports):
             try:
                 data = port.read()
             except LinkError as error:
                 self._lose(port, error)
                 continue
             if data:
-                self.reading = self._index[id(port)]
-                yield from decoder.feed(data)
+                frames += [(index, frame) for frame in decoder.feed(data)]
+        return frames
 
     def write(self, frame: bytes, in_turn: bool = False) -> None:
         """Write on the first port, or on each in turn.
@@ -63,7 +62,7 @@ class MicrocontrollerPorts:
         Raises LinkError when the last port is lost.
         """
         while True:
-            port, _ = self._ports[self._turn % len(self._ports) if in_turn else 0]
+            port = self._ports[self._turn % len(self._ports) if in_turn else 0][0]
             try:
                 port.write(frame)
             except LinkError as error:
@@ -77,6 +76,6 @@ class MicrocontrollerPorts:
         if len(self._ports) == 1:
             raise error
         self.lost += 1
-        self._damaged_before += next(d.damaged for p, d in self._ports if p is port)
-        self._ports = [(p, d) for p, d in self._ports if p is not port]
+        self._damaged_before += next(d.damaged for p, d, _ in self._ports if p is port)
+        self._ports = [other for other in self._ports if other[0] is not port]
         self._failures.append(f"{error}; flying on with the other port, at half the rate")

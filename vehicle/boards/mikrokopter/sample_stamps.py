@@ -50,7 +50,7 @@ class FineStamps:
             stamp_ns: stamp rounded down to milliseconds, larger than any before.
         """
         last_ns, period_ns = self._last_ns, self._period_ns
-        if last_ns is None:
+        if last_ns is None or stamp_ns - last_ns == period_ns:
             fine_ns = stamp_ns
         else:
             # Rounded up with a margin of a tenth: the stamp was rounded down.

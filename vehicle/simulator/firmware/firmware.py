@@ -43,6 +43,7 @@ START_MS = 58_000
 
 _TIME, _MOTOR_STATE, _BATTERY = int(Id.TIME), int(Id.MOTOR_STATE), int(Id.BATTERY)
 _TIMEOUT = int(Id.EMERGENCY_TIMEOUT)
+_ON = MotorState.ON
 _STOPPED = (0, 0, 0, 0)
 
 ALLOWED = {
@@ -102,6 +103,7 @@ class Firmware:
         self.program = new_program()
         self.command: tuple[int, int, int, int] = _STOPPED
         self.statistics = Statistics(self.registers)
+        self.steps = self.statistics.steps
         self._program = self.program[0]
         self._unsigned = self.registers.view(np.uint16)
         self._decoders = [FrameDecoder() for _ in range(ports)]
@@ -151,7 +153,7 @@ class Firmware:
     def advance(self, elapsed_ms: int) -> None:
         """Set the time since power-up; check whether an emergency begins or ends."""
         self._ms = elapsed_ms
-        if self._state is MotorState.ON:
+        if self._state is _ON:
             if self.registers.item(_BATTERY) > BATTERY_LAND:
                 self._charged_ms = elapsed_ms
             silent = elapsed_ms - self._heard_ms > self.registers.item(_TIMEOUT)
@@ -173,10 +175,6 @@ class Firmware:
     def period(self, command: tuple[int, int, int, int]) -> None:
         """Run estimation, then control, with the registers' sensors and the bytes of a command."""
         period(self._program, self.registers, command)
-
-    def steps(self, ms: int, count: int, step_ms: int) -> None:
-        """Count periods of estimation and control, each `step_ms` long at most."""
-        self.statistics.steps(ms, count, step_ms)
 
     def set_period(self, sixteenths: int) -> None:
         """Set the gains for a period in 1/16 us."""
@@ -202,7 +200,7 @@ class Firmware:
         return b""
 
     def _take(self, instruction: Instruction) -> None:
-        if self._state is MotorState.ON:
+        if self._state is _ON:
             self.command = instruction.references
 
     def _set(self, instruction: Instruction) -> bytes:

@@ -1,7 +1,6 @@
 // Calibrations in words, and their figures as people read them.
 
-import { fixed, NONE, words } from "../core/format.js";
-import { moment } from "../runs/labels.js";
+import { fixed, moment, NONE, words } from "../core/format.js";
 
 // What each is for and what it needs, beside what the station says of it.
 export const CALIBRATIONS = {

@@ -26,6 +26,20 @@ export function duration(value) {
   return hours ? `${hours}:${clock}` : clock;
 }
 
+// The time of a Date, or of s since 1970, by this computer's clock: "09:31:23", with its day before, or
+// with its day unless that is today.
+/** @type {(at: Date | number) => Date} */
+const dateOf = (at) => (at instanceof Date ? at : new Date(at * 1e3));
+/** @type {(at: Date | number) => string} */
+export const clock = (at) => dateOf(at).toTimeString().slice(0, 8);
+/** @type {(at: Date | number) => string} */
+export function moment(at) {
+  const date = dateOf(at);
+  return `${[date.getFullYear(), date.getMonth() + 1, date.getDate()].map((n) => String(n).padStart(2, "0")).join("-")} ${clock(date)}`;
+}
+/** @type {(at: Date | number) => string} */
+export const timeOf = (at) => (dateOf(at).toDateString() === new Date().toDateString() ? clock(at) : moment(at));
+
 // How long ago a time was, in s since 1970.
 /** @param {number | null | undefined} stamp */
 export function ago(stamp) {

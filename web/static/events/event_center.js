@@ -2,14 +2,12 @@
 // number of those that came since it was last open.
 
 import { element, optionsOf, setIfChanged, setText } from "../core/dom.js";
-import { exact } from "../core/format.js";
+import { clock, exact } from "../core/format.js";
 import { icon } from "../icons/icons.js";
 
 const MOST = 200;
 const GAP = 6, EDGE = 12; // px
 const SHOWN = [["", "all"], ["warn", "warnings and errors"], ["error", "errors"], ["change", "parameter changes"]];
-
-const clock = (stamp) => new Date(stamp * 1e3).toTimeString().slice(0, 8);
 
 export class EventCenter {
   // vehicle: whose events; before: the element that the bell is put before.

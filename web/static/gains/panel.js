@@ -2,10 +2,11 @@
 
 import { get } from "../core/api.js";
 import { $, element } from "../core/dom.js";
+import { timeOf } from "../core/format.js";
 import { Diff } from "./diff.js";
 import { Files } from "./files.js";
 import { Presets } from "./presets.js";
-import { TimeLine, timeOf } from "./timeline.js";
+import { TimeLine } from "./timeline.js";
 
 const VIEWS = [
   ["timeline", "History", "every change: who, when, old and new value; each can be restored"],

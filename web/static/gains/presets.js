@@ -2,7 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { element, optionsOf } from "../core/dom.js";
-import { timeOf } from "./timeline.js";
+import { timeOf } from "../core/format.js";
 
 const PATH = "/api/parameters/presets";
 const MODIFIED = "";

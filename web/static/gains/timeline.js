@@ -2,7 +2,7 @@
 
 import { get } from "../core/api.js";
 import { attempt, element, showNote } from "../core/dom.js";
-import { exact } from "../core/format.js";
+import { exact, timeOf } from "../core/format.js";
 
 const GESTURE = 2; // s between two values of one motion
 const REFRESH = 500; // ms between two looks while something changes
@@ -70,13 +70,6 @@ export class TimeLine {
     await attempt(this.reason, () => this.gains.set(Object.fromEntries(changes.map(([name, { old }]) => [name, old])), true));
     this.read();
   }
-}
-
-// s since 1970 → "09:31:23" today, with the date before.
-export function timeOf(stamp) {
-  const time = new Date(stamp * 1e3), two = (number) => String(number).padStart(2, "0");
-  const clock = time.toTimeString().slice(0, 8);
-  return time.toDateString() === new Date().toDateString() ? clock : `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())} ${clock}`;
 }
 
 // Who keeps it; each counts revisions of its own.

@@ -1,15 +1,10 @@
 // Runs in words, and a search in the words of the API.
 
-import { duration, words } from "../core/format.js";
+import { duration, moment, words } from "../core/format.js";
 
 const DAY = 864e5; // ms
 const DATE = /^(\d{4})(?:-(\d{2})(?:-(\d{2}))?)?$/;
 
-const clock = (date) => date.toTimeString().slice(0, 8);
-const day = (date) => [date.getFullYear(), date.getMonth() + 1, date.getDate()].map((n) => String(n).padStart(2, "0")).join("-");
-
-// s since the epoch, or a Date.
-export const moment = (stamp) => { const date = stamp instanceof Date ? stamp : new Date(stamp * 1e3); return `${day(date)} ${clock(date)}`; };
 export const startOf = (run) => moment(run.start_ns / 1e9);
 
 const inSeconds = (value) => (value < 0.05 ? "< 0.1 s" : value < 100 ? `${value.toFixed(1)} s` : duration(value));

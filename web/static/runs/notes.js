@@ -2,7 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { element, setIfChanged } from "../core/dom.js";
-import { moment } from "./labels.js";
+import { moment } from "../core/format.js";
 
 const PAUSE = 1500; // ms without typing after which it is saved
 

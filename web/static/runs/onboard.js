@@ -1,38 +1,24 @@
 // The vehicle's own logs: what it has, fetching one to this computer, and how far that is.
 
 import { get, request } from "../core/api.js";
-import { $, element, hide } from "../core/dom.js";
-import { bytes, duration } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { bytes, duration, moment } from "../core/format.js";
 import { ENDED, Progress } from "./fill.js";
-import { moment } from "./labels.js";
+import { Panel } from "./panel.js";
 
-const COLUMNS = ["log", "start", "duration", "size", "state", "on this computer", ""];
-
-export class Onboard {
-  // page: isOperator, say(text), only(panel).
+export class Onboard extends Panel {
   constructor(place, opener, page, events) {
-    this.place = place;
-    this.opener = opener;
-    this.page = page;
+    super(place, opener, page, "Onboard logs", "log", "start", "duration", "size", "state", "on this computer", "");
     this.rows = new Map(); // name → { log, cell, button, progress }
     this.transfers = events.summary.transfers ?? [];
-    opener.addEventListener("click", () => this.open(place.hidden));
-    place.addEventListener("keydown", (event) => { if (event.key === "Escape") { this.open(false); opener.focus(); } });
     events.on("summary", ({ transfers }) => { if (transfers) this.follow(transfers); });
     events.addEventListener("open", () => this.refresh());
-    this.body = element("tbody");
-    this.note = element("p", { className: "empty", role: "status" });
-    this.again = element("button", { onclick: () => this.refresh() }, "List again");
-    place.append(element("div", { className: "trash-head" }, element("h2", {}, "Onboard logs"), this.note, this.again),
-      element("table", {}, element("thead", {}, element("tr", {}, ...COLUMNS.map((text) => element("th", { scope: "col" }, text)))), this.body));
-    hide(this.body.parentElement, true);
+    this.note.role = "status";
+    this.head.append(element("button", { onclick: () => this.refresh() }, "List again"));
   }
 
   open(wanted) {
-    if (wanted) this.page.only(this);
-    this.place.hidden = !wanted;
-    this.opener.setAttribute("aria-expanded", String(wanted));
-    $("list").hidden = wanted;
+    super.open(wanted);
     if (wanted) this.refresh();
   }
 
@@ -49,8 +35,7 @@ export class Onboard {
 
   show(logs) {
     this.rows.clear();
-    this.body.replaceChildren(...logs.map((log) => this.row(log)));
-    hide(this.body.parentElement, !logs.length);
+    this.fill(logs.map((log) => this.row(log)));
     this.draw();
   }
 

@@ -22,9 +22,8 @@ class RunsPage {
     const wanted = () => query($("search").value, $("tag").value, $("of-vehicle").value);
     this.list = new RunList($("list"), (offset, limit) => get(`/api/runs/search?${wanted()}&offset=${offset}&limit=${limit}`),
       () => (wanted().toString() ? "No runs match." : "No runs yet. Recording starts on arming."));
-    this.trash = new Trash($("trash"), $("open-trash"), session, (text, undo) => this.say(text, undo));
+    this.trash = new Trash($("trash"), $("open-trash"), this, session.role === "admin");
     this.onboard = new Onboard($("onboard"), $("open-onboard"), this, events);
-    $("open-trash").addEventListener("click", () => { if (!$("trash").hidden) this.only(this.trash); });
     this.detail = new RunDetail($("detail"), this, events);
     this.list.addEventListener("choice", () => this.detail.show(this.list.current, this.list.chosen));
     this.list.addEventListener("loaded", () => this.loaded());

@@ -3,7 +3,7 @@
 import { get, request } from "../core/api.js";
 import { badge, checkList, count } from "../core/check_list.js";
 import { element } from "../core/dom.js";
-import { moment } from "../runs/labels.js";
+import { moment } from "../core/format.js";
 
 const AGAIN = 2000; // ms, while the station has not looked yet
 const PLACES = [["station", "Station"], ["vehicle", "Vehicle"], ["page", "Page"], ["browser", "This browser"]];

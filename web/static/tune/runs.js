@@ -2,8 +2,8 @@
 
 import { request } from "../core/api.js";
 import { element } from "../core/dom.js";
+import { timeOf } from "../core/format.js";
 import { icon } from "../icons/icons.js";
-import { moment } from "../runs/labels.js";
 import { describe } from "./units.js";
 
 export class TuneRuns {
@@ -23,8 +23,7 @@ export class TuneRuns {
   }
 
   row(run, letter, color) {
-    const text = describe(run.plan), at = new Date(run.started);
-    const when = at.toDateString() === new Date().toDateString() ? moment(at).slice(11) : moment(at);
+    const text = describe(run.plan), when = timeOf(new Date(run.started));
     const box = element("input", { type: "checkbox", checked: this.chosen.has(run.id), ariaLabel: `draw ${text} of ${when}`, onchange: () => {
       if (box.checked) this.chosen.add(run.id);
       else this.chosen.delete(run.id);
