@@ -102,7 +102,7 @@ class ComparisonFeed:
             while (left := due - time.monotonic()) > 0.0 and not self._closing.is_set():
                 if self._child is None:
                     self._closing.wait(left)
-                elif self._child.poll(left):
+                elif self._child.poll(left) and not self._closing.is_set():
                     self._ended(self._child)
             if not self._is_needed():
                 self._rest()
