@@ -102,7 +102,8 @@ class Draws:
         state: int = 0 if of is None else of._key
         for part in key:
             state = splitmix64((state ^ part) + STEP & ALL)
-        self._key = self._state = state
+        self._key: int = state
+        self._state = state
 
     def uniform(self) -> float:
         """Return the next number, in (0, 1]."""

@@ -11,6 +11,7 @@ import struct
 import threading
 import time
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
@@ -243,6 +244,7 @@ def samples_a_packet(tick_rate: float, packets: int = PACKETS_A_SECOND) -> int:
     return max(1, min(telemetry.SAMPLES_A_PACKET, round(tick_rate / packets)))
 
 
+@cache
 def flag_names(flags: int) -> Sequence[str]:
     """Return the lower-case names of the flags that are set."""
     return [name for bit, name in _FLAGS if flags & bit]
