@@ -99,7 +99,7 @@ class Draws:
 
     def __init__(self, *key: int, of: Draws | None = None) -> None:
         """Begin the stream of a key, which continues that `of` another one."""
-        state = 0 if of is None else of._key
+        state: int = 0 if of is None else of._key
         for part in key:
             state = splitmix64((state ^ part) + STEP & ALL)
         self._key: int = state

@@ -11,8 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from control.behaviors.ground import rest_reference
 from quadrotor import compiled as module
 from quadrotor.checkout import ROOT
+from quadrotor.records import new_reference, new_state, new_tick
 
 LAW = """
 import sys
@@ -107,3 +109,13 @@ def test_division_by_zero_gives_no_exception() -> None:
     from quadrotor.vectors import normalized
 
     assert all(math.isnan(x) for x in normalized((0.0, 0.0, 0.0, 0.0)))
+
+
+def test_machine_code_of_records_works_on_a_field_and_refuses_a_record_of_another_size() -> None:
+    rest = module.direct(rest_reference, new_state(), new_reference())
+    tick = new_tick()
+    tick["state"]["position_w"] = 1.0, 2.0, 3.0
+    rest(tick["state"], tick["reference"])
+    assert tick["reference"]["position_w"].tolist() == [[1.0, 2.0, 3.0]]
+    with pytest.raises(TypeError, match="unbox"):
+        rest(tick, tick["reference"])

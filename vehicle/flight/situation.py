@@ -33,8 +33,8 @@ class SituationReader:
     _situation: Situation = field(default_factory=Situation)
 
     def __post_init__(self) -> None:
-        of = self.tick.state, self.tick.estimate
-        self._excursion = direct(excursion, *of, 0.0, 0.0, 0.0, 0.0, 0.0)
+        walls = 0.0, 0.0, 0.0, 0.0, 0.0
+        self._excursion = direct(excursion, self.tick.state, self.tick.estimate, walls)
 
     def read(self, sample: RawSample, pose_age: float) -> Situation:
         """Return the situation of this tick; it is valid until the next call.
@@ -48,9 +48,8 @@ class SituationReader:
         now.voltage, now.pose_age = sample.battery_voltage, pose_age
         now.jumped = tick.agreement.item() == _JUMPED
         walls = p.volume_x_min, p.volume_x_max, p.volume_y_min, p.volume_y_max, p.volume_z_max
-        now.tilt, now.speed, now.innovation, now.outside = self._excursion(
-            tick.state, tick.estimate, *walls
-        )
+        found = self._excursion(tick.state, tick.estimate, walls)
+        now.tilt, now.speed, now.innovation, now.outside = found
         now.box = ""
         if boxes:
             x, y, z = tick.position_w.tolist()
