@@ -23,7 +23,7 @@ from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 
-from quadrotor.checkout import IMPORTED_FROM, PREFIX, cache_folder
+from quadrotor.checkout import IMPORTED_FROM, PREFIX, ROOT
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -147,13 +147,30 @@ def _folder(module: str, chosen: str) -> Path:
     """Return the folder of this module's machine code; `chosen` is the user's NUMBA_CACHE_DIR or
     empty.
     """
-    root = Path(chosen) if chosen else cache_folder("kernels")
+    root = Path(chosen) if chosen else _default_root()
     folder = root / f"{module}-{digest(module)}"
     if not folder.exists():
         old = sorted(root.glob(f"{module}-*"), key=_age)
         for one in old[VERSIONS - 1 :]:
             shutil.rmtree(one, ignore_errors=True)
     return folder
+
+
+@cache
+def _default_root() -> Path:
+    """Return a folder next to Python's compiled files; in the user's cache for a wheel, which is
+    removed without it, and where it cannot be written.
+    """
+    root = ROOT / "__pycache__" / "kernels"
+    try:
+        if not PREFIX:
+            root.mkdir(parents=True, exist_ok=True)
+            return root
+    except OSError:
+        pass
+    import platformdirs
+
+    return platformdirs.user_cache_path("quadlab") / "kernels"
 
 
 def _age(folder: Path) -> float:

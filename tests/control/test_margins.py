@@ -6,7 +6,6 @@ from math import factorial
 
 import numpy as np
 import pytest
-from scipy.interpolate import pade
 
 from control.margins import LOW_MARGIN, Margin, margins, smallest
 from control.parameters import ControlParameters
@@ -68,6 +67,8 @@ def test_gains_without_margin_oscillate_in_the_loop_and_those_with_it_do_not() -
 def test_the_delay_is_what_the_height_loop_bears(share: float, stable: bool) -> None:
     g = preset("standard").position
     delay = share * of(preset("standard"), "height").delay
+    from scipy.interpolate import pade
+
     top, bottom = pade([(-delay) ** k / factorial(k) for k in range(9)], 4)
     s = np.poly1d([1.0, 0.0])
     loop = (g.kv_z * s * s + g.kp_z * s + g.ki_z) * top

@@ -38,17 +38,18 @@ from flight_log.check import check_log
 from flight_log.check import damage
 from flight_log.reader import read_topic
 from flight_log.run import read_run
-log = Path(sys.argv[1])
-for read in (summarize, lambda p: sum(1 for _ in read_log(p)), check_log, read_attachments,
-             lambda p: sum(1 for _ in read_topic(p, "tiny")), damage):
-    try:
-        read(log)
-    except QuadlabError as error:
-        print(error)
-    except MemoryError:
-        sys.exit(3)
-# Not ru_maxrss, which begins with that of the process that started this one.
-print(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1])
+for log in map(Path, sys.argv[1:]):
+    Path("/proc/self/clear_refs").write_text("5")  # the peak counts anew
+    for read in (summarize, lambda p: sum(1 for _ in read_log(p)), check_log, read_attachments,
+                 lambda p: sum(1 for _ in read_topic(p, "tiny")), damage):
+        try:
+            read(log)
+        except QuadlabError:
+            pass
+        except MemoryError:
+            sys.exit(f"{log.name}: out of memory")
+    # Not ru_maxrss, which begins with that of the process that started this one.
+    print(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1])
 """
 
 
@@ -57,26 +58,26 @@ def limited() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (3 * MOST, 3 * MOST))
 
 
-def peak(log: Path) -> int:
-    """Return the peak memory, in bytes, of a process that used each reader on the log."""
-    run = [sys.executable, "-c", READERS, str(log)]
+def peaks(*logs: Path) -> list[int]:
+    """Return the peak memory, in bytes, of a process that used each reader on each log."""
+    run = [sys.executable, "-c", READERS, *map(str, logs)]
     done = subprocess.run(
         run, preexec_fn=limited, capture_output=True, text=True, timeout=300, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
-    return int(done.stdout.split()[-1]) * 1024
+    return [int(line) * 1024 for line in done.stdout.split()]
 
 
-@pytest.mark.parametrize(
-    "kind", sorted(CRAFTED.keys() - {"many_tiny", "many_loose", "at_the_limit"})
-)
-def test_what_claims_or_holds_too_much_is_read_within_bounds(tmp_path: Path, kind: str) -> None:
-    assert peak(CRAFTED[kind](tmp_path / "a.mcap")) <= MOST
+def test_what_claims_or_holds_too_much_is_read_within_bounds(tmp_path: Path) -> None:
+    kinds = sorted(CRAFTED.keys() - {"many_tiny", "many_loose", "at_the_limit"})
+    found = peaks(*(CRAFTED[kind](tmp_path / f"{kind}.mcap") for kind in kinds))
+    assert len(found) == len(kinds)
+    assert {k: peak for k, peak in zip(kinds, found, strict=True) if peak > MOST} == {}
 
 
 def test_messages_outside_of_chunks_are_not_held(tmp_path: Path) -> None:
-    few, many = (many_loose(tmp_path / f"{n}.mcap", n) for n in (1000, 200_000))
-    assert peak(many) - peak(few) < 50_000_000  # a message takes more than 250 bytes as objects
+    few, many = peaks(*(many_loose(tmp_path / f"{n}.mcap", n) for n in (1000, 200_000)))
+    assert many - few < 50_000_000  # a message takes more than 250 bytes as objects
 
 
 def test_a_chunk_larger_than_is_read_is_refused_in_one_line(tmp_path: Path) -> None:

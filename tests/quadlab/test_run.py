@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -146,6 +145,8 @@ def executed(name: str, changes: Mapping[str, str]) -> dict[str, Any]:
         assert source.count(old) == 1
         source = source.replace(old, new)
     names: dict[str, Any] = {}
+    import matplotlib as mpl
+
     with mpl.rc_context({"backend": "agg"}):
         exec(compile(source, name, "exec"), names)
     return names

@@ -52,7 +52,7 @@ def until(what: str, look: Callable[[], T | bool | None], patience: float = PATI
         found = look()
         if found:
             return found  # type: ignore[return-value]
-        waited.wait(0.05)
+        waited.wait(0.1)  # each look takes two processes some milliseconds
     raise AssertionError(f"waited {patience:.0f} s for {what} in vain")
 
 
@@ -193,7 +193,7 @@ class Laboratory:
             raise AssertionError(f"{error}: {listed()}\n{self.output}") from None
 
     def hover(self, height: float = 1.0) -> None:
-        """Arm and take off."""
+        """Arm and take off, faster than people do."""
         self.ready()
         until("arming", lambda: self.command("arm").status_code == 200, 20)
         self.reach(mode="armed")
@@ -201,7 +201,7 @@ class Laboratory:
             "take-off",
             lambda: (
                 self.command(
-                    "start_behavior", name="take_off", arguments={"height": height}
+                    "start_behavior", name="take_off", arguments={"height": height, "speed": 1.0}
                 ).status_code
                 == 200
             ),

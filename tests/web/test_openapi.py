@@ -16,19 +16,22 @@ from hypothesis.errors import Unsatisfiable
 
 from console.catalogue.catalogue import Catalogue
 
-schemathesis = pytest.importorskip("schemathesis", reason="schemathesis is not installed")
-
-
-@schemathesis.serializer("application/toml", "text/plain", "text/csv")
-def as_text(_: Any, value: Any) -> bytes:
-    """Return files of parameters and beacons, valid or not."""
-    return value if isinstance(value, bytes) else str(value).encode()
-
-
 EXAMPLES = 2  # examples of each route and kind
 NOT_ASKED = ("/api/session/sign_out", "/api/trajectories/preview")
 """One ends the session the others are called with, one starts a process each time."""
-SOUND = schemathesis.GenerationMode.POSITIVE
+
+
+@pytest.fixture
+def schemathesis() -> Any:
+    """Return the library, which takes a second to import."""
+    library = pytest.importorskip("schemathesis", reason="schemathesis is not installed")
+
+    def as_text(_: Any, value: Any) -> bytes:
+        """Return files of parameters and beacons, valid or not."""
+        return value if isinstance(value, bytes) else str(value).encode()
+
+    library.serializer("application/toml", "text/plain", "text/csv")(as_text)
+    return library
 
 
 def can_be_wrong(operation: Any) -> bool:
@@ -47,8 +50,8 @@ def own_site(serve: Any, tmp_path: Path) -> Iterator[Any]:
         yield running
 
 
-def test_no_request_makes_the_server_fail(own_site: Any) -> None:
-    site = own_site
+def test_no_request_makes_the_server_fail(own_site: Any, schemathesis: Any) -> None:
+    site, sound = own_site, schemathesis.GenerationMode.POSITIVE
     with site.sign_in() as admin:
         headers = {"Cookie": site.cookie(admin), "Origin": site.base}
     schema = schemathesis.openapi.from_url(f"{site.base}/api/openapi.json", headers=headers)
@@ -65,7 +68,7 @@ def test_no_request_makes_the_server_fail(own_site: Any) -> None:
         operation = found.ok()
         if operation.path in NOT_ASKED:
             continue
-        modes = tuple(schemathesis.GenerationMode) if can_be_wrong(operation) else (SOUND,)
+        modes = tuple(schemathesis.GenerationMode) if can_be_wrong(operation) else (sound,)
         for mode in modes:
             attempt = given(case=operation.as_strategy(generation_mode=mode))(
                 lambda case: ask(case)

@@ -8,18 +8,12 @@ by `ros2 param` are here too.
 
 from __future__ import annotations
 
-import os
-import pickle
-from collections.abc import Mapping
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import xxhash
 from rosbags.serde import SerdeError
 
-from quadrotor.checkout import cache_folder
 from quadrotor.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
@@ -31,75 +25,26 @@ if TYPE_CHECKING:
 FOLDER = Path(__file__).parent
 
 
-class _Classes(dict[str, Any]):
-    """The messages' classes by name, each made when it is first used."""
-
-    def __init__(self, definitions: Typesdict) -> None:
-        super().__init__()
-        self._definitions = definitions
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._definitions
-
-    def __missing__(self, name: str) -> Any:
-        from rosbags.typesys.store import Typestore
-
-        maker = Typestore()
-        maker.register({name: self._definitions[name]})
-        return self.setdefault(name, maker.types[name])
-
-
 @cache
 def typestore() -> Typestore:
-    """Return the one store of the process, made on first use."""
-    from rosbags.typesys.store import Typestore
-
-    store = Typestore()
-    store.fielddefs = _definitions()
-    store.types = _Classes(store.fielddefs)
-    return store
-
-
-def _definitions() -> Typesdict:
-    """Return ROS 2's types and ours. To read them takes 0.2 s, so they are kept next to Python's
-    compiled files, under a digest of ours and of the installed rosbags.
+    """Return the one store of the process, made on first use (0.2 s, most of it ROS 2's own
+    types).
     """
-    import rosbags.typesys.stores as shipped
-
-    version = Path(shipped.__file__).with_name("ros2_jazzy.py").stat()
-    texts = {path: path.read_text() for path in sorted(FOLDER.glob("*/*/*.[ms][sr][gv]"))}
-    state = repr((version.st_size, version.st_mtime_ns, sorted(texts.items()))).encode()
-    kept = cache_folder("messages") / f"types-{xxhash.xxh3_64_hexdigest(state)}.pickle"
-    with suppress(OSError, EOFError, pickle.UnpicklingError):
-        found: Typesdict = pickle.loads(kept.read_bytes())
-        return found
-    made = _read(texts)
-    with suppress(OSError):  # a folder that cannot be written
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        for old in kept.parent.glob("types-*.pickle"):
-            old.unlink(missing_ok=True)
-        new = kept.with_suffix(f".{os.getpid()}")
-        new.write_bytes(pickle.dumps(made))
-        new.replace(kept)
-    return made
-
-
-def _read(texts: Mapping[Path, str]) -> Typesdict:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     added: Typesdict = {}
-    for path, text in texts.items():
-        package, name = path.parts[-3], path.stem
-        if path.suffix == ".msg":
-            added.update(get_types_from_msg(text, f"{package}/msg/{name}"))
-            continue
+    for path in sorted(FOLDER.glob("*/msg/*.msg")):
+        package = path.parts[-3]
+        added.update(get_types_from_msg(path.read_text(), f"{package}/msg/{path.stem}"))
+    for path in sorted(FOLDER.glob("*/srv/*.srv")):
+        package = path.parts[-3]
         # A line "---" separates request and response; either may be empty.
-        parts = zip(f"\n{text}".split("\n---\n"), ("Request", "Response"), strict=True)
-        for one, part in parts:
-            added.update(get_types_from_msg(one, f"{package}/srv/{name}_{part}"))
+        request, response = ("\n" + path.read_text()).split("\n---\n")
+        for text, part in ((request, "Request"), (response, "Response")):
+            added.update(get_types_from_msg(text, f"{package}/srv/{path.stem}_{part}"))
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(added)
-    return store.fielddefs
+    return store
 
 
 def stored_name(type_name: str) -> str:

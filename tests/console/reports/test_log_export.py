@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-import resource
+import json
 import shutil
 import subprocess
 import sys
@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 from pyarrow import parquet
-from scipy.io import loadmat
 
 from console.log_export import formats, tables
 from console.log_export.export import export
 from flight_log import LogWriter
 from quadlab.__main__ import main
+from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError, UsageError
 from vehicle_link.messages import encode, header, new
 
@@ -99,6 +99,8 @@ def test_matlab_has_a_struct_a_topic_with_units(
 ) -> None:
     monkeypatch.setattr(formats, "COMPRESSED_BYTES", compressed)
     [path] = export(log, tmp_path / "out", "mat").files
+    from scipy.io import loadmat
+
     content = loadmat(path, simplify_cells=True)
     state = content["state"]
     assert state["pose_pose_position_x"][10] == pytest.approx(1.0)
@@ -167,31 +169,43 @@ def test_a_full_disk_leaves_no_file(
     assert list(tmp_path.iterdir()) == [], "nor the folders made for it"
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
-@pytest.mark.parametrize("size", [0, 5000])
-def test_a_disk_that_takes_so_many_bytes_is_left_as_it_was_and_the_next_try_works(
-    log: Path, tmp_path: Path, kind: str, size: int
-) -> None:
-    def limited(size: int) -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+LIMITED = """
+import io, json, resource, sys
+from contextlib import redirect_stderr, redirect_stdout
+from quadlab.__main__ import main
+log, *folders = sys.argv[1:]
+told = []
+for size in (0, 5000):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+    for folder in folders:
+        words = ["log", "export", log, "--format", folder.split("/")[-2], "--out", folder]
+        with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as error:
+            status = main(words)
+        told.append((folder, status, out.getvalue(), error.getvalue()))
+print(json.dumps(told))
+"""
+"""Exports into files of at most 0 and 5000 bytes; the folder of FORMAT/FOLDER names the format."""
 
-    mine = tmp_path / "mine"
-    mine.mkdir()
-    words = [sys.executable, "-m", "quadlab", "log", "export", str(log), "--format", kind, "--out"]
-    for folder in (tmp_path / "out", mine):
-        tried = subprocess.run(
-            [*words, str(folder)],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=120,
-            preexec_fn=lambda: limited(size),
-        )
-        assert (tried.returncode, tried.stdout) == (1, "")
-        assert f"cannot write into {folder}: " in tried.stderr
-        assert "nothing was exported" in tried.stderr
-    assert list(tmp_path.rglob("*")) == [mine], "a folder that was there stays"
-    assert export(log, mine, kind).rows == 900
+
+def test_a_disk_that_takes_so_many_bytes_is_left_as_it_was_and_the_next_try_works(
+    log: Path, tmp_path: Path
+) -> None:
+    kinds = ("csv", "parquet", "mat")
+    for kind in kinds:
+        (tmp_path / kind / "mine").mkdir(parents=True)
+    there = set(tmp_path.rglob("*"))
+    folders = [str(tmp_path / kind / name) for kind in kinds for name in ("out", "mine")]
+    words = [sys.executable, "-c", LIMITED, str(log), *folders]
+    tried = subprocess.run(words, capture_output=True, text=True, check=True, cwd=ROOT, timeout=120)
+    told = json.loads(tried.stdout)
+    assert len(told) == 12
+    for folder, status, out, error in told:
+        assert (status, out) == (1, "")
+        assert f"cannot write into {folder}: " in error
+        assert "nothing was exported" in error
+    assert set(tmp_path.rglob("*")) == there, "a folder that was there stays"
+    for kind in kinds:
+        assert export(log, tmp_path / kind / "mine", kind).rows == 900
 
 
 def test_a_file_in_the_folders_place_stays_and_is_told(log: Path, tmp_path: Path) -> None:

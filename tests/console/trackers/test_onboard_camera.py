@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy.typing as npt
 import pytest
 
 from bearing_sim import BearingParameters
+from bearing_sim.beacons import parse_layout
 from console.trackers.camera_figures import figures_text
 from console.trackers.camera_view import CameraView
 from console.trackers.onboard_camera import BearingsTracker, OnboardCameraSource, StationBeacons
@@ -35,10 +37,8 @@ from vehicle_link.transport.node import Node
 Array = npt.NDArray[np.float64]
 
 PLACE = np.array([0.3, -0.2, 1.1])
-CAMERA = OnboardCamera(
-    BearingParameters(layout="wall", mount_pitch=-90.0), CameraParameters(exposure=0.0)
-)
-BEACONS = dict(zip(CAMERA.beacons.ids.tolist(), CAMERA.beacons.positions_w.tolist(), strict=True))
+WALL = parse_layout("wall")
+BEACONS = dict(zip(WALL.ids.tolist(), WALL.positions_w.tolist(), strict=True))
 TAGS = "size = 0.2\n[camera]\nposition = [0.05, 0, -0.03]\nturn = [0, -90, 0]\n"
 PICTURES, RATE = 120, 4.0
 
@@ -51,13 +51,20 @@ class Notification:
     def close(self) -> None: ...
 
 
+@cache
+def camera() -> OnboardCamera:
+    """Return the camera that makes the pictures; its lens takes a moment to compute."""
+    parameters = BearingParameters(layout="wall", mount_pitch=-90.0)
+    return OnboardCamera(parameters, CameraParameters(exposure=0.0))
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with intrinsics, tags and a video of a hovering vehicle."""
     folder = tmp_path_factory.mktemp("camera")
-    CAMERA.lens.save(folder / "camera.yaml")
+    camera().lens.save(folder / "camera.yaml")
     (folder / "beacons.toml").write_text(TAGS)
-    grey = CAMERA.picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
+    grey = camera().picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
     write(folder / "hover.avi", [grey] * PICTURES)
     return folder
 
@@ -78,7 +85,7 @@ def first(files: Path, video: str, places: Places) -> Frame:
 
 
 def true_bearings() -> Array:
-    away = CAMERA.beacons.positions_w - PLACE
+    away = WALL.positions_w - PLACE
     return np.asarray(away / np.linalg.norm(away, axis=1)[:, None])
 
 
@@ -97,7 +104,7 @@ def test_a_picture_that_fits_the_layout_is_not_doubted_and_one_that_does_not_is(
 
 
 def test_a_black_picture_is_told_and_the_next_one_read(files: Path) -> None:
-    grey = CAMERA.picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
+    grey = camera().picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
     write(files / "dark.avi", [np.zeros_like(grey), grey])
     source = OnboardCameraSource(
         files / "dark.avi", files / "camera.yaml", files / "beacons.toml", Notification(BEACONS)
@@ -226,7 +233,7 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_end_frees_the_station(
 def test_the_process_prints_how_well_the_camera_sees_once_nothing_is_wrong(
     bench: Bench, files: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    grey = CAMERA.picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
+    grey = camera().picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
     write(files / "quick.avi", [grey] * 400, 20.0)
     view, ending, said = CameraView(), threading.Event(), [""]
 

@@ -34,7 +34,7 @@ class Hovering:
         flight.wait(0.5)
         flight.arm()
         flight.wait(1.0)
-        flight.start("take_off", height=1.0)
+        flight.start("take_off", height=1.0, speed=1.0)
         flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
 
     @property

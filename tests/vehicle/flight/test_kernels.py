@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from quadrotor.checkout import ROOT, cache_folder
+from quadrotor.checkout import ROOT
+from quadrotor.compiled import _default_root
 from tests.support.narrowing import now
 from vehicle.flight import kernels
 from vehicle.flight.kernels import IN_SECOND_PROCESS, LATER, PARTS
@@ -46,7 +47,7 @@ def prepare(cache: Path) -> tuple[set[str], list[str]]:
 def test_what_is_not_kept_is_compiled_and_told_and_then_it_is_kept(tmp_path: Path) -> None:
     cache = tmp_path / "kernels"
     # All of this checkout's functions, except two: one is compiled by the second process.
-    shutil.copytree(cache_folder("kernels"), cache)
+    shutil.copytree(_default_root(), cache)
     for part in (IN_SECOND_PROCESS, "behaviors"):
         for folder in cache.glob(f"{PARTS[part][0]}-*"):
             shutil.rmtree(folder)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -21,7 +19,6 @@ from vehicle_link.messages import (
     new,
     ros_name,
     stamp_of,
-    store,
     type_hash,
 )
 from vehicle_link.messages.store import FOLDER
@@ -60,7 +57,7 @@ def test_every_quadlab_message_survives_the_wire_when_empty() -> None:
     # Reading an old log adds the types of that time, such as `ParameterChangeVersion0`.
     ours = [
         name
-        for name in TYPESTORE.fielddefs
+        for name in TYPESTORE.types
         if name.startswith("quadlab_msgs/") and not re.search(r"Version\d+$", name)
     ]
     folder = FOLDER / "quadlab_msgs"
@@ -149,23 +146,3 @@ def test_the_ros_package_lists_every_interface_and_each_package_that_they_need()
         "ament_cmake",
         "rosidl_default_generators",
     }
-
-
-def test_the_types_that_are_kept_are_those_of_the_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = tmp_path / "messages"
-    shutil.copytree(FOLDER, folder, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
-    cache = tmp_path / "cache"
-    monkeypatch.setattr(store, "FOLDER", folder)
-    monkeypatch.setattr(store, "cache_folder", lambda name: cache)
-    made = store._definitions()
-    assert made.items() <= TYPESTORE.fielddefs.items()
-    (kept,) = cache.iterdir()
-    assert store._definitions() == made
-    kept.write_bytes(b"\0\0")
-    assert store._definitions() == made
-    with (folder / "quadlab_msgs" / "msg" / "Mark.msg").open("a") as file:
-        file.write("\nfloat64 added\n")
-    assert store._definitions()["quadlab_msgs/msg/Mark"][1][-1][0] == "added"
-    assert len(list(cache.iterdir())) == 1

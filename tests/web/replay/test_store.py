@@ -39,6 +39,18 @@ def log(tmp_path: Path, recorded: bytes) -> Path:
     return path
 
 
+@pytest.fixture
+def built_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Build replays in this process, for tests of when one is built and not of where."""
+
+    def build(
+        function: Callable[..., None], log: Path, *, niceness: int, report: Callable[[float], None]
+    ) -> None:
+        function(log, report)
+
+    monkeypatch.setattr(store_module, "run", build)
+
+
 def ready(store: ReplayStore, log: Path, until: Until, newer: bool = False) -> Replay:
     found: list[Any] = [store.get(log, newer=newer)]
 
@@ -65,6 +77,7 @@ def test_a_cache_is_built_once_and_found_by_another_process(log: Path, until: Un
     assert again.described() == first.described()
 
 
+@pytest.mark.usefixtures("built_here")
 def test_a_log_that_has_changed_is_read_again(log: Path, until: Until) -> None:
     store = ReplayStore()
     before = ready(store, log, until)
@@ -77,6 +90,7 @@ def test_a_log_that_has_changed_is_read_again(log: Path, until: Until) -> None:
     assert durations == pytest.approx([7.0, 8.0], abs=0.03)
 
 
+@pytest.mark.usefixtures("built_here")
 def test_a_run_being_recorded_is_shown_and_what_comes_since_on_demand(
     tmp_path: Path, recorded: bytes, until: Until
 ) -> None:
@@ -116,6 +130,7 @@ def test_what_is_no_log_says_so_in_one_line_and_leaves_nothing(
     assert list((tmp_path / CACHES).iterdir()) == []
 
 
+@pytest.mark.usefixtures("built_here")
 @pytest.mark.parametrize("harm", ["gone", "cut", "older", "of another state"])
 def test_a_damaged_replay_is_built_again(log: Path, until: Until, harm: str) -> None:
     described = ready(ReplayStore(), log, until).described()
@@ -155,6 +170,7 @@ def test_a_replay_larger_than_all_may_be_is_given_up_with_the_reason(
     assert list((log.parent / CACHES).iterdir()) == []
 
 
+@pytest.mark.usefixtures("built_here")
 def test_a_run_and_a_log_of_the_vehicle_with_its_name_are_shown_each(
     log: Path, until: Until
 ) -> None:
@@ -169,6 +185,7 @@ def test_a_run_and_a_log_of_the_vehicle_with_its_name_are_shown_each(
     assert store.opened(onboard) is second
 
 
+@pytest.mark.usefixtures("built_here")
 def test_a_deleted_runs_replay_goes_and_is_built_again_after_an_undo(
     log: Path, until: Until
 ) -> None:
