@@ -221,6 +221,13 @@ def test_the_module_runs_as_a_program() -> None:
     assert ran.stderr.count("\n") == 1
 
 
+def test_help_and_wrong_words_need_no_large_library() -> None:
+    loaded = "import sys, quadlab.__main__; print(*sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
+    assert "quadlab.commands.fly" in ran.stdout.split()
+    assert not {"numpy", "numba", "pydantic", "pyarrow", "zenoh"} & set(ran.stdout.split())
+
+
 def test_a_signal_leaves_the_interpreter_standing_too() -> None:
     """A thread of a library that calls Python during its shutdown aborts the process."""
     words = (
