@@ -109,6 +109,8 @@ class BearingEmulator:
         biased = _bias_of(p)
         own_biases = parse_beacon_bias(p.beacon_bias) if p.beacon_bias else {}
 
+        # Read once: an attribute of parameters takes as long as three multiplications.
+        nearest, farthest, occlusion, drop_out = p.range_min, p.range_max, p.occlusion, p.drop_out
         x, y, z = position_w
         (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rows_of(quaternion_wb)
         seen_ids: list[int] = []
@@ -117,12 +119,12 @@ class BearingEmulator:
         for claimed_id, (id, (px, py, pz)) in zip(ids, layout.places, strict=True):
             u, v, w = px - x, py - y, pz - z
             distance = math.sqrt(u * u + v * v + w * w)
-            if lost is None or id in lost or not p.range_min <= distance <= p.range_max:
+            if lost is None or id in lost or not nearest <= distance <= farthest:
                 continue
-            if hidden(p.seed, id, stamp_ns, p.occlusion, spell_ns):
+            if hidden(p.seed, id, stamp_ns, occlusion, spell_ns):
                 continue
-            draws = Draws(p.seed, stamp_ns, id)
-            if draws.uniform() <= p.drop_out:
+            draws = Draws(id, of=frame_draws)
+            if draws.uniform() <= drop_out:
                 continue
             bearing_b = (
                 (r00 * u + r10 * v + r20 * w) / distance,
@@ -156,6 +158,8 @@ class BearingEmulator:
 
 def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:
     """Return the reported ids: in a share `swap` of the frames, two of them are exchanged."""
+    if swap <= 0.0:
+        return ids
     swapped, first, second = (1.0 - draws.uniform() for _ in range(3))
     if swapped < swap:
         one = int(first * len(ids))

@@ -95,12 +95,14 @@ class Draws:
     stamps of the poses.
     """
 
-    __slots__ = ("_state",)
+    __slots__ = ("_key", "_state")
 
-    def __init__(self, *key: int) -> None:
-        state = 0
+    def __init__(self, *key: int, of: Draws | None = None) -> None:
+        """Begin the stream of a key, which continues that `of` another one."""
+        state = 0 if of is None else of._key
         for part in key:
             state = splitmix64((state ^ part) + STEP & ALL)
+        self._key: int = state
         self._state = state
 
     def uniform(self) -> float:

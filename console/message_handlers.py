@@ -139,8 +139,8 @@ class MessageHandlers:
         self._tracker.seen(frame)
 
     def _truth(self, received: Received) -> None:
-        stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)
-        pose = (stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
+        pose = topics.decode_odometry_pose(received.payload, self._vehicle)
+        stamp_ns = pose[0]
         self._comparison.truth(*pose)
         self._tracker.truth(*pose)
         self._progress.truth(stamp_ns)

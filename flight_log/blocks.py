@@ -75,8 +75,7 @@ class BlockReader:
         self.attachment_bytes: dict[str, int] = {}  # of all, also of those too large to keep
         self.metadata: dict[str, dict[str, str]] = {}
         self.tear = ""
-        self.damaged_chunks = 0
-        self.damaged_records = 0
+        self.damaged_chunks = self.damaged_records = 0
         self._parts: list[bytes] = []
         self._indexes: list[list[bytes]] = []  # of each part; none where they are not known
         self._filled = 0
@@ -297,8 +296,5 @@ def rows_at(data: Bytes, places: Places, size: int) -> Bytes:
     """Return the bytes from each place on, shape (N, size)."""
     if size == 0:
         return np.zeros((len(places), 0), np.uint8)
-    stands: npt.NDArray[Any] = np.ndarray(
-        (len(data) - size + 1,), f"V{size}", data.data, strides=(1,)
-    )
-    rows: Bytes = stands[places].view(np.uint8).reshape(len(places), size)
+    rows: Bytes = field_at(data, places, 0, f"V{size}").view(np.uint8).reshape(len(places), size)
     return rows

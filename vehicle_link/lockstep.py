@@ -12,7 +12,8 @@ import os
 import tempfile
 import time
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from quadrotor.errors import StorageError
@@ -73,6 +74,20 @@ class Page:
     def close(self) -> None:
         self.path.unlink(missing_ok=True)
         self._file.close()
+
+
+@contextmanager
+def one_clock(names: Sequence[str], folder: Path, port: int) -> Iterator[None]:
+    """Provide one clock, of a new `Page`, for this process and all child processes."""
+    page = Page(names, folder, port)
+    os.environ[clock.VARIABLE] = str(page.path)
+    try:
+        clock.follow(page.path)
+        yield
+    finally:
+        clock.follow(None)
+        del os.environ[clock.VARIABLE]
+        page.close()
 
 
 def page_at(port: int) -> Path | None:

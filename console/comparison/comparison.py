@@ -7,6 +7,7 @@ No clock is read: the same input gives the same output. Single-threaded.
 from __future__ import annotations
 
 import math
+import struct
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -162,7 +163,7 @@ class EstimatorComparison:
         if true is not None:
             for result in out.results:
                 state = result.state[None]
-                [(result.position_error, result.attitude_error)] = errors(state, true).tolist()
+                [(result.position_error, result.attitude_error)] = errors(state, true)
         self._describe_bearings(out, true)
         return out
 
@@ -215,21 +216,20 @@ class EstimatorComparison:
         counts = self._armed or not self._flown
         for row, true in self._merge.compared():
             self._compared = (row, true)
-            lengths = errors(row.states, true).tolist()
+            lengths = errors(row.states, true)
             for word, (position, attitude) in zip(row.names, lengths, strict=True):
                 if word in self._statistics:
                     self._statistics[word].add(row.stamp_ns, position, attitude, counts)
 
     def _row(self, stamp_ns: int, own: Record) -> Row:
         """Return the present state of every estimator; NaN for those that are not initialized."""
-        states = np.full((1 + len(self._shadows), 13), math.nan)
-        states[0] = _numbers(own)
-        for k, shadow in enumerate(self._shadows.values(), start=1):
-            if shadow.initialized:
-                states[k] = _numbers(shadow.state)
-        lengths = np.linalg.norm(states[:, QUATERNION], axis=1, keepdims=True)
-        states[:, QUATERNION] /= np.where(lengths > 0.0, lengths, 1.0)
-        return Row(stamp_ns, (VEHICLE, *self._shadows), states)
+        rows = [_numbers(own)]
+        for shadow in self._shadows.values():
+            rows.append(_numbers(shadow.state) if shadow.initialized else [math.nan] * 13)
+        for row in rows:
+            length = math.hypot(*row[QUATERNION]) or 1.0
+            row[QUATERNION] = [x / length for x in row[QUATERNION]]
+        return Row(stamp_ns, (VEHICLE, *self._shadows), np.array(rows))
 
     def _reset(self) -> None:
         for shadow in self._shadows.values():
@@ -245,10 +245,9 @@ class EstimatorComparison:
         self._armed = self._flown = False
 
 
-def _numbers(state: Record) -> Array:
+def _numbers(state: Record) -> list[float]:
     """Return a STATE (1,) as 13 numbers."""
-    numbers: Array = np.ascontiguousarray(state).view(np.float64)[:13]
-    return numbers
+    return list(struct.unpack("13d", state.tobytes()))
 
 
 assert STATE.itemsize == 13 * 8

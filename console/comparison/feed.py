@@ -25,7 +25,8 @@ from quadrotor.errors import JobError, LinkError, QuadlabError
 from quadrotor.records import Array
 from vehicle_link.jobs import Job
 
-PERIOD = 0.05
+PERIOD = 0.1
+"""Seconds between two batches, each of which gives a result."""
 HELD = 4000
 """Maximum number of messages queued for the process: about 10 s of them."""
 RESTART_PERIOD = 5.0

@@ -19,7 +19,6 @@ from vehicle_link.telemetry import unpack
 
 Batch = tuple[str, Sequence[tuple[Any, ...]]]
 """The text of the parameter, and (kind, its arguments) in the order of arrival."""
-REPORT_EVERY = 2  # batches
 
 
 class ComparisonWorker:
@@ -44,12 +43,10 @@ class ComparisonWorker:
         self._choices: tuple[EstimatorChoice, ...] = ()
         self._missing: list[EstimatorChoice] = []
         self._defect = ""
-        self._batches = 0
 
     def process(self, batch: Batch) -> None:
         """Process a batch. A defect in what is only displayed ends nothing and is reported once."""
         text, items = batch
-        self._batches += 1
         for act in (
             lambda: self._follow(text),
             *(lambda one=one: self._feed(*one) for one in items),
@@ -101,8 +98,6 @@ class ComparisonWorker:
         return True
 
     def _publish_report(self) -> None:
-        if self._batches % REPORT_EVERY:
-            return
         report = self._comparison.report()
         if report is not None:
             self._publish(encode(message_of(report)), report.stamp_ns)

@@ -64,13 +64,15 @@ class SampleQueue:
         newest are skipped.
         """
         event = PacketEvent.GOES_ON
-        last_ns = int(imu["stamp_ns"][-1])
+        stamps = imu["stamp_ns"].tolist()
+        last_ns = stamps[-1]
         if self._newest is not None:
             self._behind = self._behind + 1 if last_ns < self._newest_ns - OTHER_LIFE_NS else 0
             if self._behind >= BEHIND:
                 self._newest, event = None, PacketEvent.RESTARTED
         if self._newest is not None:
-            imu = imu[imu["stamp_ns"] > self._newest_ns]
+            if not min(stamps) > self._newest_ns:
+                imu = imu[imu["stamp_ns"] > self._newest_ns]
             if not len(imu):
                 return Stretch(PacketEvent.NOTHING_NEW, imu, (), ())
             gap = 1e-9 * (int(imu["stamp_ns"][0]) - self._newest_ns)
@@ -78,18 +80,22 @@ class SampleQueue:
                 event = PacketEvent.GAP
             elif gap > LONGEST_STEP:
                 imu = np.concatenate((bridge(self._newest, imu[:1], gap), imu))
-        stamps = imu["stamp_ns"]
+        stamps = imu["stamp_ns"].tolist()
         before_ns = self._newest_ns if self._newest is not None else stamps[0] - 2_000_000
-        steps = 1e-9 * np.diff(stamps, prepend=before_ns)
+        # On plain numbers, as numpy takes longer for the few of a packet.
+        pairs = zip([before_ns, *stamps], stamps, strict=False)
+        steps = [min(1e-9 * (after - before), LONGEST_STEP) for before, after in pairs]
         if event is not PacketEvent.GOES_ON:
             steps[0] = NOMINAL_STEP
         if event is PacketEvent.RESTARTED:
             self._waiting = [one for one in self._waiting if one[0] < last_ns + OTHER_LIFE_NS]
-        self._newest, self._newest_ns, self._behind = imu[-1:].copy(), int(stamps[-1]), 0
-        return Stretch(event, imu, np.minimum(steps, LONGEST_STEP).tolist(), self._due(imu))
+        self._newest, self._newest_ns, self._behind = imu[-1:].copy(), stamps[-1], 0
+        return Stretch(event, imu, steps, self._due(imu))
 
     def _due(self, imu: Record) -> list[tuple[int, Record]]:
         ready = [one for one in self._waiting if one[0] <= self._newest_ns]
+        if not ready:
+            return []
         del self._waiting[: len(ready)]
         old_ns = int(imu["stamp_ns"][0]) - OTHER_LIFE_NS
         ready = [one for one in ready if one[0] > old_ns]

@@ -19,11 +19,13 @@ RECORDED_AS_RECEIVED = tuple(
 )
 """Topics recorded as received, including our own parameter changes and events."""
 
+FREQUENT = 50.0
+"""Rate in Hz from which a topic of which only the newest messages count has its own thread."""
 Handler = Callable[[Received], None]
 
 
 class Subscriptions:
-    """The station's subscriptions; each topic has its own thread (vehicle_link.transport.node).
+    """The station's subscriptions; their threads are those of vehicle_link.transport.node.
 
     Args:
         handlers: handlers by topic; may raise LinkError or MeasurementError for invalid content.
@@ -61,6 +63,7 @@ class Subscriptions:
                 callback,
                 qos=TOPICS[name].qos,
                 newest=TOPICS[name].newest,
+                frequent=TOPICS[name].rate >= FREQUENT,
             )
 
     def close(self) -> None:

@@ -76,10 +76,13 @@ class _Growing:
         self._held.append(values)
         self._held_count += len(values)
         if self._held_count > HELD:
-            with self._path.open("ab") as file:
-                file.writelines(values.data for values in self._held)
-            self._filed_count += self._held_count
-            self._held, self._held_count = [], 0
+            self._file_held()
+
+    def _file_held(self) -> None:
+        with self._path.open("ab") as file:
+            np.concatenate(self._held).tofile(file)
+        self._filed_count += self._held_count
+        self._held, self._held_count = [], 0
 
     def read(self) -> npt.NDArray[Any]:
         """Return all values, (count,), mapped if there are many."""
@@ -87,8 +90,8 @@ class _Growing:
             return np.full(self.count, self.first, self.dtype)
         if not self._filed_count:
             return np.concatenate(self._held)
-        with self._path.open("ab") as file:
-            file.writelines(values.data for values in self._held)
+        if self._held:
+            self._file_held()
         return np.memmap(self._path, self.dtype, "r")
 
 

@@ -4,12 +4,11 @@ processes."""
 from __future__ import annotations
 
 import contextlib
-import os
 import secrets
 import socket
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -37,7 +36,7 @@ from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER, find_kind
 from vehicle_link import clock
 from vehicle_link.crtp.links import UDP_PORT
 from vehicle_link.forked import share
-from vehicle_link.lockstep import Page
+from vehicle_link.lockstep import one_clock
 from vehicle_link.serial.capacity import check_rate
 from vehicle_link.termination_signal import EndSignal
 
@@ -112,7 +111,7 @@ class Up(PageOptions):
             tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
             contextlib.nullcontext()
             if self.real_time or self.tracker
-            else _lockstep(fleet, Path(run_folder), self.link_port),
+            else one_clock(fleet.names, Path(run_folder), self.link_port),
         ):
             progress = Progress(self.host, self.port)
             if self.tracker:
@@ -279,20 +278,6 @@ class Up(PageOptions):
                 _stop(group)
         print("quadlab: stopped", flush=True)
         return 0
-
-
-@contextlib.contextmanager
-def _lockstep(fleet: SimulatedFleet, folder: Path, port: int) -> Iterator[None]:
-    """Provide one clock for this process and all child processes."""
-    page = Page(fleet.names, folder, port)
-    os.environ[clock.VARIABLE] = str(page.path)
-    try:
-        clock.follow(page.path)
-        yield
-    finally:
-        clock.follow(None)
-        del os.environ[clock.VARIABLE]
-        page.close()
 
 
 def _stop(group: Sequence[Child]) -> None:

@@ -82,6 +82,8 @@ class SimulatedFlight(SimulatedGuide):
         if parameters.camera.enabled:
             estimated_w = self.stack.state["position_w"][0]
             self._bearings = OnboardCamera(parameters.bearings, parameters.camera, estimated_w)
+        cameras = self._bearings, self._outside
+        self._cameras = [one for one in cameras if isinstance(one, OnboardCamera | OutsideCameras)]
         self._beacons = KnownBeacons(parse_layout(parameters.beacons.layout))
         self._sender = CommandSender(self.stack.modes, self._board)
         self._complained_ns = -WARN_NS
@@ -210,10 +212,9 @@ class SimulatedFlight(SimulatedGuide):
             seen = bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
             self.stack.measure(seen)
             self._solve(seen, now_ns)
-        for cameras in (self._bearings, tracker):
-            if isinstance(cameras, OnboardCamera | OutsideCameras):
-                for topic, stamp_ns, jpeg in cameras.shown():
-                    self._log.picture(topic, stamp_ns, jpeg, now_ns)
+        for cameras in self._cameras:
+            for topic, stamp_ns, jpeg in cameras.shown():
+                self._log.picture(topic, stamp_ns, jpeg, now_ns)
         if self._outside is not None:
             for line in self._outside.said():
                 self.stack.say(f"tracker: {line}", mailbox.WARN)

@@ -40,7 +40,11 @@ def decoded(log: Path) -> list[float]:
     return [decode(one.payload, one.type_name).pose.pose.position.z for one in found]
 
 
-def test_numbers_stamps_and_payloads_are_the_messages_own(log: Path) -> None:
+@pytest.mark.parametrize("held", [100, 1 << 15])
+def test_numbers_stamps_and_payloads_are_the_messages_own(
+    log: Path, monkeypatch: pytest.MonkeyPatch, held: int
+) -> None:
+    monkeypatch.setattr("flight_log.columns.writer.HELD", held)
     found = read_columns(log, dtype=np.float64).topics
     state = found[STATE]
     messages = list(read_log(log, topics=[STATE]))

@@ -11,6 +11,7 @@ import struct
 import threading
 import time
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
@@ -84,8 +85,13 @@ class Publisher:
         packets: int = PACKETS_A_SECOND,
     ) -> None:
         self._packets = packets
-        self._beat_ns = round(1e9 / packets)
-        self._shortest_ns = round((1e9 if packets >= PACKETS_A_SECOND else 2e9) / packets)
+        shortest = dict.fromkeys(
+            _PERIOD_NS, (1.0 if packets >= PACKETS_A_SECOND else 2.0) / packets
+        )
+        shortest["vehicle_heartbeat"] = 1.0 / packets
+        self._period_ns = {
+            topic: max(period, round(1e9 * shortest[topic])) for topic, period in _PERIOD_NS.items()
+        }
         self._radio = radio
         self._log = log
         self._clock = clock
@@ -200,9 +206,7 @@ class Publisher:
 
     def _due(self, topic: str, now_ns: int) -> bool:
         """Return True once per period of the topic, with deadlines that keep the mean rate."""
-        period = _PERIOD_NS[topic]
-        shortest = self._beat_ns if topic == "vehicle_heartbeat" else self._shortest_ns
-        period = max(period, shortest)
+        period = self._period_ns[topic]
         late = now_ns - self._due_ns.get(topic, now_ns)
         if late < -period:  # the clock was set back
             late = 0
@@ -240,6 +244,7 @@ def samples_a_packet(tick_rate: float, packets: int = PACKETS_A_SECOND) -> int:
     return max(1, min(telemetry.SAMPLES_A_PACKET, round(tick_rate / packets)))
 
 
+@cache
 def flag_names(flags: int) -> Sequence[str]:
     """Return the lower-case names of the flags that are set."""
     return [name for bit, name in _FLAGS if flags & bit]

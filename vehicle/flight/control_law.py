@@ -131,9 +131,8 @@ class ControlLaw:
         self, state: Record, actuators: Record, flying: bool, carried: bool, dt: float
     ) -> None:
         """Update the disturbance observer; see `control.disturbance_observer.observe_one`."""
-        if not self.observer.idle:
-            found = self.controller.disturbance
-            self.observer.step(state, actuators, self.model, flying, carried, dt, found)
+        found = self.controller.disturbance
+        self.observer.step(state, actuators, self.model, flying, carried, dt, found)
 
     def throttle(self, thrust: float) -> float:
         """Return the mean motor reference of a thrust (N), as a share (0 to 1) of its range."""

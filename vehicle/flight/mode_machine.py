@@ -15,7 +15,7 @@ from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
-from vehicle.flight.modes import ControlMode, Mode, check_control_move, check_move
+from vehicle.flight.modes import EMERGENCY, ControlMode, Mode, check_control_move, check_move
 from vehicle.flight.motor_bench import Bench
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.processes import mailbox
@@ -24,6 +24,7 @@ from vehicle.safety.parameters import SafetyParameters
 from vehicle.safety.supervisor import Reaction, Supervisor, Verdict
 from vehicle_link.serial.ids import MotorState
 
+_ON, _TAKEN_OVER = MotorState.ON, MotorState.EMERGENCY
 MOTOR_START_GRACE_NS = 1_500_000_000
 _BRAKING = (BehaviorName.LAND, BehaviorName.BRAKE, BehaviorName.EMERGENCY_LANDING)
 
@@ -166,13 +167,13 @@ class ModeMachine:
     def follow_motor_state(self, sample: RawSample) -> None:
         """React to the motor state that the microcontroller reports while motors should turn."""
         state = sample.motor_state
-        if self.control_mode is ControlMode.EMERGENCY:
+        if self.control_mode is EMERGENCY:
             if state == MotorState.OFF:
                 self.ground.touch_down(self.tick.stamp_ns)
                 self.move(Mode.READY, "landed by the microcontroller")
-        elif state == MotorState.EMERGENCY:
+        elif state == _TAKEN_OVER:
             self.hand_over("the microcontroller took over: commands were missing, or the battery")
-        elif state != MotorState.ON and self.motors_had_time:
+        elif state != _ON and self.motors_had_time:
             name, obstacle = MotorState(state).name.lower(), self.obstacle
             why = f": {obstacle}" if obstacle else ""
             self.move(Mode.CUT, f"microcontroller reports motors {name}{why}", mailbox.ERROR)

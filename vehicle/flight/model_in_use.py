@@ -10,7 +10,7 @@ from vehicle.boards.board import RawSample
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import FLYING, ControlMode
+from vehicle.flight.modes import DIRECT, FLYING
 from vehicle.flight.tick_record import TickRecord
 from vehicle.safety.ground_contact import GroundContact
 
@@ -46,17 +46,18 @@ class ModelInUse:
         mass.step(tick.state, tick.actuators, self._weighs(airborne), since, tick.estimate)
         if mass.used:
             self.fly_on(mass.mass)
-        # Disturbances are relative to the law's own command; ground reaction is not one.
-        flying = airborne and self._direct and self.modes.mode in FLYING
-        carried = self.ground.carried > 0.0 and self.behaviors.name in LANDING
-        law.observe(tick.state, tick.actuators, flying, carried, dt)
+        if not law.observer.idle:
+            # Disturbances are relative to the law's own command; ground reaction is not one.
+            flying = airborne and self._direct and self.modes.mode in FLYING
+            carried = self.ground.carried > 0.0 and self.behaviors.name in LANDING
+            law.observe(tick.state, tick.actuators, flying, carried, dt)
         if law.follow_battery(sample.battery_voltage, dt):
             self.behaviors.set_model(law.model)
 
     @property
     def _direct(self) -> bool:
         """Return whether the thrusts are those of our control law, not the microcontroller's."""
-        return self.modes.control_mode is ControlMode.DIRECT
+        return self.modes.control_mode is DIRECT
 
     def _weighs(self, airborne: bool) -> bool:
         """Return whether only the commanded thrust carries the vehicle, as the estimate requires.

@@ -57,6 +57,11 @@ CONTROL_MOVES: dict[ControlMode, frozenset[ControlMode]] = {
 }
 
 
+# For each tick, as the lookup of a member in its class takes 0.15 µs:
+STARTING, BENCH = Mode.STARTING, Mode.BENCH
+DIRECT, EMERGENCY = ControlMode.DIRECT, ControlMode.EMERGENCY
+
+
 def check_control_move(current: ControlMode, wanted: ControlMode) -> None:
     """Raise RefusedError when the table has no such change."""
     if wanted is not current and wanted not in CONTROL_MOVES[current]:

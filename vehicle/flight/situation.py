@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from control.behaviors.parameters import BehaviorParameters
 from estimation.outcome import Agreement
+from quadrotor.compiled import direct
 from vehicle.boards.board import RawSample
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import ControlMode
+from vehicle.flight.modes import DIRECT
 from vehicle.flight.tick_record import TickRecord
+from vehicle.safety.excursion import excursion
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Situation
 
@@ -31,6 +32,10 @@ class SituationReader:
     ground: GroundContact
     _situation: Situation = field(default_factory=Situation)
 
+    def __post_init__(self) -> None:
+        of = self.tick.state, self.tick.estimate
+        self._excursion = direct(excursion, *of, 0.0, 0.0, 0.0, 0.0, 0.0)
+
     def read(self, sample: RawSample, pose_age: float) -> Situation:
         """Return the situation of this tick; it is valid until the next call.
 
@@ -39,21 +44,18 @@ class SituationReader:
         """
         now, tick, p, boxes = self._situation, self.tick, self.volume, self.volume.boxes
         now.airborne = self.ground.airborne
-        now.by_microcontroller = self.modes.control_mode is not ControlMode.DIRECT
-        now.voltage, now.pose_age, now.tilt = sample.battery_voltage, pose_age, tick.tilt
-        now.innovation = math.hypot(*tick.innovation_w.tolist())
+        now.by_microcontroller = self.modes.control_mode is not DIRECT
+        now.voltage, now.pose_age = sample.battery_voltage, pose_age
         now.jumped = tick.agreement.item() == _JUMPED
-        now.speed = math.hypot(*tick.velocity_w.tolist())
-        x, y, z = tick.position_w.tolist()
-        now.outside = max(
-            p.volume_x_min - x,
-            x - p.volume_x_max,
-            p.volume_y_min - y,
-            y - p.volume_y_max,
-            z - p.volume_z_max,
+        walls = p.volume_x_min, p.volume_x_max, p.volume_y_min, p.volume_y_max, p.volume_z_max
+        now.tilt, now.speed, now.innovation, now.outside = self._excursion(
+            tick.state, tick.estimate, *walls
         )
-        near = [box for box in boxes if box.gap((x, y, z)) < 0.5 * p.keep_out_margin]
-        now.box = near[0].name if near else ""
+        now.box = ""
+        if boxes:
+            x, y, z = tick.position_w.tolist()
+            near = [box for box in boxes if box.gap((x, y, z)) < 0.5 * p.keep_out_margin]
+            now.box = near[0].name if near else ""
         now.saturated = tick.saturated
         now.lost_ports = self.modes.lost_ports
         return now

@@ -35,7 +35,7 @@ from vehicle.flight.landing import Landing
 from vehicle.flight.microcontroller_commands import command_maker
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import ModelInUse
-from vehicle.flight.modes import FLYING, ControlMode, Mode
+from vehicle.flight.modes import BENCH, DIRECT, EMERGENCY, FLYING, STARTING, ControlMode, Mode
 from vehicle.flight.motor_bench import Bench
 from vehicle.flight.near_hovering import NearHovering
 from vehicle.flight.situation import SituationReader
@@ -48,6 +48,7 @@ from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 from vehicle.sensors.sensors import OwnSensors
 
+_GROUND, _EXTERNAL = BehaviorName.GROUND, BehaviorName.EXTERNAL
 LONGEST_STEP = 0.05
 """Longest step, in s, of laws and behaviors, also after a longer gap between samples."""
 
@@ -214,7 +215,7 @@ class FlightStack:
         dt = min(since, LONGEST_STEP)
         modes, tick = self.modes, self._tick
         self.imu_calibrator.calibrate(sample, tick.imu)
-        if modes.mode is Mode.STARTING:
+        if modes.mode is STARTING:
             self.gyroscope.step(sample)
 
         airborne = self.ground.airborne
@@ -239,11 +240,11 @@ class FlightStack:
         self._changes.check_behavior()
 
         command: Command | None = None
-        if modes.mode is Mode.BENCH:
+        if modes.mode is BENCH:
             command = modes.step_bench(sample, dt)
-        elif modes.mode not in FLYING or modes.control_mode is ControlMode.EMERGENCY:
+        elif modes.mode not in FLYING or modes.control_mode is EMERGENCY:
             tick.rest()
-        elif self.behaviors.name is BehaviorName.GROUND:
+        elif self.behaviors.name is _GROUND:
             self._landing.idle()
             command = self._make_command() if modes.mode in FLYING else None
         else:
@@ -255,7 +256,7 @@ class FlightStack:
         """Step the behavior's reference and return the command that follows it."""
         behaviors, tick = self.behaviors, self._tick
         command: Command
-        is_external = behaviors.name is BehaviorName.EXTERNAL
+        is_external = behaviors.name is _EXTERNAL
         own = self.own_behaviors.external if is_external else None
         if own is not None:
             timeout = self.parameters.behavior.joy_timeout
@@ -265,7 +266,7 @@ class FlightStack:
         )
         level = behaviors.level
         if level is None:
-            self.modes.set_control_mode(ControlMode.DIRECT)
+            self.modes.set_control_mode(DIRECT)
             self.law.controller.step(tick.state, tick.reference, airborne, dt, tick.actuators)
             self.near_hovering.observe(tick.wrench.item(0), dt)
             command = self._make_command()

@@ -14,7 +14,7 @@ from vehicle.estimators.rescue import Rescue
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import MOTORS_ON, ControlMode, Flag, Mode
+from vehicle.flight.modes import EMERGENCY, MOTORS_ON, STARTING, Flag
 from vehicle.flight.tick_record import TickRecord
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
@@ -85,12 +85,12 @@ class StatusWriter:
         self._voltage[0], self._pressure[0] = sample.battery_voltage, sample.pressure
         mode, control_mode = self.modes.mode, self.modes.control_mode
         # An emergency is reported once the microcontroller confirms it, as operators wait for that.
-        if control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
+        if control_mode is not EMERGENCY or sample.motor_state != MotorState.ON:
             self._control_mode = control_mode
         navigation, airborne = self.navigation, self.ground.airborne
         flags = self.supervisor.flags | self.guard.flags | self.rescue.flags
         flags |= navigation.agreement.flags | navigation.suspect.flags | navigation.heading.flags
-        if mode is Mode.STARTING:
+        if mode is STARTING:
             flags |= _GYRO_UNCALIBRATED
         if pose_age > self.estimation.measurement_timeout:
             flags |= _NO_POSE

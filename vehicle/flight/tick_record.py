@@ -24,8 +24,7 @@ class TickRecord:
         stamp_ns: time of the newest sample, ns of the vehicle's clock.
         record: TICK (1,); imu, state, reference, actuators, estimate and status are its fields.
         specific_force_b: (3,) m/s², measured by the IMU.
-        position_w, velocity_w: (3,) m and m/s, of the estimated state.
-        innovation_w: (3,) m, measured minus predicted position.
+        position_w: (3,) m, of the estimated state.
         agreement: (1,), a number of `estimation.outcome.Agreement`.
         motor_references: (4,) counts, commanded by the control law.
         wrench: (4,) N and N m.
@@ -44,8 +43,6 @@ class TickRecord:
         self.specific_force_b = self.imu["specific_force_b"][0]
         self.angular_velocity_b = self.imu["angular_velocity_b"][0]
         self.position_w = self.state["position_w"][0]
-        self.velocity_w = self.state["velocity_w"][0]
-        self.innovation_w = self.estimate["position_innovation_w"][0]
         self.agreement = self.estimate["agreement"]
         self.motor_references = self.actuators["motor_references"][0]
         self.wrench = self.actuators["wrench"][0]

@@ -146,11 +146,12 @@ def _loop_in_lockstep(
     start_ns = lockstep.begin()
     for robot in robots:
         robot.begin(clock.time_ns(), start_ns)
+    due_ns = min(robot.due_ns for robot in robots)
     while not stop.is_set():
-        due_ns = min(robot.due_ns for robot in robots)
         lockstep.wait(due_ns, MIN_PAUSE_S, stop.is_set)
         _step(robots, due_ns, statistics)
-        lockstep.reach(min(robot.due_ns for robot in robots))
+        due_ns = min(robot.due_ns for robot in robots)
+        lockstep.reach(due_ns)
 
 
 def _step(robots: Sequence[Robot], due_ns: int, statistics: RunStatistics) -> None:

@@ -136,9 +136,9 @@ class Robot:
         if charge is not None:
             simulated.charge_battery(charge)
         self._attendant.attend(simulated)
-        before_ns = simulated.stamp_ns
+        duration = 1e-9 * (simulated.due_ns(self._pace.periods) - simulated.stamp_ns)
         for line in self._lines:
-            line.advance((simulated.due_ns(self._pace.periods) - before_ns) * 1e-9)
+            line.advance(duration)
         simulated.step_periods(self._pace.periods)
         if self._publisher is not None:
             reading = simulated.bench_reading()

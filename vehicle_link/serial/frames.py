@@ -30,6 +30,7 @@ _CRC = tuple(bytes((_DATA64[crc >> 6], _DATA64[crc & 63])) for crc in (4095, *ra
 """Checksums by the lower 12 bits of Adler-32, which are 1 + the sum of up to 256 bytes: computing
 that takes a tenth of the time of Python's `sum`."""
 _PAD = (b"", b"\0\0", b"\0")
+_HEAD = START + bytes((FLIGHT_CONTROLLER,))
 _MIN_CHUNK = 5  # `#`, address, command and CRC of a frame without data
 
 
@@ -44,7 +45,7 @@ class Frame(msgspec.Struct, frozen=True):
 def encode_frame(command: bytes, payload: bytes) -> bytes:
     """Encode the bytes of one frame."""
     padded = payload + _PAD[len(payload) % 3]
-    body = START + b"b" + command + b2a_base64(padded, newline=False).translate(_TO_DATA64)
+    body = _HEAD + command + b2a_base64(padded, newline=False).translate(_TO_DATA64)
     return body + _CRC[adler32(body) & 4095] + END
 
 

@@ -22,12 +22,15 @@ class ExecutorQueue(Generic[T]):
         executor: lends threads while items wait.
         handle: called with each item; must not raise.
         at_once: number of items handled at the same time.
+        newest: number of the newest items that may wait, older ones are dropped; 0: all.
     """
 
-    def __init__(self, executor: Executor, handle: Callable[[T], None], at_once: int = 1) -> None:
+    def __init__(
+        self, executor: Executor, handle: Callable[[T], None], at_once: int = 1, newest: int = 0
+    ) -> None:
         self._executor, self._handle, self._at_once = executor, handle, at_once
         self._lock = threading.Lock()
-        self._waiting: deque[T] = deque()
+        self._waiting: deque[T] = deque(maxlen=newest or None)
         self._threads = 0
 
     def put(self, item: T) -> None:

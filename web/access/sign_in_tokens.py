@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import secrets
 import threading
 from pathlib import Path
@@ -20,6 +19,7 @@ from typing import Any
 from itsdangerous import BadSignature, URLSafeTimedSerializer
 
 from quadrotor.errors import StorageError
+from vehicle_link.security.tls_files import write_secret
 from web.access.roles import Role, Session
 from web.access.sessions import SESSION_AGE, Sessions
 
@@ -153,13 +153,9 @@ class SignInTokens:
         return state
 
     def _save(self) -> None:
-        """Write to a temporary file and rename it: a crash leaves the old file or the new one."""
-        aside = self._path.with_suffix(".new")
+        """Write all or nothing: a crash leaves the old file or the new one."""
         try:
-            descriptor = os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-            with os.fdopen(descriptor, "w") as file:
-                json.dump(self._state, file)
-            os.replace(aside, self._path)
+            write_secret(self._path, json.dumps(self._state).encode())
         except OSError as error:
             raise StorageError(
                 f"cannot write {self._path} ({error.strerror}); "

@@ -7,9 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from console.atomic_file import replacing
 from flight_log import read_attachments, read_log, summarize
 from flight_log.attached import json_value, logged_value
-from quadrotor.errors import StorageError
+from quadrotor.errors import os_errors
 from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
 from web.live.latest import Live
@@ -33,13 +34,8 @@ def record(log: Path, file: Path, progress: Callable[[float], None] = lambda sha
         content = _Flight(log, server).play(summary.duration, progress)
     finally:
         server.stop()
-    aside = file.with_name(f"{file.name}.new")
-    try:
-        aside.write_bytes(content)
-        aside.replace(file)
-    except OSError as error:
-        aside.unlink(missing_ok=True)
-        raise StorageError(f"cannot write {file}: {error.strerror}") from error
+    with os_errors(lambda why: f"cannot write {file}: {why}"), replacing(file) as new:
+        new.write_bytes(content)
 
 
 class _Flight:

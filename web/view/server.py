@@ -23,6 +23,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from web.view.frames import share_frames
+from web.view.poses import compare_as_numbers
 from web.view.wake import make_writes_safe
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ class ViewServer:
         self.on_click: Callable[[Click], None] | None = None
         self.secret = secrets.token_urlsafe(24)
         share_frames()
+        compare_as_numbers()
         make_writes_safe()
         with _guarded_listener(self.secret), contextlib.redirect_stdout(io.StringIO()):
             self.viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)

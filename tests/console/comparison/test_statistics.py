@@ -25,13 +25,13 @@ def test_lengths_of_errors_also_for_tiny_and_opposite_quaternions() -> None:
     states[:, 6:10] = true.quaternion_wb
     states[2, 6:10] *= -1.0
     states[3, 6:10] = quaternion_of(0.0, 0.0, math.pi)
-    lengths = errors(states, Pose(0, (1.0, 2.0, 3.0), true.quaternion_wb))
+    lengths = np.array(errors(states, Pose(0, (1.0, 2.0, 3.0), true.quaternion_wb)))
     assert lengths[0] == pytest.approx((0.0, 0.0))
     assert lengths[1, 0] == pytest.approx(5e-9, rel=1e-6)
     assert lengths[2] == pytest.approx((0.0, 0.0))
-    small = errors(states[:1], Pose(0, (1, 2, 3), quaternion_of(0.1, -0.2, 0.3 + 1e-9)))
+    small = np.array(errors(states[:1], Pose(0, (1, 2, 3), quaternion_of(0.1, -0.2, 0.3 + 1e-9))))
     assert 1e-10 < small[0, 1] < 2e-9
-    half = errors(states[3:], Pose(0, (1, 2, 3), (1.0, 0.0, 0.0, 0.0)))
+    half = np.array(errors(states[3:], Pose(0, (1, 2, 3), (1.0, 0.0, 0.0, 0.0))))
     assert half[0, 1] == pytest.approx(math.pi)
 
 

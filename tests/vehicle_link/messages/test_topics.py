@@ -25,6 +25,7 @@ from vehicle_link.topics import (
     decode_imu,
     decode_joy,
     decode_odometry,
+    decode_odometry_pose,
     decode_pose,
     decode_position,
     encode_batteries,
@@ -43,6 +44,7 @@ from vehicle_link.topics import (
     reference_messages,
     state_messages,
 )
+from vehicle_link.topics.ticks import FEW
 
 SEED = 1977
 STAMP = 1_700_000_000_123_456_789
@@ -93,6 +95,23 @@ def test_odometry_of_a_foreign_node_is_read_too() -> None:
     assert stamp == STAMP
     np.testing.assert_allclose(state["velocity_w"][0], ticks["state"]["velocity_w"][0], atol=1e-14)
     np.testing.assert_array_equal(state["quaternion_wb"], ticks["state"]["quaternion_wb"])
+
+
+@pytest.mark.parametrize("frame", ["world", "map"])
+def test_the_pose_alone_is_that_of_the_whole_odometry(frame: str) -> None:
+    message = decode(state_messages(_ticks(1)).tobytes(), "nav_msgs/Odometry")
+    message.header.frame_id = frame
+    stamp, state = decode_odometry(encode(message))
+    found = decode_odometry_pose(encode(message))
+    assert found[0] == stamp
+    np.testing.assert_array_equal(found[1], state["position_w"][0])
+    np.testing.assert_array_equal(found[2], state["quaternion_wb"][0])
+
+
+def test_few_ticks_are_encoded_to_the_same_bytes_as_many() -> None:
+    ticks = _ticks(3 * FEW)
+    parts = (state_messages(ticks[k : k + 3]).tobytes() for k in range(0, len(ticks), 3))
+    assert b"".join(parts) == state_messages(ticks).tobytes()
 
 
 def test_reference_imu_and_actuators_survive_exactly() -> None:

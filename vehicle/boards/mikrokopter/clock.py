@@ -92,7 +92,8 @@ class MicrocontrollerClock:
         step = (ms - last) % TIME_PERIOD_MS
         if step > TIME_PERIOD_MS - LATE_MS:
             return (self._elapsed_ms + step - TIME_PERIOD_MS) * MS
-        host = self._host_ms()
+        # ms since the first sample by the host's clock; None in simulated time
+        host = None if self._steady_ns is None else (self._steady_ns() - self._begun_ns) // MS
         if step > JUMP_MS:
             if host is not None and self._elapsed_ms + step > host + self._lead_ms + SLACK_MS:
                 # More than a second late, or from before a restart: no such time has passed.
@@ -161,10 +162,6 @@ class MicrocontrollerClock:
         between the two clocks only makes it larger.
         """
         return min(-steady_ns() + self._host_ns() for _ in range(3))
-
-    def _host_ms(self) -> int | None:
-        """Return the ms since the first sample by the host's clock; None in simulated time."""
-        return None if self._steady_ns is None else (self._steady_ns() - self._begun_ns) // MS
 
     def _confirmed(self, ms: int) -> bool:
         suspect = self._suspect_ms

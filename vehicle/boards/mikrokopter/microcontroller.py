@@ -59,6 +59,7 @@ TRAITS = Traits("mikrokopter", (CommandKind.MOTORS, CommandKind.ANGLES), line_ns
 _MOTOR_STATES = tuple(MotorState)
 _MODES = frozenset(FlightControlMode)
 _RESTING = (MotorState.INIT, MotorState.OFF)
+_DIRECT = FlightControlMode.DIRECT
 _STOPPED = (0, 0, 0, 0)
 
 
@@ -184,7 +185,7 @@ class Microcontroller:
         Raises OutOfBoundsError or, when the last port is lost, LinkError.
         """
         if isinstance(command, tuple):
-            self._command, self._mode = command, FlightControlMode.DIRECT
+            self._command, self._mode = command, _DIRECT
         elif isinstance(command, AttitudeCommand):
             self._command, self._mode = command.encode(), FlightControlMode.NEAR_HOVERING
         else:

@@ -43,6 +43,7 @@ START_MS = 58_000
 
 _TIME, _MOTOR_STATE, _BATTERY = int(Id.TIME), int(Id.MOTOR_STATE), int(Id.BATTERY)
 _TIMEOUT = int(Id.EMERGENCY_TIMEOUT)
+_ON = MotorState.ON
 _STOPPED = (0, 0, 0, 0)
 
 ALLOWED = {
@@ -152,7 +153,7 @@ class Firmware:
     def advance(self, elapsed_ms: int) -> None:
         """Set the time since power-up; check whether an emergency begins or ends."""
         self._ms = elapsed_ms
-        if self._state is MotorState.ON:
+        if self._state is _ON:
             if self.registers.item(_BATTERY) > BATTERY_LAND:
                 self._charged_ms = elapsed_ms
             silent = elapsed_ms - self._heard_ms > self.registers.item(_TIMEOUT)
@@ -199,7 +200,7 @@ class Firmware:
         return b""
 
     def _take(self, instruction: Instruction) -> None:
-        if self._state is MotorState.ON:
+        if self._state is _ON:
             self.command = instruction.references
 
     def _set(self, instruction: Instruction) -> bytes:
