@@ -38,17 +38,25 @@ def test_a_killed_web_touches_neither_flight_nor_log_and_a_killed_flight_process
     killed = lab.now()
     dead = lab.kill("flight")
     lab.restarted("flight", dead)
-    lab.reach(mode="ready")  # not before the microcontroller has landed and stopped the motors
+    lab.reach(mode="ready")
+    ready = lab.now()
     run = next(r for r in lab.runs())
     path = lab.data / "runs" / run["id"]
     times = stamps(path, "state")
     assert np.diff(times[times < killed]).max() < 0.2, "the log has a hole"
-    truth = [decode_odometry(m.payload) for m in read_log(path, {"/quad1/truth"})]
+
+    def truth_after_touch_down() -> list[tuple[int, Any]]:
+        found = [decode_odometry(m.payload) for m in read_log(path, {"/quad1/truth"})]
+        is_down = [t * 1e-9 > killed and one["position_w"][0, 2] < 0.005 for t, one in found]
+        return found if any(is_down) else []
+
+    truth = until("the touch-down in the recording", truth_after_touch_down, 10)
     heights = np.array([state["position_w"][0, 2] for _, state in truth])
     assert heights.max() == pytest.approx(1.0, abs=0.1)
     falling = np.array([stamp * 1e-9 > killed for stamp, _ in truth])
     sinking = np.array([-state["velocity_w"][0, 2] for _, state in truth])
     down = int(np.flatnonzero(falling & (heights < 0.005))[0])
+    assert truth[down][0] * 1e-9 < ready, "ready before the microcontroller had landed"
     assert 0.0 < sinking[down - 1] < 0.8
     tilted = max(np.hypot(*state["quaternion_wb"][0, 1:3]) for _, state in truth[down:])
     assert tilted < np.sin(np.radians(5.0) / 2), "not upright"
