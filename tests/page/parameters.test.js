@@ -37,3 +37,11 @@ test("what was received while all were read is kept, and each newer value is tol
   assert.deepEqual(await parameters.set({ [NAME]: -2.5 }), { [NAME]: -2.5 });
   assert.deepEqual(told.at(-1), [NAME, -2, -2.5]);
 });
+
+test("what is read again replaces a value of the same revision, as the change in between may have been lost", async (context) => {
+  const { answers, parameters, hear } = await read(context);
+  hear(-2, 5);
+  answers.push({ generation: 1, parameters: [{ name: NAME, value: -2.5, revision: 5, default: -2 }] });
+  await parameters.load();
+  assert.equal(parameters.value(NAME), -2.5);
+});

@@ -18,14 +18,16 @@ export class Parameters extends EventTarget {
     if (read === null) return; // the server is away; its next hello loads again
     const before = this.known;
     this.known = new Map(read.parameters.map((one) => [one.name, { ...one, generation: read.generation }]));
-    for (const one of before.values()) this.update(one); // received while this was under way
+    // Received while this was under way. What was read counts more than a value of the same revision: the
+    // change in between may have been lost.
+    for (const one of before.values()) if (isNewer(one, this.known.get(one.name))) this.update(one);
     this.dispatchEvent(new Event("read"));
   }
 
   // An answer and the news of it overtake each other: what is older than the known value does not count.
   update({ name, value, generation, revision }) {
     const one = this.known.get(name);
-    if (!one || generation < one.generation || (generation === one.generation && revision < one.revision)) return false;
+    if (!one || isNewer(one, { generation, revision })) return false;
     Object.assign(one, { value, generation, revision });
     return true;
   }
@@ -44,4 +46,9 @@ export class Parameters extends EventTarget {
     for (const [name, value] of Object.entries(applied)) this.confirm({ name, value, generation, revision: revisions[name] });
     return applied;
   }
+}
+
+// Whether a value was confirmed after another one, which may be unknown.
+function isNewer(one, other) {
+  return other !== undefined && (one.generation > other.generation || (one.generation === other.generation && one.revision > other.revision));
 }
