@@ -13,7 +13,7 @@ import numpy as np
 
 from estimation.error_state.parameters import DEGREES, ERROR_STATE_NOISE, ErrorStateParameters
 from quadrotor.parameters import Parameters, parameter
-from quadrotor.records import Record, pose_sample
+from quadrotor.records import Record, has_attitude, pose_sample
 from quadrotor.tracked_body import TrackedBody
 
 ESTIMATION_GAINS = np.dtype(
@@ -47,7 +47,7 @@ class TrackerCalibration(TrackedBody):
         if self.delay == 0.0 and self.is_vehicle:
             return pose
         position_w, quaternion_wb = pose["position_w"][0], pose["quaternion_wb"][0]
-        if not math.isnan(quaternion_wb[0]):  # a single marker is only corrected for delay
+        if has_attitude(quaternion_wb):  # a single marker is only corrected for delay
             position_w, quaternion_wb = self.vehicle(position_w, quaternion_wb)
         stamp_ns = pose["stamp_ns"].item() - round(1e9 * self.delay)
         return pose_sample(stamp_ns, position_w, quaternion_wb)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from estimation.calibration.tracked_body import Motion, identify_tracked_body
 from estimation.parameters import TrackerCalibration
 from quadrotor.errors import MeasurementError
-from quadrotor.records import pose_sample
+from quadrotor.records import NO_ATTITUDE, has_attitude, pose_sample
 from quadrotor.vehicle_model import GRAVITY
 from tests.support.arrays import Array
 
@@ -107,6 +107,7 @@ def test_what_was_found_takes_a_pose_back_to_the_vehicles() -> None:
 
 def test_of_a_single_marker_the_delay_alone_is_taken_off() -> None:
     known = TrackerCalibration(delay=0.04, x=0.05)
-    sample = known.measured(pose_sample(1_000_000_000, [1.0, 2.0, 3.0], [math.nan] * 4))
+    sample = known.measured(pose_sample(1_000_000_000, [1.0, 2.0, 3.0], NO_ATTITUDE))
     assert sample["stamp_ns"][0] == 960_000_000
+    assert not has_attitude(sample["quaternion_wb"][0])
     assert sample["position_w"][0] == pytest.approx([1.0, 2.0, 3.0])
