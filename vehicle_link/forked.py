@@ -26,7 +26,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NoReturn, Protocol
 
-from quadrotor.checkout import PREFIX, RUN_MODULE
+from quadrotor.checkout import RUN_MODULE
 
 PR_SET_MM, PR_SET_MM_MAP, NO_FILE = 35, 14, 0xFFFF_FFFF
 _shown: list[mmap.mmap] = []
@@ -88,13 +88,13 @@ def can_copy() -> bool:
 
 
 def share(modules: Collection[str]) -> None:
-    """Import these modules of this checkout for the copies to come, if this process can be copied.
+    """Import these modules for the copies to come, if this process can be copied.
 
     Once imported they count as permanent, so no garbage collection writes to the shared memory.
     """
     if can_copy():
         for name in modules:
-            import_module(PREFIX + name)
+            import_module(name)
         gc.collect()
         gc.freeze()
 

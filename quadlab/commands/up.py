@@ -31,6 +31,7 @@ from quadlab.up.page_options import PageOptions
 from quadlab.up.progress import Progress, require_free
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name
+from quadrotor.checkout import PREFIX
 from quadrotor.errors import UsageError
 from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER, find_kind
 from vehicle_link import clock
@@ -119,7 +120,7 @@ class Up(PageOptions):
             groups = self._children(fleet, folder, Path(run_folder), vehicle_words, simulator_words)
             from vehicle.processes.parent import IMPORTED
 
-            share([*IMPORTED, "vehicle.simulator.process", "console.station"])
+            share([*IMPORTED, f"{PREFIX}vehicle.simulator.process", f"{PREFIX}console.station"])
             return self._watch(groups, fleet, progress)
 
     def _rate(self, fleet: SimulatedFleet) -> int:

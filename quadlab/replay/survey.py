@@ -16,6 +16,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from bearing_sim.beacon_set import KnownBeacons
@@ -190,8 +191,6 @@ def _fit(
     fly: Callable[[Array], _Steady], places_w: Array, each: int, numbers: list[int], run: Run
 ) -> tuple[Array, Survey]:
     """Return the moves of each place, (B, each), and the survey with the results."""
-    from scipy.optimize import least_squares
-
     size, scale = each * len(numbers), np.tile(SPREAD[:each], len(numbers))
     step = np.tile(STEP[:each], len(numbers))
     first = fly(np.zeros(size))

@@ -37,7 +37,9 @@ PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
 STABLE_S = 5.0  # lifetime of a comms process after which the next restart follows the short pause
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
-IMPORTED = ("vehicle.flight.process", "vehicle.flight.stack", "vehicle.comms.process")
+IMPORTED = [
+    f"{PREFIX}vehicle.{name}" for name in ("flight.process", "flight.stack", "comms.process")
+]
 """Modules that both processes, or one of them, would import at each start."""
 TRAJECTORIES, PLUGINS = "trajectories", "plugins"
 """Names of the folders, in the data folder, of the user's trajectory files and control laws."""
