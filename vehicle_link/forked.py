@@ -34,7 +34,7 @@ _shown: list[mmap.mmap] = []
 
 
 class Process(Protocol):
-    """What a parent uses of `subprocess.Popen`."""
+    """The part of `subprocess.Popen` that a parent uses."""
 
     pid: int
     returncode: int

@@ -1,4 +1,4 @@
-"""How far a vehicle is from rest inside its flight volume."""
+"""The excursion of a vehicle: its tilt, speed and innovation, and its distance from the walls."""
 
 from __future__ import annotations
 
