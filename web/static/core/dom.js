@@ -67,3 +67,7 @@ export const optionsOf = (choices, chosen) => [...choices].map((one) => {
   const [value, text = value] = [one].flat();
   return element("option", { value, selected: value === chosen }, text);
 });
+
+// The window in a frame of our own; null while the browser shows an error of its own in it, as when the server is away.
+/** @type {(frame: HTMLIFrameElement) => any} */
+export const windowIn = (frame) => frame.contentDocument ? frame.contentWindow : null;

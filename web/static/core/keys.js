@@ -1,5 +1,7 @@
 // Keys of the page, each with what it does, so that the help can list them.
 
+import { windowIn } from "./dom.js";
+
 const ACTIONS = new Map(); // by key
 const TYPING = "input:not([type=range], [type=checkbox], [type=radio]), select, textarea, [contenteditable]";
 const PRESSED = "button:not([data-flight]), a, summary, input"; // what the space bar presses
@@ -59,7 +61,8 @@ window.addEventListener("blur", stopAll);
 // The same keys while the focus is inside a frame of our own origin, whichever document it shows.
 export function listenInside(frame) {
   const listen = () => {
-    const inside = frame.contentWindow;
+    const inside = windowIn(frame);
+    if (!inside) return;
     inside.addEventListener("keydown", down, true);
     inside.addEventListener("keyup", up, true);
     inside.addEventListener("blur", stopAll);

@@ -1,6 +1,6 @@
 // How finely the 3D view is drawn: less where the browser cannot keep up, and then it is said.
 
-import { hide, setText } from "../core/dom.js";
+import { hide, setText, windowIn } from "../core/dom.js";
 
 export const SLOW = 15; // Hz
 const PATIENCE = 2; // slow samples until less is drawn
@@ -69,7 +69,11 @@ export class Quality {
     this.level = 0;
     this.rates = [];
     this.pace = undefined; // of the frame's window, once it is there
-    frame.addEventListener("load", () => { this.applied = undefined; this.pace = paced(frame.contentWindow); });
+    frame.addEventListener("load", () => {
+      const inside = windowIn(frame);
+      this.applied = undefined;
+      this.pace = inside ? paced(inside) : undefined;
+    });
     // The page's values and buttons come first: viser keeps the page busy as long as all else together.
     const later = window.requestIdleCallback ?? ((act) => setTimeout(act, LATER));
     later(() => this.start(), { timeout: LATER });
@@ -99,7 +103,7 @@ export class Quality {
 
   // Once viser has started, and again when it was loaded anew.
   apply() {
-    const inside = this.frame.contentWindow, settings = inside?.__viserTestpoints?.devSettings, { dpr, shadows, period } = LEVELS[this.level];
+    const inside = windowIn(this.frame), settings = inside?.__viserTestpoints?.devSettings, { dpr, shadows, period } = LEVELS[this.level];
     if (!settings || !this.pace) return;
     if (this.software && dpr) widen(inside.__viserMutable.scene, 1 / dpr);
     if (this.applied === this.level) return;
@@ -117,7 +121,7 @@ export class Quality {
   }
 
   sample() {
-    const inside = this.frame.contentWindow, start = performance.now();
+    const inside = windowIn(this.frame), start = performance.now();
     let count = 0;
     const end = () => {
       if (!document.hidden && this.applied !== undefined) {
