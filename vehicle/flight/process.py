@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 PORT_PATIENCE_S = 10.0
 REPORTED_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
-REPORTED_AFTER_S = 2.0
+REPORTED_AFTER_S = 5.0
 """Seconds after which a missing port is reported: a simulator usually creates it soon."""
 CHECK_AGAIN_S = 0.5
 SHOWN = 3
