@@ -67,10 +67,10 @@ class Calibrations:
                 with self._lock:
                     self._problem, self._due = str(error), time.monotonic() + AGAIN
 
-    def status(self, mode: str) -> None:
+    def status(self, starting: bool) -> None:
         """Handle a status of the vehicle: once it has started, its gyroscope is calibrated."""
-        was, self._is_starting = self._is_starting, mode == "starting"
-        if was and not self._is_starting:
+        was, self._is_starting = self._is_starting, starting
+        if was and not starting:
             with self._lock:
                 self._awaited_until = time.monotonic() + START_PATIENCE
             self.changed()

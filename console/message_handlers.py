@@ -90,11 +90,12 @@ class MessageHandlers:
         self._parameters.note_status(int(status.instance), int(status.parameter_revision))
         if not status.armed and self._tracker.forget_ended_camera():
             self._outbox.say(WARN, "the camera on board was ended: bearings are emulated again")
-        self._runs.status(bool(status.armed))
+        is_starting = str(status.mode).lower() == "starting"
+        self._runs.status(bool(status.armed), is_starting)
         self._history.status(bool(status.armed), self._runs.recorder.run_id)
         self._experiments.feed.status(status)
-        self._comparison.status(bool(status.armed), str(status.mode))
-        self._calibrations.status(str(status.mode).lower())
+        self._comparison.status(bool(status.armed), is_starting)
+        self._calibrations.status(is_starting)
 
     def _heartbeat(self, received: Received) -> None:
         self._link.beat(received.payload)

@@ -35,7 +35,6 @@ CHECK_PERIOD, LINGER = 1.0, 30.0
 """Seconds between checks whether the results are needed, and for which the process continues when
 they no longer are."""
 PATIENCE = 2.0
-STARTING = "starting"
 TOPIC = "comparison"
 
 
@@ -76,8 +75,8 @@ class ComparisonFeed:
         self._queue.append(("telemetry", payload))
         self._has_telemetry = True
 
-    def status(self, armed: bool, mode: str) -> None:
-        self._queue.append(("status", armed, mode == STARTING))
+    def status(self, armed: bool, starting: bool) -> None:
+        self._queue.append(("status", armed, starting))
 
     def truth(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         self._queue.append(("truth", stamp_ns, position_w, quaternion_wb))

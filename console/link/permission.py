@@ -14,7 +14,7 @@ from vehicle_link.transport.protocol import disagreement
 
 OBSERVER = "observer"
 TWINS_NS = 1_000_000_000
-"""Time in ns; two processes received within it are two vehicles, as a restart takes longer."""
+"""Time in ns; two processes received in turns within it are two vehicles."""
 
 
 class CommandPermission:
@@ -43,10 +43,9 @@ class CommandPermission:
     def heartbeat(self, beat: Heartbeat, now_ns: int) -> None:
         """Handle a heartbeat of the vehicle, at this time of any steady clock."""
         recent = {k: at for k, at in self._received_ns.items() if now_ns - at < TWINS_NS}
-        recent[beat.instance] = now_ns
-        self._received_ns = recent
-        if len(recent) > 1:
-            self._twins_ns = now_ns
+        if beat.instance in recent and beat.instance != self._newest:
+            self._twins_ns = now_ns  # received again after another process; no restart does that
+        self._received_ns = {**recent, beat.instance: now_ns}
         self._holder, self._newest = beat.holder, beat.instance
 
     def note_identity(self, whoami: Any) -> None:

@@ -17,7 +17,8 @@ class RecordingPolicy:
     """Decides from the vehicle's status and the clock; times in s of any steady clock.
 
     A run stopped by hand in flight is not begun again until the next arming; arming again before
-    the run has ended continues it.
+    the run has ended continues it. A vehicle that starts anew in flight counts as armed until it is
+    ready: its motors turn until the microcontroller has landed.
     """
 
     def __init__(self) -> None:
@@ -29,10 +30,11 @@ class RecordingPolicy:
         """Return whether a run is to continue, while armed or for a while afterwards."""
         return self.armed or self._disarmed_at is not None
 
-    def status(self, armed: bool, now: float) -> Decision:
+    def status(self, armed: bool, starting: bool, now: float) -> Decision:
         """Decide for each status message. The first armed one starts a run at once."""
-        was_armed, self.armed = self.armed, armed
-        if armed:
+        was_armed = self.armed
+        self.armed = armed or (was_armed and starting)
+        if self.armed:
             self._disarmed_at = None
             return Decision.NOTHING if was_armed else Decision.START
         if was_armed:

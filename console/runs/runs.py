@@ -79,10 +79,10 @@ class RunManager:
         if command == "arm":
             self._asked = (requester, monotonic())
 
-    def status(self, armed: bool) -> None:
+    def status(self, armed: bool, starting: bool) -> None:
         """Handle a status of the vehicle. When a run cannot start, the recorder raises an alarm."""
         with self._lock:
-            decision = self._policy.status(armed, monotonic())
+            decision = self._policy.status(armed, starting, monotonic())
         if decision is Decision.START and not self.recorder.run_id:
             requester, at = self._asked
             named = requester and monotonic() - at < REQUEST_VALID_FOR

@@ -37,8 +37,8 @@ def test_it_is_asked_for_again_until_it_is_told(monkeypatch: pytest.MonkeyPatch)
     known = Calibrations(node)  # type: ignore[arg-type]
     known.look(1)
     assert not known.is_due, "nothing is awaited of a vehicle that did not start"
-    known.status("starting")
-    known.status("ready")
+    known.status(True)
+    known.status(False)
     known.look(1)
     assert as_it_is(known).is_due
     known.look(1)

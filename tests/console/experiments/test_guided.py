@@ -200,7 +200,7 @@ class Lab:
             armed=mode in ("armed", "bench"),
         )
         self.runner.feed.status(message)
-        self.runs.status(bool(message.armed))
+        self.runs.status(bool(message.armed), mode == "starting")
 
     def do(self, action: str, requester: str = "ada", **options: Any) -> str:
         """Return the reason of a refusal; empty if accepted."""
@@ -553,8 +553,8 @@ def test_they_are_read_anew_when_the_vehicle_has_started(lab: Lab) -> None:
     lab.vehicle.history = [CalibrationRecord(name="gyroscope", requester="start")]
     lab.calibrations.look(5)
     assert lab.calibrations.in_force() == {}, "not asked at each look"
-    for mode in ("starting", "ready"):
-        lab.calibrations.status(mode)
+    for starting in (True, False):
+        lab.calibrations.status(starting)
     lab.calibrations.look(5)
     assert list(lab.calibrations.in_force() or {}) == ["gyroscope"]
     lab.vehicle.history.clear()

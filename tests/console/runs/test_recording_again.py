@@ -85,7 +85,7 @@ def test_a_disk_full_in_flight_costs_what_was_flown_until_there_is_room_again(
     runs: RunManager, disk: Disk, catalogue: Catalogue
 ) -> None:
     runs.note_command("arm", "ada")
-    runs.status(True)
+    runs.status(True, False)
     first = begun(runs)
     wait_for((catalogue.folder / first / STATION).exists)
     disk.free = KEPT - 1
@@ -111,7 +111,7 @@ def test_a_run_that_could_not_begin_at_arming_begins_when_there_is_room(
     runs: RunManager, disk: Disk
 ) -> None:
     disk.free = 0
-    runs.status(True)
+    runs.status(True, False)
     assert "only 0 MB are free" in ended(runs)
     disk.free = 10**12
     begun(runs)
@@ -121,7 +121,7 @@ def test_a_run_that_could_not_begin_at_arming_begins_when_there_is_room(
 def test_a_folder_that_vanishes_in_flight_is_made_again_and_recorded_into(
     runs: RunManager, catalogue: Catalogue
 ) -> None:
-    runs.status(True)
+    runs.status(True, False)
     first = begun(runs)
     wait_for((catalogue.folder / first / STATION).exists)
     shutil.move(catalogue.folder, catalogue.folder.with_name("moved"))
@@ -141,7 +141,7 @@ def test_a_disk_that_tells_of_room_and_takes_nothing_begins_no_run(
 
     with monkeypatch.context() as quota:
         quota.setattr("console.runs.recorder.try_disk", full)
-        runs.status(True)
+        runs.status(True, False)
         first = begun(runs)
         wait_for((catalogue.folder / first / STATION).exists)
         disk.free = 0
@@ -157,12 +157,12 @@ def test_a_disk_that_tells_of_room_and_takes_nothing_begins_no_run(
 def test_nothing_begins_again_that_was_ended_otherwise(
     runs: RunManager, disk: Disk, how: str
 ) -> None:
-    runs.status(True)
+    runs.status(True, False)
     begun(runs)
     if how == "disarmed":
         disk.free = 0
         ended(runs)
-        runs.status(False)
+        runs.status(False, False)
         disk.free = 10**12
     else:
         runs.by_hand(start=False, requester="ada")
