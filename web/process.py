@@ -25,10 +25,10 @@ from web.live.station import Station
 
 NICENESS = 5  # while it serves: display comes after flying, and after other programs
 CLOSING_TIME = 2  # s for open downloads and sockets to end at shutdown
-CHECKS_TOLD = 5.5
-"""Time, in s, from a vehicle's first message to the end of the station's start-up checks."""
+CHECK_PERIOD = 0.25
+"""Period, in s, in which the station is asked whether it has made its start-up checks."""
 WAITING_PERIOD = 1.5
-"""Period, in s, of the lines printed while the sign-in link waits for that."""
+"""Period, in s, of the lines printed while the sign-in link waits for them."""
 LONGEST = 60.0
 """Longest time, in s, for which it waits."""
 
@@ -65,17 +65,18 @@ def run_web(
 
     session = SharedSession(lambda: loopback_session(loopback_port))
 
-    lives: list[Live] = []
+    stations: list[tuple[Live, Station]] = []
 
     def connect(vehicle: str, live: Live, hub: EventHub) -> Station:
-        lives.append(live)
-        return Station(session.open, vehicle, live, hub, lambda _: session.close())
+        station = Station(session.open, vehicle, live, hub, lambda _: session.close())
+        stations.append((live, station))
+        return station
 
     def show_link(url: str, signed_in: str | None = None) -> None:
         if signed_in is None:
             give_way()
         if token is not None and url.endswith(token):  # wait until others have printed
-            Thread(target=print_settled, args=(url, lives), daemon=True).start()
+            Thread(target=print_settled, args=(url, stations), daemon=True).start()
         else:
             print_link(url, signed_in)
         is_restart = token is not None and not url.endswith(token)
@@ -145,22 +146,24 @@ def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
     return uvicorn.Server(config)
 
 
-def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> None:
-    """Print the sign-in link once all vehicles are connected and the start-up checks published.
+def print_settled(
+    url: str, stations: Sequence[tuple[Live, Station]], longest: float = LONGEST
+) -> None:
+    """Print the sign-in link once all vehicles are connected and the start-up checks are made.
 
     Until then, for `longest` s at most, a line every WAITING_PERIOD reports what is missing.
     """
     began = time.monotonic()
     printed = began - WAITING_PERIOD
-    heard = 0.0
-    while (now := time.monotonic()) - began < longest and not 0.0 < heard < now - CHECKS_TOLD:
-        if not heard and all(live.current("status") is not None for live in lives):
-            heard = now
+    while (now := time.monotonic()) - began < longest:
+        is_connected = all(live.current("status") is not None for live, _ in stations)
+        if is_connected and all(station.has_checked() for _, station in stations):
+            break
         if now - printed >= WAITING_PERIOD:
             printed = now
-            what = "running the start-up checks" if heard else "waiting for the vehicle"
+            what = "running the start-up checks" if is_connected else "waiting for the vehicle"
             print(f"quadlab: {what}, {now - began:.0f} s", flush=True)
-        time.sleep(0.1)
+        time.sleep(CHECK_PERIOD)
     print(flush=True)
     print_link(url)
 

@@ -79,11 +79,15 @@ class StartupChecks:
     def _is_vehicle_unknown(self) -> bool:
         return all(one.state == "unknown" for one in self._vehicle)
 
-    def run_checks(self) -> None:
-        """Check everything now; may take some seconds. Raises LinkError only for our own defect."""
+    def run_checks(self, report: Callable[[], None] = lambda: None) -> None:
+        """Check everything now, then call `report`, before the answers say that checks were made.
+
+        May take some seconds. Raises LinkError only for our own defect.
+        """
         with self._checking:
             self._station = self._check_station()
             self._vehicle = self._check_vehicle()
+            report()
             self._checked = time.time()
 
     def _answer(self, request: Any) -> Any:
@@ -133,8 +137,7 @@ class StartupChecks:
         self._due |= connected or (self._periods == WITHOUT_VEHICLE and not self._checked)
         if self._due and not facts.armed:
             self._due = False
-            self.run_checks()
-            self._report()
+            self.run_checks(self._report)
 
     def _report(self) -> None:
         """Publish one line when a check needs attention."""

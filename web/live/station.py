@@ -156,6 +156,14 @@ class Station:
             return False
         return True
 
+    def has_checked(self) -> bool:
+        """Return whether the station has made its start-up checks and reported them. Blocks."""
+        request = new(f"{SERVICES['checks']}_Request", request_id=uuid.uuid4().hex)
+        try:
+            return bool(self._call_blocking("checks", request).checked)
+        except LinkError:  # not there yet
+            return False
+
     def _read_parameters(self, remote: str) -> Described:
         client = self._parameter_client(remote)
         return client.describe(), client.values()

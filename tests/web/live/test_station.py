@@ -23,6 +23,7 @@ from web.live.events import SUMMARY_NOW, EventHub
 from web.live.latest import FAST, Live
 from web.live.sockets import listen
 from web.live.station import Station
+from web.process import print_settled
 
 
 class _Gains(Parameters):
@@ -60,7 +61,8 @@ class Router:
         self.session = hub_session(self.port)
         self.node = Node(self.session, "/quad1", "station")
         self.vehicle = Node(self.session, "/quad1", "vehicle")
-        for name in ("arm", "emergency", "start_behavior", "change_parameters", "record"):
+        self.checked = 0.0
+        for name in ("arm", "emergency", "start_behavior", "change_parameters", "record", "checks"):
             self.node.serve(f"station/{name}", SERVICES[name], self._answer(name))
         serve_parameters(self.vehicle, self.backend)
         self.state = self.node.advertise(TOPICS["state"])
@@ -77,6 +79,8 @@ class Router:
             if name == "change_parameters":
                 applied = self.backend.store.set(from_parameters(request.parameters))
                 fields = {"applied": to_parameters(applied), "revision": 7}
+            if name == "checks":
+                fields = {"checked": self.checked}
             return new(
                 f"{SERVICES[name]}_Response",
                 accepted=not self.refusal,
@@ -285,3 +289,36 @@ def test_before_the_first_session_commands_say_so() -> None:
     station = Station(lambda: None, "quad1", Live(decode), EventHub())
     with pytest.raises(UnreachableError):
         asyncio.run(station.command("arm", "operator 1"))
+
+
+def test_the_sign_in_link_is_printed_after_the_start_up_checks(
+    router: Router, client: Client, until: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stations = [(client.live, client.station)]
+    printing = threading.Thread(target=print_settled, args=("http://here/?token=1", stations))
+    printing.start()
+    printed: list[str] = []
+
+    def is_printed(text: str) -> bool:
+        printed.append(capsys.readouterr().out)
+        return text in "".join(printed)
+
+    until(lambda: is_printed("quadlab: waiting for the vehicle, 0 s"))
+    status = router.vehicle.advertise(TOPICS["status"])
+
+    def is_printed_of_a_vehicle(text: str) -> bool:
+        status.put(encode(new("quadlab_msgs/VehicleStatus")))
+        return is_printed(text)
+
+    until(lambda: is_printed_of_a_vehicle("quadlab: running the start-up checks"))
+    assert "http" not in "".join(printed)
+    router.checked = 1.0
+    until(lambda: is_printed_of_a_vehicle("quadlab is at  http://here/?token=1"))
+    printing.join()
+
+
+def test_a_station_that_is_not_there_has_made_no_checks() -> None:
+    absent = Client(9)
+    assert not absent.station.has_checked()
+    absent.station.stop()
+    absent.loop.call_soon_threadsafe(absent.loop.stop)
