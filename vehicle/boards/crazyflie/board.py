@@ -29,15 +29,14 @@ from vehicle.boards.crazyflie.messages import (
     PASCAL,
     STATUS,
     STOPPED,
-    Dialogue,
     Info,
-    Request,
     arm,
     imu_counts,
     pose,
     setpoint,
 )
 from vehicle.boards.crazyflie.options import CrazyflieOptions
+from vehicle.boards.crazyflie.requests import Requests
 from vehicle.boards.crazyflie.stamps import RadioStamps
 from vehicle.boards.crazyflie.traits import TRAITS
 from vehicle_link import clock
@@ -49,16 +48,13 @@ from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import Port
 
 AGAIN_S = 0.1
-"""Seconds after which an unanswered request is sent again."""
+"""Seconds between two looks for changed options, and between two packets that arm or disarm."""
 SETPOINT_S = 0.05
 """Time, in s, between two set-points that no command made."""
 OBEYED_S = 0.5
 """Seconds after which one that still flies is stopped for good."""
 SILENT_S = 1.0
 """Seconds without a sample after which the dialogue begins again: it may have been switched off."""
-TWICE, TWICE_S = 5, 2.0
-"""Times before the last one within so many seconds that tell of two Crazyflies: a restart is one.
-"""
 TWO = "two Crazyflies answer at this address: switch one off, or give each one its own in cfclient"
 ALONE = Info(0), Info.AUTO_ARMED, Info.AUTO_ARMED | Info.ARMED
 """States of arming in which there is nothing to disarm: some arm themselves."""
@@ -111,15 +107,13 @@ class CrazyflieBoard:
         self._stamps = RadioStamps()
         self._samples: list[RawSample] = []
         self._newest_ns = -1
-        self._dialogue: Dialogue | None = None
-        self._request: Request | None = None
-        self._asked_s, self._asked_ns, self._is_again = -math.inf, 0, False
+        self._requests = Requests(self._write, now_ns, self._note_round_trip)
         self._misfit = unfit
         self._pressure = self._voltage = 0.0
         self._info, self._console = Info(0), b""
         self._own_position: tuple[float, ...] | None = None
         self._distance = 0.0
-        self._watched, self._is_double = (-math.inf, 0), False
+        self._is_double = False
         self._wanted, self._wanted_s = MotorState.OFF, math.inf
         self._command: BodyRates | AttitudeCommand = _IDLE
         self._now_s = self._heard_s = -math.inf
@@ -170,7 +164,7 @@ class CrazyflieBoard:
             try:
                 self._take(decode(data))
             except LinkError as error:
-                self._dialogue = self._request = None  # tried again after a silence
+                self._requests.cancel()  # tried again after a silence
                 if self._is_changing:
                     self._end_change()
                     self.failures.append(f"not set: {error}")
@@ -186,7 +180,7 @@ class CrazyflieBoard:
     def _take(self, packet: Packet) -> None:
         if (packet.port, packet.channel) == (CrtpPort.LOG, DATA):
             self._take_block(packet.data)
-        elif self._request is not None and self._request.is_answered_by(packet):
+        elif self._requests.is_answered_by(packet):
             self._advance(packet.data)
         elif packet.port == CrtpPort.CONSOLE:
             *lines, self._console = (self._console + packet.data).split(b"\n")
@@ -194,28 +188,24 @@ class CrazyflieBoard:
 
     def _advance(self, answer: bytes) -> None:
         """Go on with the dialogue."""
-        assert self._dialogue is not None
         self._is_ready = self._is_changing
-        if not self._is_again:
-            duration_ns = self._now_ns() - self._asked_ns
-            self._stamps.note_round_trip(duration_ns)
-            self._counts.answered += 1
-            self._counts.round_trips_ns += duration_ns
-        try:
-            self._request = self._dialogue.send(answer)
-            self._ask(is_again=False)
-        except StopIteration:
-            self._dialogue = self._request = None
-            if self._is_changing:
-                self._end_change()
-                return
-            self.confirmed |= self._parameters.confirm(self._finding.confirmed)
-            self.found, self.unfit, self._is_ready = self._finding, "", True
-            self._info, self._own_position, self._distance = Info(0), None, 0.0
-            self._heard_s = self._now_s
-            if not self._is_passive and not self._is_warned:
-                self._is_warned = True
-                self.failures.append(FALLS + isinstance(self._port, RadioPort) * UNGUARDED)
+        if not self._requests.advance(answer, self._now_s):
+            return
+        if self._is_changing:
+            self._end_change()
+            return
+        self.confirmed |= self._parameters.confirm(self._finding.confirmed)
+        self.found, self.unfit, self._is_ready = self._finding, "", True
+        self._info, self._own_position, self._distance = Info(0), None, 0.0
+        self._heard_s = self._now_s
+        if not self._is_passive and not self._is_warned:
+            self._is_warned = True
+            self.failures.append(FALLS + isinstance(self._port, RadioPort) * UNGUARDED)
+
+    def _note_round_trip(self, duration_ns: int) -> None:
+        self._stamps.note_round_trip(duration_ns)
+        self._counts.answered += 1
+        self._counts.round_trips_ns += duration_ns
 
     def _take_block(self, data: bytes) -> None:
         form = self.found.forms.get(data[0]) if data else None
@@ -233,12 +223,15 @@ class CrazyflieBoard:
     def _sample(self, ms: int, values: tuple[float, ...]) -> None:
         self._heard_s = self._now_s
         if self._is_ready and not self._is_changing:
-            self._dialogue = self._request = None  # it was out of reach, and still is what it was
+            self._requests.cancel()  # it was out of reach, and still is what it was
         if not all(map(math.isfinite, values)):
             self.refused += 1
             return
         stamp_ns = self._stamps.stamp_ns(ms, self._now_ns())
-        self._watch_for_two()
+        is_double = self._stamps.is_double(self._now_s)
+        if is_double and not self._is_double:
+            self.failures.append(TWO)
+        self._is_double = is_double
         if stamp_ns <= self._newest_ns:
             self.late += 1
             return
@@ -249,17 +242,6 @@ class CrazyflieBoard:
         accelerometer, gyroscope = imu_counts(values)
         sample = accelerometer, gyroscope, self._voltage, self._pressure, self.state
         self._samples.append(RawSample(stamp_ns, *sample))
-
-    def _watch_for_two(self) -> None:
-        """Find out, from times that jump to and fro, whether two answer at one address."""
-        began_s, before = self._watched
-        if self._now_s - began_s < TWICE_S:
-            return
-        is_double = self._stamps.backward - before >= TWICE
-        self._watched = self._now_s, self._stamps.backward
-        if is_double and not self._is_double:
-            self.failures.append(TWO)
-        self._is_double = is_double
 
     # ------------------------------------------------------------------ commands
     def command(self, command: Command) -> None:
@@ -295,15 +277,14 @@ class CrazyflieBoard:
         A command is not repeated: without new ones, its own watchdog is what helps.
         """
         self._now_s = now_s
-        is_free = self._dialogue is None or self._is_changing
+        is_free = not self._requests.is_open or self._is_changing
         if is_free and now_s - self._heard_s > SILENT_S:
             self._begin()
-        elif self._dialogue is None and self._is_ready and now_s >= self._look_due_s:
+        elif not self._requests.is_open and self._is_ready and now_s >= self._look_due_s:
             self._look_due_s = now_s + AGAIN_S
             if changes := self._parameters.changes():
                 self._change(changes)
-        if self._request is not None and now_s - self._asked_s > AGAIN_S:
-            self._ask(is_again=True)
+        self._requests.repeat(now_s)
         given_up_s = now_s - self._wanted_s if self._wanted is MotorState.EMERGENCY else 0.0
         if given_up_s > self._options.landing_time:
             self.set_motor_state(MotorState.OFF)
@@ -319,16 +300,13 @@ class CrazyflieBoard:
         """Begin the dialogue, which a sample ends that comes before the first answer."""
         self._finding, self._is_changing = Found(), False
         wanted, write = self._parameters.all(), not self._is_passive
-        self._dialogue = introduce(self._finding, self._options.named, wanted, write=write)
-        self._request = next(self._dialogue)
-        self._ask(is_again=False)
+        dialogue = introduce(self._finding, self._options.named, wanted, write=write)
+        self._requests.begin(dialogue, self._now_s)
 
     def _change(self, values: Mapping[str, float]) -> None:
         """Set these parameters; set-points go on meanwhile."""
         self._finding, self._is_changing = Found(), True
-        self._dialogue = set_parameters(self._finding, values)
-        self._request = next(self._dialogue)
-        self._ask(is_again=False)
+        self._requests.begin(set_parameters(self._finding, values), self._now_s)
 
     def _end_change(self) -> None:
         """Report what was set of a change, which may have failed at one of its parameters."""
@@ -339,11 +317,6 @@ class CrazyflieBoard:
             if name in self._finding.confirmed and self._parameters.is_of_text(name)
         ]
         self.confirmed |= self._parameters.confirm(self._finding.confirmed)
-
-    def _ask(self, *, is_again: bool) -> None:
-        assert self._request is not None
-        self._asked_s, self._asked_ns, self._is_again = self._now_s, self._now_ns(), is_again
-        self._write(self._request.packet)
 
     def _switch(self) -> None:
         """Arm or disarm where the board is not in the state that is wanted."""
