@@ -12,6 +12,7 @@ import pytest
 
 from console.checks.facts import Facts
 from console.checks.startup import SETTLE, WITHOUT_STATUS, WITHOUT_VEHICLE, StartupChecks
+from console.checks.station_items import rates
 from console.parameters.station import StationParameters
 from quadrotor.errors import LinkError
 from vehicle_link.checks import Check, to_messages
@@ -104,3 +105,22 @@ def test_a_vehicle_that_never_measures_is_checked_at_last(station: Station) -> N
     station.live([CONNECTED] * 2 * WITHOUT_STATUS)
     assert station.checked == [WITHOUT_STATUS]
     assert {"tracker", "bearings"} <= station.attention
+
+
+@pytest.mark.parametrize(
+    ("rate", "loss", "least", "state"),
+    [
+        (33.0, 0.0, 20.0, "ok"),  # one of two vehicles of `quadlab up`
+        (100.0, 0.0, 50.0, "ok"),
+        (80.0, 0.2, 50.0, "warn"),
+        (40.0, 0.6, 50.0, "fail"),
+        (24.0, 0.0, 50.0, "fail"),
+    ],
+)
+def test_telemetry_is_judged_by_what_the_vehicle_sends(
+    rate: float, loss: float, least: float, state: str
+) -> None:
+    parameters = StationParameters()
+    parameters.preflight.telemetry_rate_min = least
+    found = rates(replace(READY, telemetry_rate=rate, loss=loss, nominal_rate=100.0), parameters)
+    assert {one.name: one.state for one in found}["telemetry"] == state
