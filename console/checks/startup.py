@@ -1,6 +1,6 @@
 """The station's start-up checks: clock, rates, disk, certificates, versions, on both ends.
 
-They run a little after the vehicle has connected, or a little after the start without one, and
+They run a little after the vehicle's first status, or a little after the start without one, and
 again on request. Nothing is checked while the vehicle is armed; while it is silent, and so may be
 flying, everything is checked except what loads the disk.
 """
@@ -33,9 +33,10 @@ log = logging.getLogger(__name__)
 
 PERIOD = 1.0
 """Seconds between two checks of the clock."""
-SETTLE, WITHOUT_VEHICLE = 4, 10
-"""Number of PERIOD periods from the vehicle's connecting to the checks (rates need two seconds to
-count), and from the start when none connects."""
+SETTLE, WITHOUT_VEHICLE, WITHOUT_STATUS = 4, 10, 60
+"""Number of PERIOD periods from the vehicle's first status to the checks (rates need two seconds to
+count), and from the start when none connects, or when one connects and sends no status: it
+compiles its laws, and its simulator the dynamics, before either measures anything."""
 TIMEOUT = 2.0
 """Seconds that the vehicle has for its own checks."""
 ANSWER = f"{SERVICES['checks']}_Response"
@@ -60,7 +61,8 @@ class StartupChecks:
         self._station: list[Check] = []
         self._vehicle: list[Check] = []
         self._checked = 0.0
-        self._periods = self._connected_for = 0
+        self._periods = self._heard_for = 0
+        self._patience = WITHOUT_VEHICLE
         self._due = False
         context.node.serve("station/checks", SERVICES["checks"], self._answer)
 
@@ -132,9 +134,11 @@ class StartupChecks:
     def _check_when_due(self) -> None:
         self._periods += 1
         facts = self._gatherer.facts()
-        self._connected_for = self._connected_for + 1 if facts.link is LinkState.GOOD else 0
-        connected = self._connected_for == SETTLE and self._is_vehicle_unknown
-        self._due |= connected or (self._periods == WITHOUT_VEHICLE and not self._checked)
+        if facts.link is not LinkState.LOST:
+            self._patience = WITHOUT_STATUS
+        self._heard_for = 0 if facts.mode is None else self._heard_for + 1
+        is_new = self._heard_for == SETTLE and self._is_vehicle_unknown
+        self._due |= is_new or (self._periods == self._patience and not self._checked)
         if self._due and not facts.armed:
             self._due = False
             self.run_checks(self._report)

@@ -11,7 +11,6 @@ from typing import Any
 from console.checks.facts import Facts
 from console.parameters.station import StationParameters
 from vehicle_link.checks import Check, State
-from vehicle_link.topics import TOPICS
 
 ROUND_TRIP = 0.02
 """Seconds above which the round trip gets a warning: every measurement is that much older at the
@@ -35,8 +34,11 @@ def vehicle_clock(f: Facts, link_status: Any) -> Check:
 
 
 def rates(f: Facts, p: StationParameters) -> list[Check]:
-    """Check the rates of received and sent messages against their nominal values."""
-    packets = min(TOPICS["telemetry"].rate, f.nominal_rate)
+    """Check the rates of received and sent messages against their nominal values.
+
+    Telemetry against what the vehicle sends, which several on one computer do less often.
+    """
+    packets = max(f.telemetry_rate / (1.0 - f.loss), p.preflight.telemetry_rate_min)
     is_connected = f.mode is not None
     return [
         _rate("telemetry", f.telemetry_rate if is_connected else None, packets, "check the link"),

@@ -1,7 +1,7 @@
 """Commands and waits of an experiment over the station's link.
 
 A command by a person ends the experiment: from then on it sends nothing. So does a lost link; the
-vehicle then brakes and lands by itself.
+vehicle then brakes and lands by itself. So does a vehicle that has started anew.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ class LiveCommands:
     ) -> None:
         self._services, self._feed, self._runner = services, feed, runner
         self.requester = requester
+        self._instance = feed.instance
         self._sending = threading.Lock()
         self._ended: QuadlabError | None = None
         self._taken_over = threading.Event()
@@ -228,6 +229,10 @@ class LiveCommands:
             self._ended = LinkError(
                 "the link to the vehicle was lost; it brakes, and lands on its own unless "
                 "the link returns"
+            )
+        if self._ended is None and self._feed.instance != self._instance:
+            self._ended = LinkError(
+                "the vehicle's processes have started anew; in flight, its microcontroller lands it"
             )
         if self._ended is not None:
             raise self._ended

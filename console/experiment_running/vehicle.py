@@ -80,6 +80,11 @@ class VehicleFeed:
             old = monotonic() - self._status_at > OLD
             return "" if self._status is None or old else str(self._status.mode).lower()
 
+    @property
+    def instance(self) -> int:
+        """Return the instance of the vehicle's process in the newest status; 0 before it."""
+        return 0 if self._status is None else int(self._status.instance)
+
     def view(self) -> VehicleView:
         """Return the present view. Raises LinkError before the first status."""
         mass, mass_deviation = self._flown_mass()

@@ -52,7 +52,10 @@ class GyroscopeStart:
         motors_on = sample.motor_state in TURNING
         if motors_on and self._request is None:  # restarted during a landing
             if not self._motors_reported:
-                line = "gyroscope not calibrated: motors are running; waiting until they stop"
+                line = (
+                    "started while the motors are running: the board is landing by itself; the "
+                    "gyroscope is calibrated when they have stopped"
+                )
                 self.outbox.say(line, mailbox.WARN)
             self._motors_reported, self._running = True, None
             return

@@ -105,6 +105,7 @@ class FlightLoop:
         self._received_ns = monotonic_ns()
         self._silent = False
         self._unusable = [0, 0, 0]  # counts at the newest sample
+        self._newest_ms = list(mcu.newest_ms)
         self._report_statistics(NOTHING_YET)
 
     def stop(self) -> None:
@@ -229,14 +230,21 @@ class FlightLoop:
 
     def _watch_silence(self, received: bool) -> None:
         now_ns = monotonic_ns()
-        if received:
+        if received or self._sets_clock():
             if self._silent:
                 self._report(f"samples again after {(now_ns - self._received_ns) * 1e-9:.1f} s")
             self._received_ns, self._silent = now_ns, False
-            self._unusable = self._unusable_counts()
+            self._unusable, self._newest_ms = self._unusable_counts(), list(self._mcu.newest_ms)
         elif not self._silent and now_ns - self._received_ns > SILENCE_NS:
             self._silent = True
             self._report(f"no sample from the microcontroller for 0.5 s; waiting. {self._why()}")
+
+    def _sets_clock(self) -> bool:
+        """Return whether samples have arrived that are not unusable: the first ones only set the
+        vehicle's clock, which takes 0.8 s at 60 Hz.
+        """
+        is_new = self._mcu.newest_ms != self._newest_ms
+        return is_new and self._unusable_counts() == self._unusable
 
     def _unusable_counts(self) -> list[int]:
         return [self._mcu.late, self._mcu.refused, self._mcu.damaged]

@@ -44,6 +44,7 @@ class ScriptedVehicle:
         self.beats = True
         self.mode, self.behavior, self.soon = "ready", "ground", ("", 0)
         self.airborne = False
+        self.instance = 1
         self.values_: dict[str, ParameterValue] = {
             "estimation.source": "poses",
             "position.kp_xy": 4.0,
@@ -100,6 +101,7 @@ class ScriptedVehicle:
             behavior=self.behavior,
             armed=self.mode == "armed",
             airborne=self.airborne,
+            instance=self.instance,
             parameter_revision=self.revision,
         )
         self._out["status"].put(encode(status))
@@ -580,6 +582,18 @@ def test_a_lost_link_ends_it_and_nothing_is_sent_when_it_is_back(bench: Bench) -
     threading.Event().wait(0.3)
     assert len(bench.vehicle.requests) == have
     bench.vehicle.reset()
+
+
+def test_a_vehicle_that_starts_anew_ends_it_and_nothing_more_is_sent(bench: Bench) -> None:
+    bench.flying()
+    have, vehicle = len(bench.vehicle.requests), bench.vehicle
+    vehicle.instance, vehicle.mode, vehicle.behavior = 2, "starting", "ground"  # never silent
+    vehicle.status()
+    done = bench.ended()
+    assert done.phase == "stopped"
+    assert done.reason.startswith("the vehicle's processes have started anew")
+    assert len(vehicle.requests) == have
+    vehicle.reset()
 
 
 def test_motors_that_are_cut_end_it_at_once_and_nothing_more_is_sent(bench: Bench) -> None:

@@ -380,6 +380,17 @@ def test_silence_is_said_once_and_so_is_its_end(
     assert [type(message) for message in bench.outbox()] == [mailbox.Event] * 2
 
 
+def test_the_first_samples_which_only_set_the_clock_are_no_silence(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for ms in range(0, 900, 18):  # 50 samples at 60 Hz
+        bench.mcu.newest_ms[0] = ms
+        bench.nothing(18_000_000)
+    assert capsys.readouterr().err == ""
+    bench.nothing(600_000_000)
+    assert "no sample from the microcontroller for 0.5 s" in capsys.readouterr().err
+
+
 def test_bytes_that_are_no_frames_are_told_apart_from_silence(
     bench: Bench, capsys: pytest.CaptureFixture[str]
 ) -> None:

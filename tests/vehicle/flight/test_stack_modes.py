@@ -328,5 +328,7 @@ def test_the_gyroscope_is_not_calibrated_while_the_microcontroller_lands() -> No
     assert ready_at is not None
     assert ready_at < 0.01
     assert any(
-        "motors are running" in event.text for event in again.outbox if hasattr(event, "text")
+        "started while the motors are running" in event.text
+        for event in again.outbox
+        if hasattr(event, "text")
     )
