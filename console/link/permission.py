@@ -15,6 +15,9 @@ from vehicle_link.transport.protocol import disagreement
 OBSERVER = "observer"
 TWINS_NS = 1_000_000_000
 """Time in ns; two processes received in turns within it are two vehicles."""
+HELD_NS = 1_500_000_000
+"""Time in ns for which a vehicle is held by another station before that is reported: it holds to
+one that has ended for a second, which may have been this one before it was started anew."""
 
 
 class CommandPermission:
@@ -31,7 +34,7 @@ class CommandPermission:
         self.instance = instance
         self._received_ns: dict[int, int] = {}
         self._twins_ns: int | None = None
-        self._holder = 0
+        self._holder, self._held_ns = 0, 0  # and since when
         self._newest: int | None = None  # instance
         self.access = ""
         """Pilot or observer, once the vehicle has reported it."""
@@ -46,6 +49,8 @@ class CommandPermission:
         if beat.instance in recent and beat.instance != self._newest:
             self._twins_ns = now_ns  # received again after another process; no restart does that
         self._received_ns = {**recent, beat.instance: now_ns}
+        if beat.holder != self._holder:
+            self._held_ns = now_ns
         self._holder, self._newest = beat.holder, beat.instance
 
     def note_identity(self, whoami: Any) -> None:
@@ -78,7 +83,7 @@ class CommandPermission:
         return self._holder == self.instance or self._newest == 0
 
     def problem(self, now_ns: int) -> str:
-        """Return why nothing is commanded although the link is up; "" when it is permitted."""
+        """Return what is to be reported: why nothing is commanded although the link is up."""
         if self.identity_problem:
             return self.identity_problem
         if self._twins_ns is not None and now_ns - self._twins_ns < 2 * TWINS_NS:
@@ -89,13 +94,16 @@ class CommandPermission:
             )
         if self.access == OBSERVER:
             return f"this station's certificate lets it observe {self._vehicle}, not command it"
-        if self._holder not in (0, self.instance):
-            return f"another station ({short_id(self._holder)}) flies {self._vehicle}"
-        return ""
+        return self._held() if now_ns - self._held_ns > HELD_NS else ""
+
+    def _held(self) -> str:
+        if self._holder in (0, self.instance):
+            return ""
+        return f"another station ({short_id(self._holder)}) flies {self._vehicle}"
 
     def refusal(self, command: str, now_ns: int) -> str:
         """Return why this command is not sent; "" when it is."""
         if command == "emergency" and self.access != OBSERVER:
             return ""
-        reason = self.problem(now_ns)
+        reason = self.problem(now_ns) or self._held()
         return f"{reason}; nothing was sent" if reason else ""

@@ -42,11 +42,17 @@ class PreferredSource(Generic[Key]):
         self._silent_ns = silent_ns
         self._key: Key | None = None
         self._received_ns = 0
+        self._has_refused = False
+        self.is_contested = False
+        """Whether the source was received again after another one was refused: there are two, and
+        none was only started anew."""
 
     def accepts(self, key: Key, now_ns: int) -> bool:
         """Return whether to accept this source; it is selected when there is no other."""
         if self.current(now_ns) not in (None, key):
+            self._has_refused = True
             return False
+        self.is_contested = self._has_refused = self._has_refused and key == self._key
         self._key, self._received_ns = key, now_ns
         return True
 
@@ -168,9 +174,10 @@ class Inbound:
         """
         source_of = self._sources.get(topic)
         if source and source_of and not source_of.accepts(source, monotonic_ns()):
-            self._warn(
-                topic, "a second sender is ignored; stop one of the two (station, ROS 2 node)"
-            )
+            if source_of.is_contested:
+                self._warn(
+                    topic, "a second sender is ignored; stop one of the two (station, ROS 2 node)"
+                )
             return
         try:
             self.handlers[topic](payload)
@@ -202,11 +209,12 @@ class Inbound:
         now_ns = monotonic_ns()
         before = self._station.current(now_ns)
         if not self._station.accepts(instance, now_ns):
-            self._warn(
-                "station_heartbeat",
-                f"station {short_id(instance)} is ignored: station {short_id(before or 0)} "
-                "controls this vehicle; stop one of the two",
-            )
+            if self._station.is_contested:
+                self._warn(
+                    "station_heartbeat",
+                    f"station {short_id(instance)} is ignored: station {short_id(before or 0)} "
+                    "controls this vehicle; stop one of the two",
+                )
             return
         if before is None:
             self._say(mailbox.INFO, f"station {short_id(instance)} controls this vehicle")

@@ -51,8 +51,12 @@ def test_another_stations_vehicle_gets_nothing_from_us_but_emergencies(
 ) -> None:
     permission.heartbeat(beat(holder=OTHER), 0)
     assert (permission.sends_heartbeats, permission.sends_measurements) == (False, False)
-    assert permission.problem(0) == "another station (000000) flies quad1"
-    assert permission.refusal("arm", 0) == f"{permission.problem(0)}; nothing was sent"
+    reason = "another station (000000) flies quad1"
+    assert permission.refusal("arm", 0) == f"{reason}; nothing was sent"
+    permission.heartbeat(beat(holder=OTHER), SECOND)
+    assert permission.problem(SECOND) == "", "it may be this one before it was started anew"
+    permission.heartbeat(beat(holder=OTHER), 2 * SECOND)
+    assert permission.problem(2 * SECOND) == reason
     assert permission.refusal("emergency", 0) == ""
     permission.heartbeat(beat(holder=0), 1)  # the holder has left
     assert permission.sends_heartbeats

@@ -501,6 +501,11 @@ def test_a_reference_of_a_ros_node_reaches_flight_and_log(receiver: Receiver, fr
     assert receiver.logged == ["external_reference"]
     receiver.inbound.handle("external_reference", payload, b"another node")
     assert receiver.flight.received() == []
+    assert receiver.said == [], "the node may only have been started anew"
+    receiver.inbound.handle("external_reference", payload, b"node")
+    assert len(receiver.flight.received()) == 1
+    receiver.inbound.handle("external_reference", payload, b"another node")
+    assert receiver.flight.received() == []
     assert receiver.said == [
         "external_reference: a second sender is ignored; stop one of the two (station, ROS 2 node)"
     ]
@@ -523,6 +528,20 @@ def test_a_reference_that_cannot_be_flown_is_said_and_left(
     assert (receiver.flight.received(), receiver.logged) == ([], [])
     assert len(receiver.said) == 1
     assert said in receiver.said[0]
+
+
+def test_a_second_station_is_reported_and_one_that_was_started_anew_is_not(
+    receiver: Receiver,
+) -> None:
+    for instance in (1 << 40, 2 << 40, 2 << 40):  # the first one has ended
+        receiver.inbound.handle("station_heartbeat", topics.encode_heartbeat(1, 0, instance))
+    assert receiver.said == ["station 000001 controls this vehicle"]
+    for instance in (1 << 40, 2 << 40):  # it has not
+        receiver.inbound.handle("station_heartbeat", topics.encode_heartbeat(1, 0, instance))
+    assert receiver.said[1:] == [
+        "station_heartbeat: station 000002 is ignored: station 000001 controls this vehicle; stop "
+        "one of the two"
+    ]
 
 
 def test_a_heartbeat_counts_when_it_comes_whatever_its_stamp(receiver: Receiver) -> None:
