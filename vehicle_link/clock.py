@@ -93,10 +93,15 @@ def wall_time() -> float:
     return time_ns() * 1e-9
 
 
+def has_begun() -> bool:
+    """Return whether the simulation, if any, has begun: on its first start it compiles before."""
+    return _followed.page is None or _followed.page[LIMIT] != FREE
+
+
 def real_time_factor() -> float:
     """Return simulated time over real time in the last seconds; 0 without a simulation."""
     words = _followed.page
-    if words is None or words[LIMIT] == FREE:
+    if words is None or not has_begun():
         return 0.0
     if time.monotonic_ns() + words[OFFSET] - words[LIMIT] > DEAD_AFTER_NS:
         return 0.0

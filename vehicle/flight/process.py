@@ -28,6 +28,7 @@ from vehicle.processes import mailbox
 from vehicle.processes.config import VehicleConfig, open_rings
 from vehicle.processes.parent import PLUGINS, TRAJECTORIES
 from vehicle.processes.terminal import say, speak_for
+from vehicle_link import clock
 from vehicle_link.crtp.links import open_port
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import FLIGHT_PROCESS, ProcessProgress
@@ -138,7 +139,7 @@ def why_unfit(port: Port, options: Parameters | None, check: Check) -> str:
         except PortError:
             raise
         except LinkError as error:
-            if str(error) != told:
+            if str(error) != told and clock.has_begun():
                 told = str(error)
                 say(f"waiting for the board: {told}")
         time.sleep(CHECK_AGAIN_S)
@@ -199,7 +200,7 @@ def open_ports(
     """Open the ports, which may not exist yet or be held by another program.
 
     Raises LinkError for a link that cannot be opened, PortError for serial devices when they cannot
-    be opened for `patience_s`.
+    be opened for `patience_s`, counted from the begin of the simulation if there is one.
     """
     deadline = time.monotonic() + patience_s
     ports: list[Port] = []
@@ -210,6 +211,8 @@ def open_ports(
                 ports.append(open_port(path, baud))
                 break
             except PortError as error:
+                if not clock.has_begun():
+                    deadline = time.monotonic() + patience_s
                 if error.problem is PortProblem.NOT_SERIAL or time.monotonic() >= deadline:
                     raise
                 waited_s = time.monotonic() - deadline + patience_s

@@ -26,6 +26,7 @@ from vehicle.processes import mailbox
 from vehicle.processes.config import Rings, create_rings, open_rings
 from vehicle_link import clock
 from vehicle_link.link_counts import LinkCounts
+from vehicle_link.lockstep import one_clock
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import SerialPort
 
@@ -477,6 +478,27 @@ def test_a_port_that_is_missing_for_longer_than_a_simulator_starts_is_told_once(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("vehicle: serial port /nowhere/mcu0 cannot be opened: No such file")
     assert line.endswith("; retrying for 2 s")
+
+
+def test_a_simulator_that_compiles_is_waited_for_in_silence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now, patience_s = 0.0, 10.0
+
+    def pause(seconds: float) -> None:
+        nonlocal now
+        now += 1.0
+        words = clock.page()
+        if words is not None and now >= 10 * patience_s:
+            words[clock.LIMIT] = 0  # it has begun
+
+    monkeypatch.setattr(time, "sleep", pause)
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    with one_clock(["quad1"], tmp_path, 0), pytest.raises(LinkError, match="plug it in"):
+        open_ports(["/nowhere/mcu0"], patience_s)
+    assert 10 * patience_s < now <= 11 * patience_s
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "retrying" in line
 
 
 def test_a_port_in_use_is_told_once_and_opened_when_it_is_free(
