@@ -33,10 +33,11 @@ log = logging.getLogger(__name__)
 
 PERIOD = 1.0
 """Seconds between two checks of the clock."""
-SETTLE, WITHOUT_VEHICLE, WITHOUT_STATUS = 4, 10, 60
-"""Number of PERIOD periods from the vehicle's first status to the checks (rates need two seconds to
-count), and from the start when none connects, or when one connects and sends no status: it
-compiles its laws, and its simulator the dynamics, before either measures anything."""
+SETTLE, WITHOUT_TRACKER, WITHOUT_VEHICLE, WITHOUT_STATUS = 4, 10, 10, 60
+"""Number of PERIOD periods from the first status of the vehicle and pose of a tracker to the checks
+(rates need two seconds to count); from the status, when no pose comes; from the start, when no
+vehicle connects, or when one connects and sends no status: it compiles its laws, and its simulator
+the dynamics, before either measures anything."""
 TIMEOUT = 2.0
 """Seconds that the vehicle has for its own checks."""
 ANSWER = f"{SERVICES['checks']}_Response"
@@ -61,7 +62,7 @@ class StartupChecks:
         self._station: list[Check] = []
         self._vehicle: list[Check] = []
         self._checked = 0.0
-        self._periods = self._heard_for = 0
+        self._periods = self._heard_for = self._tracked_for = 0
         self._patience = WITHOUT_VEHICLE
         self._due = False
         context.node.serve("station/checks", SERVICES["checks"], self._answer)
@@ -137,8 +138,11 @@ class StartupChecks:
         if facts.link is not LinkState.LOST:
             self._patience = WITHOUT_STATUS
         self._heard_for = 0 if facts.mode is None else self._heard_for + 1
-        is_new = self._heard_for == SETTLE and self._is_vehicle_unknown
-        self._due |= is_new or (self._periods == self._patience and not self._checked)
+        self._tracked_for = min(self._heard_for, self._tracked_for + 1) if facts.tracker_rate else 0
+        is_new = self._tracked_for == SETTLE or self._heard_for == WITHOUT_TRACKER
+        self._due |= (is_new and self._is_vehicle_unknown) or (
+            self._periods == self._patience and not self._checked
+        )
         if self._due and not facts.armed:
             self._due = False
             self.run_checks(self._report)

@@ -11,7 +11,13 @@ from typing import Any
 import pytest
 
 from console.checks.facts import Facts
-from console.checks.startup import SETTLE, WITHOUT_STATUS, WITHOUT_VEHICLE, StartupChecks
+from console.checks.startup import (
+    SETTLE,
+    WITHOUT_STATUS,
+    WITHOUT_TRACKER,
+    WITHOUT_VEHICLE,
+    StartupChecks,
+)
 from console.checks.station_items import rates
 from console.parameters.station import StationParameters
 from quadrotor.errors import LinkError
@@ -99,6 +105,19 @@ def test_without_a_vehicle_the_station_is_checked_and_again_once_one_measures(
     station.live([*[CONNECTED] * WITHOUT_VEHICLE, *[READY] * WITHOUT_VEHICLE])
     assert station.checked == [WITHOUT_VEHICLE, 3 * WITHOUT_VEHICLE + SETTLE]
     assert not station.attention & RATES
+
+
+def test_a_tracker_that_starts_after_the_vehicle_is_waited_for_a_while(station: Station) -> None:
+    untracked = replace(READY, tracker_rate=0.0, bearings_rate=0.0)
+    station.live([*[untracked] * SETTLE, *[READY] * 2 * WITHOUT_VEHICLE])
+    assert station.checked == [2 * SETTLE]
+    assert not station.attention & RATES
+
+
+def test_without_a_tracker_the_vehicle_is_checked_all_the_same(station: Station) -> None:
+    station.live([replace(READY, tracker_rate=0.0)] * 2 * WITHOUT_TRACKER)
+    assert station.checked == [WITHOUT_TRACKER]
+    assert "tracker" in station.attention
 
 
 def test_a_vehicle_that_never_measures_is_checked_at_last(station: Station) -> None:
