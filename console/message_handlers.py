@@ -18,6 +18,7 @@ from console.parameters.vehicle import VehicleParameters
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from vehicle_link import topics
+from vehicle_link.commands import BRAKING
 from vehicle_link.lockstep import ProcessProgress
 from vehicle_link.messages import decode
 from vehicle_link.parameters.change import VEHICLE, authority_of
@@ -114,10 +115,14 @@ class MessageHandlers:
         self._history.changed(change, received.received_ns)
 
     def _event(self, received: Received) -> None:
-        """Print on the base's terminal why the vehicle landed while it received no station."""
+        """Print on the base's terminal why the vehicle landed while it received no station; end an
+        experiment when the vehicle brakes by itself.
+        """
         text = str(decode(received.payload, TOPICS["events"].type_name).msg)
         if text.startswith(topics.DELAYED_PREFIX):
             print(f"station: {self._vehicle}: {text}", flush=True)
+        if (why := text.removeprefix(topics.DELAYED_PREFIX)).startswith(BRAKING):
+            self._experiments.braked(why.removeprefix(BRAKING))
 
     def _tracked(self, received: Received) -> None:
         sample, link = topics.decode_pose(received.payload, or_position=True)[0], self._link

@@ -24,6 +24,10 @@ def one_of(*choices: str) -> Any:
     return Field(pattern=f"^({'|'.join(choices)})$", json_schema_extra=extra)
 
 
+BRAKING = "braking: "
+"""Beginning of the event with which a vehicle brakes by its own decision."""
+
+
 class Request(msgspec.Struct, frozen=True):
     """The contents of a command; the fields are those of its .srv. The annotated bounds are checked
     where a page's request arrives; the process that executes the command checks all values.

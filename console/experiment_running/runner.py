@@ -181,6 +181,12 @@ class ExperimentRunner:
             client.end(ExperimentEndedError(why), taken_over=True, patience=patience)
         self.asked(command, requester)
 
+    def braked(self, why: str) -> None:
+        """End the experiment because the vehicle brakes by itself: the rest is not flown."""
+        client = self._client
+        if client is not None and client.armed:
+            client.end(ExperimentEndedError(f"the vehicle braked by itself: {why}"))
+
     def passes(self, order: StickOrder) -> bool:
         """Return whether a person's stick command is sent to the vehicle; deflected sticks take
         over, once.

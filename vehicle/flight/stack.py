@@ -47,6 +47,7 @@ from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 from vehicle.sensors.sensors import OwnSensors
+from vehicle_link.commands import BRAKING
 
 _GROUND, _EXTERNAL = BehaviorName.GROUND, BehaviorName.EXTERNAL
 LONGEST_STEP = 0.05
@@ -278,7 +279,7 @@ class FlightStack:
             command = attitude
         if behaviors.aborted:
             why = behaviors.pop_aborted()
-            self.say(f"braking: {why}", mailbox.WARN)
+            self.say(f"{BRAKING}{why}", mailbox.WARN)
             if own is not None:
                 own.failure = own.failure or why
         self._landing.watch(dt)

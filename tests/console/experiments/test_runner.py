@@ -106,6 +106,9 @@ class ScriptedVehicle:
         )
         self._out["status"].put(encode(status))
 
+    def say(self, text: str) -> None:
+        self._out["events"].put(encode(new("rcl_interfaces/Log", level=30, msg=text)))
+
     def falls_back(self) -> None:
         """Let the vehicle change a parameter by itself."""
         self._apply({"estimation.source": "poses"}, "vehicle")
@@ -582,6 +585,20 @@ def test_a_lost_link_ends_it_and_nothing_is_sent_when_it_is_back(bench: Bench) -
     threading.Event().wait(0.3)
     assert len(bench.vehicle.requests) == have
     bench.vehicle.reset()
+
+
+@pytest.mark.parametrize("prefix", ["", topics.DELAYED_PREFIX])
+def test_a_vehicle_that_brakes_by_itself_ends_it_and_is_held(bench: Bench, prefix: str) -> None:
+    bench.flying()
+    line = f"{prefix}braking: no heartbeat from the station for 0.40 s"
+    bench.vehicle.say(line)
+    done = bench.ended()
+    assert done.phase == "stopped"
+    assert done.reason == (
+        "the vehicle braked by itself: no heartbeat from the station for 0.40 s; it brakes and "
+        "hovers; land it"
+    )
+    assert bench.vehicle.requests[-1] == ("start_behavior", "brake", "ada")
 
 
 def test_a_vehicle_that_starts_anew_ends_it_and_nothing_more_is_sent(bench: Bench) -> None:
