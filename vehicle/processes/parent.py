@@ -169,9 +169,10 @@ def run_vehicle(
     )
     signals = _Signals()
     try:
-        _repair_logs(data)
+        torn = _torn_logs(data)
         share(IMPORTED)
         children = _Children(config)
+        _repair(torn)
         try:
             return _watch(children, signals, data)
         finally:
@@ -219,33 +220,37 @@ def _watch(children: _Children, signals: _Signals, data: Path) -> int:
             restart_at = time.monotonic() + (SHORT_PAUSE_S if lived > STABLE_S else LONG_PAUSE_S)
         if restart_at is not None and time.monotonic() >= restart_at:
             restart_at = None
-            _repair_logs(data)
+            torn = _torn_logs(data)
             children.restart_comms()
+            _repair(torn)
         signals.wait(None if restart_at is None else max(0.0, restart_at - time.monotonic()))
     return 0
 
 
-def _repair_logs(data: Path) -> None:
-    """List the torn onboard logs now, before comms opens a new one; repair them in the background.
-
-    The repair runs in this process, where nothing else needs the processor.
-    """
+def _torn_logs(data: Path) -> list[Path]:
+    """Return the torn onboard logs; to be listed before comms opens a new one."""
     if not any((data / "onboard").glob("*.mcap")):
-        return
-    from vehicle.onboard_log.repair import (  # mcap, rosbags: needed only here
-        recover_logs,
-        torn_logs,
-    )
+        return []
+    from vehicle.onboard_log.repair import torn_logs  # mcap, rosbags: needed only here
 
     try:
-        torn = torn_logs(data)
+        return torn_logs(data)
     except StorageError as error:
         say(str(error))
-        return
+        return []
 
-    def repair() -> None:
-        for line in recover_logs(torn):
-            say(line)
 
+def _repair(torn: list[Path]) -> None:
+    """Repair these logs in this process, where nothing else needs the processor.
+
+    In a thread, so after the start of children: none is a copy of a process with two threads.
+    """
     if torn:
-        threading.Thread(target=repair, daemon=True).start()
+        threading.Thread(target=_recover, args=(torn,), daemon=True).start()
+
+
+def _recover(torn: list[Path]) -> None:
+    from vehicle.onboard_log.repair import recover_logs
+
+    for line in recover_logs(torn):
+        say(line)
