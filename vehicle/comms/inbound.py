@@ -94,6 +94,7 @@ class Inbound:
     Args:
         bearing_pose: called with (payload, stamp in ns) of a one-frame pose.
         log: called with (topic, payload, stamp in ns) of every message that was not ignored.
+        resumes: whether a comms process before this one has died: it had a station.
 
     Attributes:
         newest_state: STATE of the newest tick, shape (1,), from which the search for a one-frame
@@ -107,6 +108,8 @@ class Inbound:
         say: Say,
         bearing_pose: Callable[[bytes, int], None],
         log: Callable[[str, bytes, int], None],
+        *,
+        resumes: bool = False,
     ) -> None:
         self._flight = flight
         self._clock = clock
@@ -116,7 +119,7 @@ class Inbound:
         self._solves = False
         self._layout, self._beacons = "paper", KnownBeacons(PAPER_BEACONS)
         self._preparing: threading.Thread | None = None
-        self._received_ns: int | None = None
+        self._received_ns: int | None = 0 if resumes else None
         self._say = say
         self._station = PreferredSource[int]()
         self._sources = {

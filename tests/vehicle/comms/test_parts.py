@@ -17,6 +17,7 @@ from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.records import JUDGED_READING, NO_ATTITUDE, POSE_SAMPLE, TICK, Record, pose_sample
 from tests.support.narrowing import now
 from vehicle.comms.commands import FlightMailbox, FlightParameters
+from vehicle.comms.deferred_events import DeferredEvents
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
 from vehicle.comms.services import check_in_time
@@ -550,6 +551,16 @@ def test_a_heartbeat_counts_when_it_comes_whatever_its_stamp(receiver: Receiver)
     assert receiver.flight.received() == [mailbox.Heartbeat(START_NS)]
     receiver.time.monotonic += SECOND
     assert receiver.inbound.station_silence == 1.0
+
+
+def test_what_a_vehicle_does_while_comms_starts_anew_is_told_once_a_station_is_there(
+    receiver: Receiver,
+) -> None:
+    ignore = lambda *_: None  # noqa: E731
+    again = Inbound(receiver.flight.mailbox, receiver.clock, ignore, ignore, ignore, resumes=True)
+    deferred, braking = DeferredEvents(), mailbox.Event(1, mailbox.WARN, "braking: a")
+    assert not deferred.defer(braking, receiver.inbound.station_silence), "no station, ever"
+    assert deferred.defer(braking, again.station_silence)
 
 
 def test_four_bearings_give_the_pose(receiver: Receiver) -> None:
