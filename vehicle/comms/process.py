@@ -114,7 +114,7 @@ class Comms:
             self._say,
             lambda payload, stamp_ns: self._bearing_poses.append((payload, stamp_ns)),
             self._log_received,
-            resumes=len(before) > 0,
+            resumes=rings.ticks.was_read,
         )
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0

@@ -180,6 +180,11 @@ class RecordRing(_Ring):
         words[READ] = head
         return records
 
+    @property
+    def was_read(self) -> bool:
+        """Return whether records have been read, by this consumer or the one that it replaces."""
+        return self._words[READ] > 0
+
     def read_before(self) -> Record:
         """Return records read but not freed, shape (N,), for a consumer that was restarted."""
         return self._copy(self._words[TAIL], max(self._words[READ], self._words[TAIL]))

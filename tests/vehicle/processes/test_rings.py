@@ -208,11 +208,13 @@ def test_what_was_read_and_not_freed_is_there_for_the_next_consumer() -> None:
     for k in range(3):
         ring.push(numbered(k))
     assert numbers(ring.read_before()) == []
+    assert not ring.was_read
     assert numbers(ring.read()) == [0, 1, 2]
     assert numbers(ring.read()) == []
     ring.free(1)
     ring.push(numbered(3))
     again = RecordRing(fd, TICK, 4)  # the consumer has died
+    assert again.was_read
     assert numbers(again.read_before()) == [1, 2]
     assert numbers(again.read()) == [3], "each is read once"
     again.free(3)
