@@ -429,6 +429,8 @@ class serving:  # noqa: N801 - used as `with serving(...)`
     The browser could replace it itself, but would then ask its driver about each of a page's
     hundred files.
     """
+    usual_port: int = 0
+    """Port that is taken while it is free; 0 for any."""
 
     def __init__(
         self,
@@ -441,7 +443,10 @@ class serving:  # noqa: N801 - used as `with serving(...)`
         open_session: Callable[[], Any] = lambda: None,
         vehicles: tuple[str, ...] = ("quad1",),
     ) -> None:
-        self._listener = listen("127.0.0.1", port)
+        try:
+            self._listener = listen("127.0.0.1", port or serving.usual_port)
+        except LinkError:
+            self._listener = listen("127.0.0.1", port)
         base = url_of("127.0.0.1", self._listener.getsockname()[1], has_tls=tls is not None)
         made: list[Any] = []
         links: list[str] = []

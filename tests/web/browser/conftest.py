@@ -13,6 +13,8 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.support.chromium import FLAGS
+from web.live.sockets import listen
+from web.process import url_of
 
 PLAIN = [*FLAGS, "--renderer-process-limit=1", "--disable-features=IsolateOrigins,site-per-process"]
 """Flags for pages whose 3D view is blank: a graphics card emulated for them takes most of a core.
@@ -79,23 +81,94 @@ def launch(chromium_path: str) -> Iterator[Callable[[list[str]], Any]]:
         asyncio._set_running_loop(loop)
 
 
+class Profile:
+    """A browser profile as that of a returning user: it caches the page's files."""
+
+    def __init__(self, browser: Any, address: str) -> None:
+        self.context = browser.new_context(viewport={"width": 1440, "height": 900})
+        self.context.set_default_timeout(BOUND)
+        self._address = address
+        self._blank = self.context.new_page()
+        self._devtools = self.context.new_cdp_session(self._blank)
+
+    def forget(self) -> None:
+        """Close the pages and clear all that they stored except files.
+
+        The blank page that this needs stays, because each new one costs a process.
+        """
+        origins = {self._address}
+        for page in self.context.pages:
+            if page is not self._blank:
+                origins.add("{0.scheme}://{0.netloc}".format(urlsplit(page.url)))
+                page.close()
+        self.context.unroute_all()
+        self.context.clear_cookies()
+        self.context.clear_permissions()
+        for origin in origins:
+            self._devtools.send(
+                "Storage.clearDataForOrigin", {"origin": origin, "storageTypes": "local_storage"}
+            )
+
+
+@pytest.fixture(scope="session")
+def usual_port() -> int:
+    """Return a port for all sites of a process, one after another.
+
+    What a profile caches belongs to an address.
+    """
+    with listen("127.0.0.1", 0) as listener:
+        port: int = listener.getsockname()[1]
+    return port
+
+
+@pytest.fixture(scope="session")
+def profiles() -> dict[tuple[Any, str], Profile]:
+    """Return the profiles that all modules of a process share, by browser and name."""
+    return {}
+
+
 @pytest.fixture(scope="module")
-def chromium(request: pytest.FixtureRequest, launch: Callable[[list[str]], Any]) -> Iterator[Any]:
-    """Yield a browser without contexts, with WebGL for a module that sets `NEEDS_WEBGL`."""
+def chromium(
+    request: pytest.FixtureRequest,
+    launch: Callable[[list[str]], Any],
+    profiles: dict[tuple[Any, str], Profile],
+) -> Iterator[Any]:
+    """Yield a browser, with WebGL for a module that sets `NEEDS_WEBGL`.
+
+    A context that a module makes of it is closed with the module.
+    """
     browser = launch(WITH_WEBGL if getattr(request.module, "NEEDS_WEBGL", False) else PLAIN)
     yield browser
+    shared = [profile.context for profile in profiles.values()]
     for context in browser.contexts:
-        context.close()
+        if context not in shared:
+            context.close()
     asyncio._set_running_loop(None)  # other tests run loops of their own in this thread
 
 
+@pytest.fixture(scope="module")
+def profile(
+    chromium: Any, profiles: dict[tuple[Any, str], Profile], usual_port: int
+) -> Callable[[str], Profile]:
+    """Return `profile(name)`, a profile of the module's browser."""
+
+    def find(name: str) -> Profile:
+        key = chromium, name
+        if key not in profiles:
+            profiles[key] = Profile(chromium, url_of("127.0.0.1", usual_port, has_tls=False))
+        return profiles[key]
+
+    return find
+
+
 @pytest.fixture(scope="module", autouse=True)
-def blank_view(request: pytest.FixtureRequest, serve: Any) -> Iterator[None]:
-    """Serve an empty document in place of the 3D view."""
+def blank_view(request: pytest.FixtureRequest, serve: Any, usual_port: int) -> Iterator[None]:
+    """Serve at the usual port, and an empty document in place of the 3D view."""
+    serve.usual_port = usual_port
     if not getattr(request.module, "NEEDS_WEBGL", False):
         serve.view = SCENE
     yield
-    serve.view = None
+    serve.view, serve.usual_port = None, 0
 
 
 @pytest.fixture
@@ -118,45 +191,23 @@ def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
     thread.join()
 
 
-@pytest.fixture(scope="module")
-def profile(chromium: Any) -> Iterator[Any]:
-    """Yield a browser profile that caches the page's files, as that of a returning user."""
-    made = chromium.new_context(viewport={"width": 1440, "height": 900})
-    made.set_default_timeout(BOUND)
-    yield made
-    made.close()
-
-
-@pytest.fixture(scope="module")
-def forget(profile: Any) -> Callable[[], None]:
-    """Return `forget()`, which closes the profile's pages and clears all they stored except files.
-
-    The blank page that this needs stays, because each new one costs a process.
-    """
-    blank = profile.new_page()
-    devtools = profile.new_cdp_session(blank)
-
-    def clear() -> None:
-        origins = set()
-        for page in profile.pages:
-            if page is not blank:
-                origins.add("{0.scheme}://{0.netloc}".format(urlsplit(page.url)))
-                page.close()
-        profile.clear_cookies()
-        profile.clear_permissions()
-        for origin in origins:
-            devtools.send(
-                "Storage.clearDataForOrigin", {"origin": origin, "storageTypes": "local_storage"}
-            )
-
-    return clear
-
-
 @pytest.fixture
-def context(profile: Any, forget: Callable[[], None]) -> Iterator[Any]:
-    """Yield a context for a test's pages: signed out, with nothing stored except files."""
-    yield profile
-    forget()
+def context(request: pytest.FixtureRequest, profile: Callable[[str], Profile]) -> Iterator[Any]:
+    """Yield a context for a test's pages: signed out, with nothing stored except files.
+
+    A module that sets `PROFILE` to another name has another profile, without any files.
+    """
+    own = profile(getattr(request.module, "PROFILE", "test"))
+    yield own.context
+    own.forget()
+
+
+@pytest.fixture(scope="module")
+def kept_context(profile: Callable[[str], Profile]) -> Iterator[Any]:
+    """Yield the same for pages that the tests of a module share."""
+    own = profile("module")
+    yield own.context
+    own.forget()
 
 
 @pytest.fixture
@@ -181,17 +232,14 @@ def page(open_page: Any, site: Any, flying: Any) -> Any:
 
 
 @pytest.fixture(scope="module")
-def kept_page(chromium: Any, site: Any) -> Iterator[Any]:
+def kept_page(kept_context: Any, site: Any) -> Iterator[Any]:
     """Yield one signed-in page for all tests of a module that need no fresh one."""
     problems: list[str] = []
-    own = chromium.new_context(viewport={"width": 1440, "height": 900})
-    own.set_default_timeout(BOUND)
-    made = own.new_page()
+    made = kept_context.new_page()
     made.on("pageerror", lambda error: problems.append(f"{error}\n{error.stack}"))
     made.goto(f"{site.base}/?token={site.token}")
     made.wait_for_selector("#behaviors button")
     yield made
-    own.close()
     assert problems == []
 
 

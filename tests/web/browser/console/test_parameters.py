@@ -20,7 +20,7 @@ SLIDER, CELL, TICK = f"{KP} input[type=range]", f"{KP} input.value", f"{KP} .con
 
 
 @pytest.fixture(scope="module")
-def console(chromium: Any, site: Any) -> Iterator[Any]:
+def console(kept_context: Any, site: Any) -> Iterator[Any]:
     """Yield one page for all tests here, of a vehicle that publishes; its scripts may not fail."""
     going, problems = threading.Event(), []
     going.set()
@@ -32,14 +32,12 @@ def console(chromium: Any, site: Any) -> Iterator[Any]:
 
     thread = threading.Thread(target=fly, daemon=True)
     thread.start()
-    context = chromium.new_context(viewport={"width": 1440, "height": 900})
-    context.set_default_timeout(20_000)
-    page = context.new_page()
+    page = kept_context.new_page()
     page.on("pageerror", lambda error: problems.append(f"{error}\n{error.stack}"))
     page.goto(f"{site.base}/?token={site.token}")
     page.wait_for_selector("#behaviors button")
     yield page
-    context.close()
+    page.close()
     going.clear()
     thread.join()
     assert problems == []

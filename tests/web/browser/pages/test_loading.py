@@ -12,6 +12,7 @@ from vehicle_link.messages import header, new
 from web.joined_files import join_modules
 from web.static_files import STATIC
 
+PROFILE = "first visit"
 MOST = 20
 """Most requests of the main page until it is ready, with websockets and the 3D view's frame."""
 HEAVIEST = 600_000
