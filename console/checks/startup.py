@@ -64,7 +64,7 @@ class StartupChecks:
         self._checked = 0.0
         self._periods = self._heard_for = self._tracked_for = 0
         self._patience = WITHOUT_VEHICLE
-        self._due = False
+        self._due = self._has_warned = False
         context.node.serve("station/checks", SERVICES["checks"], self._answer)
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
@@ -148,12 +148,15 @@ class StartupChecks:
             self.run_checks(self._report)
 
     def _report(self) -> None:
-        """Publish one line when a check needs attention."""
+        """Publish one line when a check needs attention, or when none does any more."""
         bad = [f"{one.name} ({one.place})" for one in self.found if one.state in ("warn", "fail")]
         if bad:
             failing = any(one.state == "fail" for one in self.found)
             line = f"start-up checks need attention: {', '.join(bad)}; see the Set-up page"
             self._outbox.say(WARN if failing else INFO, line)
+        elif self._has_warned:
+            self._outbox.say(INFO, "start-up checks: nothing needs attention any more")
+        self._has_warned = bool(bad)
 
 
 def _compared(check: Check, ours: str) -> Check:

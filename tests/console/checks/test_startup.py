@@ -44,9 +44,10 @@ class Station:
         self._now, self._second = ALONE, 0
         self.checked: list[int] = []
         """The second of each check that was made."""
+        self.said: list[str] = []
         context: Any = SimpleNamespace(
             node=SimpleNamespace(client=lambda *_: self, serve=lambda *_: None),
-            outbox=SimpleNamespace(say=lambda *_: None),
+            outbox=SimpleNamespace(say=lambda _, text: self.said.append(text)),
             parameters=StationParameters(),
         )
         gatherer: Any = SimpleNamespace(facts=lambda: self._now, link_status=None)
@@ -143,3 +144,18 @@ def test_telemetry_is_judged_by_what_the_vehicle_sends(
     parameters.preflight.telemetry_rate_min = least
     found = rates(replace(READY, telemetry_rate=rate, loss=loss, nominal_rate=100.0), parameters)
     assert {one.name: one.state for one in found}["telemetry"] == state
+
+
+def test_what_needed_attention_and_no_longer_does_is_reported_once(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def tracker(checks: Any) -> list[Check]:
+        rate = checks._gatherer.facts().tracker_rate
+        return [Check("tracker", "ok" if rate else "fail", f"{rate:g} Hz")]
+
+    monkeypatch.setattr(StartupChecks, "_check_station", tracker)
+    station.live([*[ALONE] * WITHOUT_VEHICLE, *[READY] * WITHOUT_VEHICLE])
+    assert station.said == [
+        "start-up checks need attention: tracker (station); see the Set-up page",
+        "start-up checks: nothing needs attention any more",
+    ]
