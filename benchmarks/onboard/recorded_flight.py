@@ -35,7 +35,7 @@ class RecordedLoop(FlightLoop):
         self._commands = np.zeros((CAPACITY, 2), np.int64)  # port, stamp of the tick's sample
         self._tick_count = self._command_count = 0
         self._stamp_ns = 0
-        for index, (port, _) in enumerate(mcu._ports._ports):
+        for port, _, index in mcu._ports._ports:
             port.write = self._noting(index, port.write)
 
     def run(self) -> None:
