@@ -46,7 +46,8 @@ START = """<!doctype html><link rel="stylesheet" href="/static/core/style.css">
 <section id="list"></section></main><script type="module">
 import { RunList } from "/static/runs/list.js";
 window.list = new RunList(document.getElementById("list"),
-  async (offset, limit) => (await fetch(`/runs?offset=${offset}&limit=${limit}`)).json());
+  async (offset, limit) => (await fetch(`/runs?offset=${offset}&limit=${limit}`)).json(),
+  () => "");
 list.reset();
 </script>"""
 
@@ -134,7 +135,7 @@ def scrolled(catalogue: Catalogue, steps: int) -> tuple[list[float], int]:
             offset = int(parse_qs(url.query)["offset"][0])
             route.fulfill(body=json.dumps(page_of(catalogue, RunSearch(), offset)))
         else:
-            file = STATIC / Path(url.path).name
+            file = STATIC / url.path.removeprefix("/static/")
             kind = mimetypes.guess_type(file.name)[0] or "text/plain"
             route.fulfill(body=file.read_text(), content_type=kind)
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target
 from quadrotor.checkout import ROOT
-from vehicle_link.topics import TOPICS, decode_joy
+from vehicle_link.topics import TOPICS, decode_joy, encode_heartbeat
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
@@ -84,6 +84,10 @@ class Listener:
         self.node = Node(self.session, "/quad1", "benchmark")
         self.orders: list[tuple[float, float, bool]] = []  # ms, first axis, enabled
         self.node.subscribe("joy", TOPICS["joy"].type_name, self._on_joy, direct=True)
+        heartbeat = self.node.advertise(TOPICS["vehicle_heartbeat"])
+        if not heartbeat.wait(10.0):
+            raise TimeoutError("the station does not subscribe to heartbeats; is it running?")
+        heartbeat.put(encode_heartbeat(1, 0))  # of a vehicle that accepts sticks from anyone
 
     def _on_joy(self, received: Received) -> None:
         sticks = decode_joy(received.payload)
