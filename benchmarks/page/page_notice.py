@@ -32,7 +32,9 @@ PATIENCE = 90.0  # s
 LIMIT = 300.0  # ms
 WATCH = """() => {
   const chips = document.getElementById("flags"), link = document.getElementById("link");
-  const told = () => /no telemetry/.test(chips.textContent) && link.matches(".warn, .stale");
+  const notice = document.getElementById("contact");  // takes the chip's place after a while
+  const told = () => (/no telemetry/.test(chips.textContent) || !notice.hidden)
+    && link.matches(".warn, .stale");
   let last = told();
   window.noticed = [];
   const all = { subtree: true, childList: true, characterData: true, attributes: true };
