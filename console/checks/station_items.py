@@ -36,7 +36,7 @@ def vehicle_clock(f: Facts, link_status: Any) -> Check:
 def rates(f: Facts, p: StationParameters) -> list[Check]:
     """Check the rates of received and sent messages against their nominal values.
 
-    Telemetry against what the vehicle sends, which several on one computer do less often.
+    Telemetry is compared with what the vehicle sends: several on one computer send less often.
     """
     packets = max(f.telemetry_rate / (1.0 - f.loss), p.preflight.telemetry_rate_min)
     is_connected = f.mode is not None

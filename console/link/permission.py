@@ -16,8 +16,8 @@ OBSERVER = "observer"
 TWINS_NS = 1_000_000_000
 """Time in ns; two processes received in turns within it are two vehicles."""
 HELD_NS = 1_500_000_000
-"""Time in ns for which a vehicle is held by another station before that is reported: it holds to
-one that has ended for a second, which may have been this one before it was started anew."""
+"""Time in ns before another station that controls the vehicle is reported: for a second after a
+station has ended the vehicle still names it, and it may have been this one before a restart."""
 
 
 class CommandPermission:
@@ -83,7 +83,7 @@ class CommandPermission:
         return self._holder == self.instance or self._newest == 0
 
     def problem(self, now_ns: int) -> str:
-        """Return what is to be reported: why nothing is commanded although the link is up."""
+        """Return why nothing is commanded although the link is up; "" with nothing to report."""
         if self.identity_problem:
             return self.identity_problem
         if self._twins_ns is not None and now_ns - self._twins_ns < 2 * TWINS_NS:

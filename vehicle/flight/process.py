@@ -200,7 +200,7 @@ def open_ports(
     """Open the ports, which may not exist yet or be held by another program.
 
     Raises LinkError for a link that cannot be opened, PortError for serial devices when they cannot
-    be opened for `patience_s`, counted from the begin of the simulation if there is one.
+    be opened for `patience_s`, counted from the start of the simulation if there is one.
     """
     deadline = time.monotonic() + patience_s
     ports: list[Port] = []

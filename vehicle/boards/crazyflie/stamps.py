@@ -9,9 +9,8 @@ MS = 1_000_000
 DRIFT = 1e-4
 """Largest difference of the two clocks' speeds."""
 TWICE, TWICE_S = 5, 2.0
-"""Number of times before the last one, within so many seconds, that two Crazyflies at one address
-cause: a restart causes one.
-"""
+"""Number of times that jump back, and the seconds within which they do, from which two Crazyflies
+answer at one address: a restart causes one jump."""
 
 
 class RadioStamps:
