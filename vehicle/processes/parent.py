@@ -35,8 +35,10 @@ from vehicle_link.serial.ids import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
-STABLE_S = 5.0  # lifetime of a comms process after which the next restart follows the short pause
+STABLE_S = 5.0  # a comms process that lived for less has died early
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
+"""Pauses before a restart of the comms process; the long one from the second early death in a row,
+as a vehicle in flight begins to land in it."""
 IMPORTED = [
     f"{PREFIX}vehicle.{name}" for name in ("flight.process", "flight.stack", "comms.process")
 ]
@@ -208,6 +210,7 @@ def _with_calibrations(
 
 def _watch(children: _Children, signals: _Signals, data: Path) -> int:
     restart_at: float | None = None
+    early_deaths = 0
     while not signals.stopping:
         if children.flight.poll() is not None:
             say(f"flight process {how_it_ended(children.flight.returncode)}; vehicle ends")
@@ -217,7 +220,8 @@ def _watch(children: _Children, signals: _Signals, data: Path) -> int:
             if status == GIVEN_UP and not children.comms_restarted:
                 return 1
             say(f"comms process {how_it_ended(status)}; starting it again")
-            restart_at = time.monotonic() + (SHORT_PAUSE_S if lived > STABLE_S else LONG_PAUSE_S)
+            early_deaths = 0 if lived > STABLE_S else early_deaths + 1
+            restart_at = time.monotonic() + (LONG_PAUSE_S if early_deaths > 1 else SHORT_PAUSE_S)
         if restart_at is not None and time.monotonic() >= restart_at:
             restart_at = None
             torn = _torn_logs(data)
