@@ -127,7 +127,7 @@ class Outbox:
 
 class Parameters:
     def __init__(self) -> None:
-        self.values = {"safety.bench_timeout": 0.5}
+        self.values = {"safety.bench_timeout": 5.0}  # s
 
     def snapshot(self) -> Any:
         return self.values, 1, ""
@@ -176,7 +176,7 @@ class Lab:
             lambda *_: None,
         )
         self._ask = node.handlers["station/experiment"]
-        self.status()
+        self.status("ready")
 
     def start(self, name: str, **options: Any) -> str:
         request = new(
@@ -192,7 +192,8 @@ class Lab:
         told = self._ask(new(f"{SERVICES['experiment']}_Request", action="describe"))
         return list(told.names), list(told.calibrations), list(told.problems)
 
-    def status(self, mode: str = "ready") -> None:
+    def status(self, mode: str) -> None:
+        self._mode = mode
         message = new(
             "quadlab_msgs/VehicleStatus",
             header=header(time.time_ns()),
@@ -217,7 +218,7 @@ class Lab:
         end = time.monotonic() + BOUND
         while not condition() and time.monotonic() < end:
             threading.Event().wait(0.005)
-            self.status(self.runner.feed.mode or "ready")
+            self.status(self._mode)
             self.runs.tick()
             self.runner.tick(4)
         return bool(condition())
@@ -455,6 +456,8 @@ def test_a_bench_is_secured_on_the_simulators_sensor_and_ended_with_the_experime
         client.wait(0.0)
 
     lab.runner.start(Scripted(script), "ada")
+    assert lab.until(lambda: lab.vehicle.benched)
+    lab.status("bench")
     assert lab.until(lambda: len(lab.vehicle.benched) >= 3), "asked for again"
     assert set(lab.vehicle.benched) == {(1, 30, True, "ada")}
     assert lab.vehicle.held[-1] == {"simulator.held": "bench"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -357,15 +358,20 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
             station.deliver("camera_picture", picture)
         return bool(tab.locator(f"{canvas}[width='64']").count())
 
+    def shows(selector: str, pattern: str) -> bool:
+        station.put("camera_status", status)  # on and on, as its process does
+        tab.wait_for_timeout(100)
+        return bool(re.search(pattern, tab.text_content(f"#beacons-camera {selector}")))
+
     until(painted)
     colour = tab.evaluate(
         f"[...document.querySelector('{canvas}').getContext('2d').getImageData(19, 29, 1, 1).data]"
     )
     assert colour[1] > colour[0] + 50, "the tag's outline is green"
-    look.text("#beacons-camera figcaption", r"^30 pictures/s, .* 0\.20 pixels from their places$")
-    look.text("#beacons-camera .reason", "^tag 3 is seen twice$")
+    until(lambda: shows("figcaption", r"^30 pictures/s, .* 0\.20 pixels from their places$"))
+    until(lambda: shows(".reason", "^tag 3 is seen twice$"))
     # No more pictures arrive, and then no more statuses.
-    look.text("#beacons-camera .quiet", r"^No picture for [3-9] s$")
+    until(lambda: shows(".quiet", r"^No picture for ([3-9]|\d\d) s$"))
     look.text("#beacons-camera figcaption", "No data from the camera's process")
     look.has_class("#beacons-camera", "stale")
     tab.click("[data-tab=fly]")
