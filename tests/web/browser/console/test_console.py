@@ -243,7 +243,7 @@ def test_the_page_comes_back_by_itself_after_a_restart_of_web(
         page.wait_for_selector("#contact:not([data-cause=page])", state="attached")
 
         def flies() -> bool:
-            again.station.fly()  # as a vehicle, whose words age: a slow page shows the newest
+            again.station.fly()  # again, as a vehicle does: a status ages on a slow page
             page.wait_for_timeout(100)
             return bool(page.text_content("#doing").startswith("FLYING"))
 
