@@ -10,7 +10,6 @@ import pytest
 
 from benchmarks.impairment.link import A, B, ImpairedLink
 from benchmarks.impairment.wire import Conditions, Wire
-from quadrotor.errors import StorageError
 
 PACKET = bytes(1000)
 
@@ -100,12 +99,9 @@ print(back, least)
 """
 
 
+@pytest.mark.needs("namespaces")
 def test_two_programs_meet_over_a_real_link() -> None:
-    try:
-        link = ImpairedLink(seed=3).__enter__()
-    except StorageError as error:
-        pytest.skip(str(error))
-    with link:
+    with ImpairedLink(seed=3) as link:
         echo = link.run(A, [sys.executable, "-c", ECHO], stdout=subprocess.PIPE)
         assert echo.stdout is not None
         assert echo.stdout.readline() == b"up\n"

@@ -21,9 +21,9 @@ ROOT = Path(__file__).parents[2]
 READER = Path(__file__).with_name("foxglove_reader.js")
 
 
-def by_foxglove(node: str, path: Path) -> dict[str, Any]:
+def by_foxglove(node_path: str, path: Path) -> dict[str, Any]:
     done = subprocess.run(
-        [node, READER, path], capture_output=True, text=True, check=False, cwd=ROOT
+        [node_path, READER, path], capture_output=True, text=True, check=False, cwd=ROOT
     )
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads(done.stdout)
@@ -85,7 +85,9 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
-def test_every_topic_is_decoded_to_the_values_that_were_written(tmp_path: Path, node: str) -> None:
+def test_every_topic_is_decoded_to_the_values_that_were_written(
+    tmp_path: Path, node_path: str
+) -> None:
     random = np.random.default_rng(11)
     path, written = tmp_path / "run.mcap", []
     with LogWriter(path, {"run_id": "r"}, {"parameters.json": b"{}"}) as log:
@@ -95,13 +97,15 @@ def test_every_topic_is_decoded_to_the_values_that_were_written(tmp_path: Path, 
             payload = encode(message)
             assert plain(decode(payload, row.type_name)) == written[-1][1]
             log.write(f"/quad1/{row.name}", row.type_name, payload, 1000 + number, 900)
-    found = by_foxglove(node, path)
+    found = by_foxglove(node_path, path)
     assert [(one["topic"], plain(one["content"])) for one in found["messages"]] == written
     assert found["attachments"] == ["parameters.json"]
     assert found["metadata"]["quadlab.run"]["run_id"] == "r"
 
 
-def test_a_run_s_logs_and_a_mended_one_have_the_same_messages(tmp_path: Path, node: str) -> None:
+def test_a_run_s_logs_and_a_mended_one_have_the_same_messages(
+    tmp_path: Path, node_path: str
+) -> None:
     run = tmp_path / "run"
     flight = Flight(flown(400), with_holes(400, 2))
     flight.record(run / STATION)
@@ -114,7 +118,7 @@ def test_a_run_s_logs_and_a_mended_one_have_the_same_messages(tmp_path: Path, no
     for path in (run / STATION, run / VEHICLE, run / MERGED, torn):
         found = [
             (one["topic"], int(one["log_ns"]), int(one["publish_ns"]), one["sha1"])
-            for one in by_foxglove(node, path)["messages"]
+            for one in by_foxglove(node_path, path)["messages"]
         ]
         own = [
             (m.topic, m.log_ns, m.publish_ns, hashlib.sha1(m.payload).hexdigest())

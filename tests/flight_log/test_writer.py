@@ -150,7 +150,6 @@ def test_batches_are_written_in_the_order_of_their_time(tmp_path: Path) -> None:
     assert text == ["/b0", "/a0", "/a1", "/b1", "/b2", "/c0"]
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux")
 def test_a_full_disk_is_said_at_once_and_again(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -15,7 +15,6 @@ from quadlab.settings import parse_board_options
 from quadrotor.errors import UsageError
 from vehicle.boards.betaflight.check import ENTER
 from vehicle.boards.kind import find_kind
-from vehicle.simulator.betaflight.process import FIRMWARE
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
 
@@ -64,7 +63,7 @@ def device(tmp_path: Path) -> Iterator[Path]:
     board.join()
 
 
-@pytest.mark.skipif(not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it")
+@pytest.mark.needs("betaflight")
 def test_a_real_board_fits_with_its_own_options_alone(device: Path) -> None:
     looked = threading.Event()
     while not device.exists():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import shutil
 import subprocess
 import zipfile
 from collections.abc import Callable, Iterator
@@ -31,9 +30,6 @@ from vehicle.plugins.fmu import FmuPlugin
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import advance, new_plant
 
-needs_compiler = pytest.mark.skipif(
-    shutil.which("gcc") is None, reason="gcc is not installed, on Debian: apt install gcc"
-)
 ALIKE = 1e-9
 """Largest difference of any output, in its unit."""
 ROUGH = {
@@ -59,7 +55,6 @@ ROUGH = {
 @pytest.fixture(scope="module")
 def export(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Return the FMU with the defaults, written once."""
-    pytest.importorskip("fmpy", reason="the package fmpy is not installed")
     folder = tmp_path_factory.mktemp("fmu")
 
     def exported(model: str, fmi: int = 2) -> Path:
@@ -133,7 +128,7 @@ def run(tmp_path: Path, export: Callable[..., Path]) -> Iterator[Callable[..., F
         one.c.freeInstance()
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("model", [PLANT, LAW])
 def test_an_exported_fmu_has_no_problem(export: Callable[..., Path], model: str, fmi: int) -> None:
@@ -142,7 +137,7 @@ def test_an_exported_fmu_has_no_problem(export: Callable[..., Path], model: str,
     assert validate_fmu(str(export(model, fmi))) == []
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 def test_the_functions_of_fmi_3_are_those_of_the_standards_header(
     tmp_path: Path, export: Callable[..., Path]
 ) -> None:
@@ -181,14 +176,14 @@ def test_the_functions_of_fmi_3_are_those_of_the_standards_header(
     assert declared - ours == set()
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 def test_the_same_words_write_the_same_file(tmp_path: Path, export: Callable[[str], Path]) -> None:
     again = tmp_path / "again.fmu"
     assert main(["export", "fmu", LAW, "--out", str(again)]) == 0
     assert again.read_bytes() == export(LAW).read_bytes()
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 @pytest.mark.parametrize(
     ("values", "height", "fmi"),
     [({}, 0.0, 2), (ROUGH, 5.0, 2), (ROUGH, 5.0, 3)],
@@ -230,7 +225,7 @@ def outputs_of(plant: Record) -> Array:
     return np.hstack([p["x"], p["rotor_speeds"], thrusts, p["specific_force_b"], p["voltage"]])
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 def test_the_plant_starts_where_its_parameters_say(run: Callable[..., Fmu]) -> None:
     start = {"start_x": 1.0, "start_z": 2.0, "start_velocity_y": -3.0, "start_rotor_speed": 90.0}
     fmu = run(PLANT, start_roll=20.0, start_pitch=-10.0, start_yaw=130.0, **start)
@@ -240,7 +235,7 @@ def test_the_plant_starts_where_its_parameters_say(run: Callable[..., Fmu]) -> N
     assert out[13:17].tolist() == [90.0] * 4
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(
     ("name", "value", "h"),
@@ -264,7 +259,7 @@ def test_the_fmu_refuses_what_cannot_be(
         fmu.step(h)
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 @pytest.mark.parametrize(("rates", "fmi"), [("nominal", 2), ("exact", 3)])
 def test_the_law_answers_as_the_built_in(run: Callable[..., Fmu], rates: str, fmi: int) -> None:
     """300 ticks on seeded inputs, near hovering and far beyond every limit; integrals included."""
@@ -374,9 +369,10 @@ def test_units_are_told_in_base_units(unit: str, name: str, base: dict[str, floa
     assert base_unit(unit) == base
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 def test_set_changes_where_a_variable_starts(tmp_path: Path) -> None:
-    fmpy = pytest.importorskip("fmpy", reason="the package fmpy is not installed")
+    import fmpy
+
     path = tmp_path / "mine.fmu"
     words = ["export", "fmu", LAW, "--out", str(path), "--set", "control.preset=stiff"]
     assert main([*words, "model.mass=1.4", "control.attitude.rates=exact"]) == 0

@@ -285,6 +285,16 @@ class Laboratory:
             self.stop()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run the tests of the shared laboratory last, and of these the one that ends it."""
+    items.sort(
+        key=lambda item: (
+            "lab" in getattr(item, "fixturenames", ()),
+            item.path.name == "test_shutdown.py",
+        )
+    )
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]

@@ -13,13 +13,9 @@ import pytest
 
 from flight_log import read_log
 from tests.system.conftest import Laboratory
-from vehicle.simulator.betaflight.process import FIRMWARE
 from vehicle_link.topics import decode_odometry
 
-pytestmark = [
-    pytest.mark.timeout(300),
-    pytest.mark.skipif(not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"),
-]
+pytestmark = [pytest.mark.alone, pytest.mark.timeout(300), pytest.mark.needs("betaflight")]
 LANDING_SPEED = 0.8
 """Landing speed, m/s."""
 LANDED = 60.0

@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from tests.support.chromium import FLAGS
 from tests.support.rates import RATES
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.alone, pytest.mark.timeout(300)]
 BOUND = 60_000
 GAIN = "control.position.kp_xy"
 
@@ -25,8 +25,9 @@ GAIN = "control.position.kp_xy"
 @pytest.fixture
 def page(chromium_path: str) -> Any:
     """Yield a page of Chromium."""
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with api.sync_playwright() as playwright:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium_path, args=FLAGS)
         context = browser.new_context(
             viewport={"width": 1000, "height": 640}, accept_downloads=True

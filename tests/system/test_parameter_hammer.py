@@ -15,7 +15,7 @@ import pytest
 
 from tests.support.chromium import FLAGS
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.alone, pytest.mark.timeout(300)]
 SECONDS = float(os.environ.get("QUADLAB_HAMMER_SECONDS", "3"))
 BOUND = 60_000
 GAIN = "control.position.kp_xy"
@@ -43,9 +43,10 @@ HAMMER = """([selector, offset]) => {
 @pytest.fixture
 def open_page(chromium_path: str) -> Iterator[Callable[[str], Any]]:
     """Yield `open_page(link)`, which opens a page in another browser; its scripts may not fail."""
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    from playwright.sync_api import sync_playwright
+
     problems: list[str] = []
-    with api.sync_playwright() as playwright:
+    with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium_path, args=FLAGS)
 
         def open_at(link: str) -> Any:

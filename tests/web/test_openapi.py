@@ -24,7 +24,7 @@ NOT_ASKED = ("/api/session/sign_out", "/api/trajectories/preview")
 @pytest.fixture
 def schemathesis() -> Any:
     """Return the library, which takes a second to import."""
-    library = pytest.importorskip("schemathesis", reason="schemathesis is not installed")
+    import schemathesis as library
 
     def as_text(_: Any, value: Any) -> bytes:
         """Return files of parameters and beacons, valid or not."""

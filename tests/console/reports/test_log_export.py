@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -110,9 +109,8 @@ def test_matlab_has_a_struct_a_topic_with_units(
     assert content["status"]["mode"][150] == "armed"
 
 
+@pytest.mark.needs("octave")
 def test_octave_reads_the_structs_of_a_matlab_file(log: Path, tmp_path: Path) -> None:
-    if shutil.which("octave-cli") is None:
-        pytest.skip("octave-cli is not installed, on Debian: apt install octave")
     [path] = export(log, tmp_path / "out", "mat").files
     show = (
         f"r = load('{path}'); printf('%.17g %d %s %s %s', r.state.pose_pose_position_y(11), "

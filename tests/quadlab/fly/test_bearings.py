@@ -30,7 +30,6 @@ def estimators(log: Path) -> list[str]:
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Return an 8 on bearings of seed 7, with its report."""
-    pytest.importorskip("matplotlib")
     words = ("bearings", *sets(*EIGHT), "--seed", "7", "--report")
     return flown(tmp_path_factory.mktemp("reported"), *words)
 

@@ -17,11 +17,8 @@ from quadrotor.errors import LinkError
 from tests.quadlab.fly.hovering import Hovering
 from vehicle.processes import mailbox
 from vehicle.simulator.betaflight.firmware import BetaflightFirmware
-from vehicle.simulator.betaflight.process import FIRMWARE
 
-pytestmark = pytest.mark.skipif(
-    not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"
-)
+pytestmark = pytest.mark.needs("betaflight")
 LANDING_SPEED = 0.8
 """Vertical speed at touch-down, m/s."""
 

@@ -426,7 +426,6 @@ def test_table_csv_and_json_say_the_same(
 
 
 def test_a_plot_is_drawn(capsys: pytest.CaptureFixture[str], log: Path, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     file = tmp_path / "errors.png"
     words = ["--estimator", "error_state", "--estimator", "error_state", "--plot", str(file)]
     assert main(["replay", str(log), *words]) == 0
@@ -550,8 +549,6 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
 def test_wrong_words_are_answered_in_one_line(
     capsys: pytest.CaptureFixture[str], log: Path, words: list[str], said: str
 ) -> None:
-    if "--plot" in words:
-        pytest.importorskip("matplotlib")
     assert said in complaint(capsys, ["replay", str(log), *words], 2)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,7 @@ from quadrotor.vehicle_model import VehicleModel
 from vehicle.closed_loop.batch import Scenario, fly_batch, prepare
 from vehicle.closed_loop.onboard import new_onboard, new_settings
 
-pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
+pytestmark = pytest.mark.needs("gcc")
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from flight_log import read_attachments, read_log, read_metadata
 from quadrotor.calibration_record import CalibrationRecord, parse_record
@@ -321,6 +322,7 @@ def check_files(station: FakeStation, processes: VehicleProcesses) -> None:
     assert part.data.tobytes() == path.read_bytes()[1000:3800]
 
 
+@pytest.mark.alone
 def test_a_flight_goes_on_when_comms_is_killed(tmp_path: Path) -> None:
     motor = CalibrationRecord(name="motor", values={"model.motor_offset": 14.5}, stamp_ns=1)
     mass = CalibrationRecord(name="mass", values={"model.mass": 1.25}, stamp_ns=2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -22,8 +21,7 @@ from vehicle.estimators.estimators import Estimators
 from vehicle.plugins.contract import Field, as_attributes, names_of
 from vehicle.plugins.fmu import FmuPlugin
 
-pytest.importorskip("fmpy", reason="the package fmpy is not installed")
-pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+pytestmark = pytest.mark.needs("gcc")
 Build = Callable[[int], Path]
 SOURCE = Path(__file__).with_name("own_estimator.c")
 TAKEN = """reset start_position_w start_velocity_w start_quaternion_wb specific_force_b

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import zipfile
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -21,7 +20,7 @@ from vehicle.laws.contract import LAW as CONTRACT
 from vehicle.laws.contract import hovering
 from vehicle.plugins.fmu import FmuPlugin
 
-pytest.importorskip("fmpy", reason="the package fmpy is not installed")
+pytestmark = pytest.mark.needs("gcc")
 SLAVE = ROOT / "benchmarks" / "flights" / "fmi3_geometric.py"
 Build = Callable[[str], Path]
 
@@ -30,8 +29,6 @@ Build = Callable[[str], Path]
 def build(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
     """Return the FMU of a law: ours of FMI 2 or 3, "gcc2" and "gcc3", or that of `quadlab new
     law` by "pythonfmu3"; each is made once."""
-    if shutil.which("gcc") is None:
-        pytest.skip("gcc is not installed")
 
     @cache
     def built(kind: str) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import socket
 import subprocess
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from quadrotor.records import Record
 from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE, hovering, load, step
 from vehicle.plugins.contract import as_attributes
 
+pytestmark = pytest.mark.needs("octave")
 EXAMPLES = ROOT / "examples" / "laws"
 MOVED = ("position_w", "velocity_w", "angular_velocity_b", "reference_jerk_w")
 
@@ -22,8 +22,6 @@ MOVED = ("position_w", "velocity_w", "angular_velocity_b", "reference_jerk_w")
 @pytest.fixture
 def octave() -> Iterator[socket.socket]:
     """Start the script; yield a socket to it."""
-    if shutil.which("octave-cli") is None:
-        pytest.skip("octave-cli is not installed, on Debian: apt install octave octave-sockets")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours:
         ours.bind(("127.0.0.1", 0))
         ours.settimeout(20.0)
@@ -34,8 +32,7 @@ def octave() -> Iterator[socket.socket]:
         ports = [str(theirs[1]), str(ours.getsockname()[1])]
         with subprocess.Popen([*words, *ports], stdout=subprocess.PIPE, text=True) as peer:
             assert peer.stdout is not None
-            if "ready" not in peer.stdout.readline():
-                pytest.skip("the package sockets is not installed: apt install octave-sockets")
+            assert "ready" in peer.stdout.readline()
             ours.connect(theirs)
             yield ours
             peer.kill()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -22,13 +21,6 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial import commands as c
 from vehicle_link.serial.ids import Id, MotorState
 
-needs_compiler = pytest.mark.skipif(
-    not (shutil.which("gcc") and shutil.which("make")),
-    reason="the C firmware needs gcc and make, on Debian: apt install gcc make",
-)
-
-needs_chip = pytest.mark.skipif(bool(chip.missing()), reason=chip.missing())
-
 
 def test_the_header_has_the_numbers_of_the_python_firmware() -> None:
     assert header.PATH.read_text() == header.header(), (
@@ -36,7 +28,7 @@ def test_the_header_has_the_numbers_of_the_python_firmware() -> None:
     )
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 @pytest.mark.parametrize("stream", [flown, fuzzed])
 @pytest.mark.parametrize("seed", [1])
 def test_both_firmwares_answer_the_same(
@@ -47,7 +39,7 @@ def test_both_firmwares_answer_the_same(
         assert answer(in_c, step) == answer(python, step), f"period {k} of seed {seed}: {step}"
 
 
-@needs_chip
+@pytest.mark.needs("gcc", "simavr")
 @pytest.mark.parametrize("stream", [flown, fuzzed])
 def test_the_image_on_a_simulated_chip_sends_what_the_python_firmware_sends(
     stream: Callable[[int, int], Iterator[Step]],
@@ -59,7 +51,7 @@ def test_the_image_on_a_simulated_chip_sends_what_the_python_firmware_sends(
     assert judged.overruns == 0
 
 
-@needs_chip
+@pytest.mark.needs("gcc", "simavr")
 def test_the_image_fits_its_chip_with_room() -> None:
     with chip.simulated_chip() as simulated:
         judged = judge(simulated, fuzzed(4, 200))
@@ -79,7 +71,7 @@ def period(
     return simulated.period(chip.Input(counts, silent, (line, b"")))
 
 
-@needs_chip
+@pytest.mark.needs("gcc", "simavr")
 def test_on_the_image_motors_stay_off_until_they_are_set_on_and_all_controllers_answer() -> None:
     on = c.encode_set(COMMAND, Id.MOTOR_STATE, MotorState.ON)
     command = c.encode_command(COMMAND)
@@ -100,7 +92,7 @@ def test_on_the_image_motors_stay_off_until_they_are_set_on_and_all_controllers_
             told = period(simulated, command)
 
 
-@needs_chip
+@pytest.mark.needs("gcc", "simavr")
 def test_the_watchdog_resets_an_image_that_hangs_in_flight_and_its_motors_stop() -> None:
     on = c.encode_set(COMMAND, Id.MOTOR_STATE, MotorState.ON)
     command = c.encode_command(COMMAND)
@@ -117,7 +109,7 @@ def test_the_watchdog_resets_an_image_that_hangs_in_flight_and_its_motors_stop()
         assert told.references == (0, 0, 0, 0)
 
 
-@needs_chip
+@pytest.mark.needs("gcc", "simavr")
 def test_after_each_change_of_the_period_the_image_has_new_readings() -> None:
     def changing() -> Iterator[Step]:
         for k in range(160):
@@ -133,7 +125,7 @@ def test_after_each_change_of_the_period_the_image_has_new_readings() -> None:
     assert judged.sent > 2000
 
 
-@needs_compiler
+@pytest.mark.needs("gcc")
 def test_a_vehicle_on_the_c_firmware_flies_as_one_on_the_python_firmware() -> None:
     ends = []
     for firmware in ("python", "c"):

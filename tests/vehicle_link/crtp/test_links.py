@@ -41,7 +41,8 @@ def test_a_link_that_is_not_one_is_refused_with_an_example(word: str, why: str) 
 
 
 def test_without_a_radio_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    core = pytest.importorskip("usb.core")
+    from usb import core
+
     monkeypatch.setattr(core, "find", lambda **_: iter(()))
     with pytest.raises(LinkError, match="no Crazyradio 0: 0 are plugged in; plug it in"):
         open_port("radio://0/80/2M/E7E7E7E7E7", 0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -45,8 +44,7 @@ def test_seventeen_channels_are_refused() -> None:
         encode_channels([1500.0] * 17)
 
 
-@pytest.mark.skipif(not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it")
-@pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc, on Debian: apt install gcc")
+@pytest.mark.needs("betaflight", "gcc")
 def test_betaflights_own_receiver_reads_our_channels(tmp_path: Path) -> None:
     sources = next(folder for folder in FIRMWARE.parents if (folder / "src" / "main").is_dir())
     simulator = sources / "src" / "platform" / "SIMULATOR"

@@ -12,7 +12,6 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +30,6 @@ from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session
 
-pytestmark = pytest.mark.skipif(
-    find_spec("zenoh_ros2_sdk") is None, reason="zenoh-ros2-sdk is not installed"
-)
 WAIT = 20.0  # s: a bound, not an expectation
 STANDARD = (
     "builtin_interfaces/msg/Time",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import subprocess
 import sys
 
@@ -53,10 +52,6 @@ print((resident() - before) / (SIZE * COUNT))
 assert trim_heaps()
 print((resident() - before) / (SIZE * COUNT))
 """
-
-pytestmark = pytest.mark.skipif(
-    not hasattr(ctypes.CDLL(None), "gnu_get_libc_version"), reason="not the GNU C library"
-)
 
 
 def printed(program: str, *arguments: str) -> list[float]:

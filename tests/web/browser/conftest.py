@@ -64,9 +64,10 @@ def launch(chromium_path: str) -> Iterator[Callable[[list[str]], Any]]:
     All modules of a process share it and its driver, because both take 1 s of processor time to
     start. Their event loop is the running one from then on.
     """
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    from playwright.sync_api import sync_playwright
+
     running: dict[str, Any] = {}
-    with api.sync_playwright() as playwright:
+    with sync_playwright() as playwright:
         loop = asyncio.get_running_loop()
 
         def find(flags: list[str]) -> Any:
@@ -276,7 +277,8 @@ def axe() -> Callable[..., list[str]]:
 
     The 3D view is viser's page, and left out. `part` is a selector of what is checked alone.
     """
-    package = pytest.importorskip("axe_playwright_python", reason="axe-core is not installed")
+    import axe_playwright_python as package
+
     script = (Path(package.__file__).parent / "axe.min.js").read_text()
 
     def violations(page: Any, rules: Sequence[str] = RULES, part: str = "body") -> list[str]:

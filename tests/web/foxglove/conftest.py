@@ -21,9 +21,9 @@ PATIENCE = 20.0  # s: a bound, not an expectation
 class Client:
     """One client; its events arrive in order."""
 
-    def __init__(self, node: str, url: str, subprotocol: str) -> None:
+    def __init__(self, node_path: str, url: str, subprotocol: str) -> None:
         self._process = subprocess.Popen(
-            [node, CLIENT, url, subprotocol],
+            [node_path, CLIENT, url, subprotocol],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -61,13 +61,13 @@ class Client:
 
 
 @pytest.fixture
-def connect(node: str) -> Iterator[Callable[..., Client]]:
+def connect(node_path: str) -> Iterator[Callable[..., Client]]:
     """Yield `connect(person)`: a client that signed in by a link which that browser made."""
     made: list[Client] = []
 
     def connected(person: httpx.Client, subprotocol: str = "foxglove.websocket.v1") -> Client:
         url = person.post("/api/foxglove/link").json()["url"]
-        made.append(Client(node, url, subprotocol))
+        made.append(Client(node_path, url, subprotocol))
         return made[-1]
 
     yield connected

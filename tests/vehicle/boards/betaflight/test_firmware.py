@@ -1,7 +1,7 @@
 """Real Betaflight as the judge: its messages, its command line and its settings.
 
 The firmware is a separate process whose time is stepped, so that a busy machine changes nothing.
-`scripts/betaflight` builds it; without it the tests are skipped.
+`scripts/betaflight` builds it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,10 @@ from vehicle.boards.betaflight.check import BY_THROTTLE, ENTER, check_board
 from vehicle.boards.betaflight.configuration import mode_lines, required
 from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.board import RawSample
-from vehicle.simulator.betaflight.process import FIRMWARE, REST, BetaflightProcess
+from vehicle.simulator.betaflight.process import REST, BetaflightProcess
 from vehicle_link.serial.ids import MotorState
 
-pytestmark = pytest.mark.skipif(
-    not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"
-)
+pytestmark = pytest.mark.needs("betaflight")
 STEP_NS = 1_000_000
 
 

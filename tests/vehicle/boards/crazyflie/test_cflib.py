@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cflib import crtp
 
 from tests.vehicle.boards.crazyflie.bench import RestingCrazyflie
 from vehicle.boards.crazyflie.messages import Info
 from vehicle.simulator.crazyflie.variables import PARAMETERS
 from vehicle_link.crtp.udp import UdpServer
 
-crtp = pytest.importorskip("cflib.crtp")
 PATIENCE_S = 20.0
 GAIN = "pid_rate.roll_kp"
 
