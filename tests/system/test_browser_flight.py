@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from tests.support.chromium import FLAGS
 from tests.support.rates import RATES
 
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.timeout(300)
 BOUND = 60_000
 GAIN = "control.position.kp_xy"
 

@@ -13,7 +13,7 @@ import pytest
 import websockets.exceptions
 import websockets.sync.client
 
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.timeout(180)
 GAIN = "control.position.kp_xy"
 COMMANDS: list[tuple[str, str, Any]] = [
     ("POST", "/api/commands/arm", {}),

@@ -8,7 +8,7 @@ import pytest
 
 from tests.system.conftest import Laboratory, until
 
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 
 def test_it_starts_is_armed_and_shows_its_link(tmp_path: Path) -> None:

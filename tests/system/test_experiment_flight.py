@@ -14,7 +14,7 @@ from flight_log import read_attachments, read_log
 from quadlab.__main__ import main
 from vehicle_link.messages import decode
 
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 
 def test_bearings_are_flown_from_the_page_judged_and_reported(

@@ -20,7 +20,7 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.timeout(180)
 SPEED, WAY = 0.3, 0.6  # m/s, m
 PERIOD = 0.02
 

@@ -13,7 +13,7 @@ from flight_log import is_closed, read_log
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_odometry
 
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 Lab = Any
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from tests.support.chromium import FLAGS
 
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.timeout(300)
 SECONDS = float(os.environ.get("QUADLAB_HAMMER_SECONDS", "3"))
 BOUND = 60_000
 GAIN = "control.position.kp_xy"

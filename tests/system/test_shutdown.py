@@ -14,7 +14,7 @@ from vehicle_link.messages import decode
 from vehicle_link.topics import decode_odometry
 
 INFO = 20
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 
 def test_parts_without_time_are_waited_for_a_second_up_is_refused_and_ctrl_c_lands_first(
