@@ -28,6 +28,11 @@ QUIET_NS, STARTING_NS = 500_000_000, 5_000_000_000
 KEPT = 64
 LOOK_NS = 20_000_000
 """Longest time in ns between two looks at what is due."""
+MOST_COUNTED_NS = 5 * LOOK_NS
+"""Longest time in ns between two looks that counts as silence of a camera.
+
+Where this program itself waited for longer, pictures may be waiting for it.
+"""
 
 
 class _News(NamedTuple):
@@ -53,7 +58,8 @@ class SeveralCameras:
         self._order: InOrder[tuple[int, Frame]] = InOrder(len(names))
         self._fusions: dict[str, CameraFusion] = {}
         self._troubles: dict[int, str] = {}
-        self._heard_ns = [monotonic_ns() + STARTING_NS] * len(names)
+        self._looked_ns, self._listened_ns = monotonic_ns(), 0
+        self._heard_ns = [STARTING_NS] * len(names)  # in time that this program listened for
         self._ended: set[int] = set()
         self._readers = [
             SourceReader(f"camera {name}", one, partial(self._tell, k))
@@ -65,9 +71,9 @@ class SeveralCameras:
 
         Raises MeasurementError while no camera works, UsageError when all videos have ended.
         """
-        quiet_ns = monotonic_ns()
+        quiet_ns = self._listened_ns
         while not self._closed.is_set():
-            now_ns = monotonic_ns()
+            now_ns = self._look()
             due_ns = self._order.due_ns(now_ns)
             wait_ns = LOOK_NS if due_ns is None else min(LOOK_NS, max(0, due_ns - now_ns))
             try:
@@ -75,16 +81,24 @@ class SeveralCameras:
             except queue.Empty:
                 pass
             else:
-                self._heard_ns[news.camera] = monotonic_ns()
+                self._look()
+                self._heard_ns[news.camera] = self._listened_ns
                 if isinstance(news.frame, Frame):
-                    quiet_ns = monotonic_ns()
+                    quiet_ns = self._listened_ns
                     self._put(news.camera, news.frame)
                 else:
                     self._note(news.camera, news.frame)
             for camera, frame in self._order.due(monotonic_ns()):
                 yield self._fused(camera, frame)
-            if monotonic_ns() - quiet_ns > QUIET_NS and (doubt := self._doubt()):
+            if self._listened_ns - quiet_ns > QUIET_NS and (doubt := self._doubt()):
                 raise MeasurementError(doubt)
+
+    def _look(self) -> int:
+        """Count the time listened for; return the host's time, ns."""
+        now_ns = monotonic_ns()
+        self._listened_ns += min(now_ns - self._looked_ns, MOST_COUNTED_NS)
+        self._looked_ns = now_ns
+        return now_ns
 
     def close(self) -> None:
         self._closed.set()
@@ -131,9 +145,10 @@ class SeveralCameras:
 
     def _doubt(self) -> str:
         """Return what is wrong with single cameras, or between them, in one line."""
-        told, now_ns = [], monotonic_ns()
+        told = []
         for camera, name in enumerate(self._names):
-            words, silent_ns = self._troubles.get(camera, ""), now_ns - self._heard_ns[camera]
+            words = self._troubles.get(camera, "")
+            silent_ns = self._listened_ns - self._heard_ns[camera]
             if not words and silent_ns > QUIET_NS:
                 words = f"no picture for {1e-9 * silent_ns:.1f} s; check its cable"
             if words:

@@ -116,7 +116,12 @@ def test_a_black_picture_is_told_and_the_next_one_read(files: Path) -> None:
     assert seen.beacon_ids == [1, 2, 3, 4]
 
 
-def test_leds_in_a_video_are_the_beacons_whose_blinks_the_file_names(tmp_path: Path) -> None:
+def test_leds_in_a_video_are_the_beacons_whose_blinks_the_file_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "console.trackers.camera.LATEST_NS", 1 << 60
+    )  # skip none on a busy computer
     parameters = BearingParameters(layout="wall", mount_pitch=-90.0)
     camera = OnboardCamera(parameters, CameraParameters(exposure=0.0, markers="leds"))
     still = PLACE, np.eye(3), np.zeros(3), np.zeros(3)

@@ -150,6 +150,20 @@ def test_cameras_that_disagree_are_told_with_what_to_do(
     )
 
 
+def test_no_camera_is_silent_because_this_program_itself_waited(
+    pair: Callable[..., tuple[SeveralCameras, Camera, Camera]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, one, other = pair()
+    frames = source.frames()
+    for camera in (one, other):
+        camera.feed(monotonic_ns())
+        assert next(frames).doubt == ""
+    waited_ns = 10_000 * MS
+    monkeypatch.setattr(several_cameras, "monotonic_ns", lambda: monotonic_ns() + waited_ns)
+    one.feed(monotonic_ns() + waited_ns)
+    assert next(frames).doubt == ""
+
+
 def test_the_end_of_all_videos_is_the_end(
     pair: Callable[..., tuple[SeveralCameras, Camera, Camera]],
 ) -> None:
