@@ -7,6 +7,7 @@ start while a counterpart is missing or does not work.
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import tempfile
@@ -93,8 +94,10 @@ def _node() -> str:
     said, problem = _answer(["node", "--version"])
     if problem:
         return problem
-    version = tuple(int(part) for part in said.strip().lstrip("v").split(".")[:2])
-    if version < NODE_FROM:
+    numbers = re.match(r"v(\d+)\.(\d+)", said)
+    if numbers is None:
+        return f"node says {said.strip()!r} when asked for its version"
+    if tuple(map(int, numbers.groups())) < NODE_FROM:
         return f"node {said.strip()} is older than {'.'.join(map(str, NODE_FROM))}"
     return _answer([ROOT / "scripts" / "setup_node"])[1]
 
@@ -179,7 +182,10 @@ def problems(words: Iterable[str]) -> tuple[list[str], dict[str, str]]:
 def left_out_line(left_out: Counter[str]) -> str:
     """Return the line of a bare run: how many tests of which counterparts it has left out."""
     words = [word for word in COUNTERPARTS if left_out[word]]
-    counts = ", ".join(f"{COUNTERPARTS[word].title} ({left_out[word]} tests)" for word in words)
+    counts = ", ".join(
+        f"{COUNTERPARTS[word].title} ({left_out[word]} test{'s' * (left_out[word] != 1)})"
+        for word in words
+    )
     commands = [COUNTERPARTS[word].install for word in words]
     packages = [command.removeprefix(APT) for command in commands if command.startswith(APT)]
     installing = [f"`{command}`" for command in commands if not command.startswith(APT)]
