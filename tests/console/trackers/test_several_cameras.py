@@ -141,8 +141,8 @@ def test_cameras_that_disagree_are_told_with_what_to_do(
     frames, began, doubt = source.frames(), monotonic_ns(), ""
     for k in range(60):
         one.feed(began + 33 * k * MS)
-        other.feed(began + (33 * k + 16) * MS)
         next(frames)
+        other.feed(began + (33 * k + 16) * MS)
         doubt = next(frames).doubt
     assert doubt == (
         "cameras 0 and 1 see cf7 5 cm apart and turned by 0.0°: find their places again, or "
