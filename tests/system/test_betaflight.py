@@ -15,7 +15,7 @@ from flight_log import read_log
 from tests.system.conftest import Laboratory
 from vehicle_link.topics import decode_odometry
 
-pytestmark = [pytest.mark.alone, pytest.mark.timeout(300), pytest.mark.needs("betaflight")]
+pytestmark = [pytest.mark.timeout(300), pytest.mark.needs("betaflight")]
 LANDING_SPEED = 0.8
 """Landing speed, m/s."""
 LANDED = 60.0
