@@ -637,21 +637,15 @@ def test_the_station_does_not_wait_for_a_compiler() -> None:
     assert found.stdout.strip() == "set()"
 
 
-STATION = """
-import sys
-from pathlib import Path
-from console.station import run_station
-sys.exit(run_station(Path(sys.argv[1]), {"quad1": sys.argv[2]}, int(sys.argv[3])))
-"""
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_closes_the_run_and_exits_with_zero(
     tmp_path: Path, number: signal.Signals
 ) -> None:
     vehicle, loopback = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+    words = ["--data", str(tmp_path), "--vehicle", f"quad1=127.0.0.1:{vehicle}"]
+    words += ["--loopback-port", str(loopback)]
     child = subprocess.Popen(
-        [sys.executable, "-c", STATION, str(tmp_path), f"127.0.0.1:{vehicle}", str(loopback)],
+        [sys.executable, "-m", "quadlab", "station", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

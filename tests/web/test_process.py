@@ -105,12 +105,9 @@ def test_the_flight_volume_is_found_among_the_behavior_parameters() -> None:
 
 
 def test_the_process_serves_without_a_station_and_ends_in_order(tmp_path: Path) -> None:
-    code = (
-        "from pathlib import Path; from web.process import run_web; "
-        f"run_web(Path({str(tmp_path)!r}), port=0, loopback_port=9)"
-    )
+    words = ["web", "--data", str(tmp_path), "--port", "0", "--loopback-port", "9"]
     process = subprocess.Popen(
-        [sys.executable, "-c", code],
+        [sys.executable, "-m", "quadlab", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
