@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import secrets
 import threading
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +17,7 @@ from sqlalchemy.orm import Session as Transaction
 from quadrotor.errors import RefusedError
 from web.access.database import AccessDatabase, AccountRow, SessionRow
 from web.access.roles import Role, Session
+from web.access.steady_time import steady_time
 
 SESSION_AGE = 30 * 24 * 3600  # s
 PER_LABEL = 50  # open sessions of one account; the oldest are ended
@@ -37,7 +37,7 @@ class Seen:
 class Sessions:
     """Open sessions; thread-safe. Every method may raise StorageError."""
 
-    def __init__(self, database: AccessDatabase, clock: Callable[[], float] = time.time) -> None:
+    def __init__(self, database: AccessDatabase, clock: Callable[[], float] = steady_time) -> None:
         self._database = database
         self._clock = clock
         self._lock = threading.Lock()

@@ -21,7 +21,8 @@ from itsdangerous import BadSignature, URLSafeTimedSerializer
 from quadrotor.errors import StorageError
 from vehicle_link.security.tls_files import write_secret
 from web.access.roles import Role, Session
-from web.access.sessions import SESSION_AGE, Sessions
+from web.access.sessions import Sessions
+from web.access.steady_time import SteadySigner
 
 REMEMBERED = 200  # consumed tokens remembered, so that a supervisor cannot make one valid again
 LINK_AGE = 600  # s for which a live link is valid
@@ -44,8 +45,8 @@ class SignInTokens:
         self._sessions = sessions
         self._lock = threading.Lock()
         self._state = self._load()
-        self._serializer = URLSafeTimedSerializer(self.secret, salt="quadlab-session")
-        self._links = URLSafeTimedSerializer(self.secret, salt="quadlab-live-link")
+        self._serializer = _serializer(self.secret, "quadlab-session")
+        self._links = _serializer(self.secret, "quadlab-live-link")
         used = given is not None and _digest(given) in self._state["used"]
         if given is not None and not used and given not in self._state["tokens"]:
             self._state["tokens"][given] = Role.ADMIN.value
@@ -98,10 +99,10 @@ class SignInTokens:
     def session(self, cookie: str | None) -> Session | None:
         """Return the session of a cookie's value.
 
-        It is None if the value is forged, from another data folder or too old, or if its session
-        has ended.
+        It is None if the value is forged or from another data folder, or if its session has ended
+        or is too old, which `Sessions` knows.
         """
-        return self._read(self._serializer, cookie, SESSION_AGE)
+        return self._read(self._serializer, cookie, None)
 
     def sign_link(self, session: Session) -> str:
         """Return a token with which a program without a cookie connects as this session.
@@ -114,7 +115,9 @@ class SignInTokens:
         """Return the session of a token from `sign_link`, or None as `session` does."""
         return self._read(self._links, token, LINK_AGE)
 
-    def _read(self, signer: URLSafeTimedSerializer, value: str | None, age: int) -> Session | None:
+    def _read(
+        self, signer: URLSafeTimedSerializer, value: str | None, age: int | None
+    ) -> Session | None:
         if not value:
             return None
         try:
@@ -161,6 +164,10 @@ class SignInTokens:
                 f"cannot write {self._path} ({error.strerror}); "
                 "check the data folder's owner and free space, or choose another with --data"
             ) from error
+
+
+def _serializer(secret: str, salt: str) -> URLSafeTimedSerializer:
+    return URLSafeTimedSerializer(secret, salt=salt, signer=SteadySigner)
 
 
 def _signed(signer: URLSafeTimedSerializer, session: Session) -> str:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import re
 from urllib.parse import parse_qs, urlencode
 
-from itsdangerous import BadSignature, TimestampSigner
+from itsdangerous import BadSignature
 from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp, Scope
 
 from quadrotor.errors import StorageError
+from web.access.steady_time import SteadySigner
 
 AGE = 600  # s
 FOLDER = "/signed/runs/"
@@ -31,7 +32,7 @@ class SignedLinks:
     """Maker and verifier of signed links; `secret` is that of the data folder."""
 
     def __init__(self, secret: str) -> None:
-        self._signer = TimestampSigner(secret, salt="quadlab-run-link")
+        self._signer = SteadySigner(secret, salt="quadlab-run-link")
 
     def make(self, run_id: str) -> str:
         """Return path and query of a link to the run's file.

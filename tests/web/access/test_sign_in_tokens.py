@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from web.access.database import AccessDatabase
 from web.access.roles import Role, Session
 from web.access.sessions import SESSION_AGE, Sessions
 from web.access.sign_in_tokens import SignInTokens
+from web.access.signed_links import SignedLinks
 
 
 def open_door(folder: Path, given: str | None = None, clock: Clock | None = None) -> SignInTokens:
@@ -133,6 +135,24 @@ def test_a_session_ends_with_its_age(tmp_path: Path) -> None:
     assert tokens.session(cookie) == session
     clock.now += 1
     assert tokens.session(cookie) is None
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 3600.0, -40 * 86400.0, 40 * 86400.0])
+def test_a_step_of_the_computers_clock_signs_nobody_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step_s: float
+) -> None:
+    tokens = SignInTokens(tmp_path, Sessions(AccessDatabase(tmp_path)))
+    links = SignedLinks(tokens.secret)
+    session = tokens.consume(tokens.token)
+    assert session is not None
+    cookie, token, link = tokens.sign(session), tokens.sign_link(session), links.make("run_1")
+    computers = time.time
+    monkeypatch.setattr(time, "time", lambda: computers() + step_s)
+    assert tokens.session(cookie) == session
+    assert tokens.session_of_link(token) == session
+    path, _, query = link.partition("?")
+    scope = {"type": "http", "method": "GET", "path": path, "query_string": query.encode()}
+    assert links.opens(scope)
 
 
 def test_a_token_of_strange_letters_is_wrong_and_no_defect(tmp_path: Path) -> None:

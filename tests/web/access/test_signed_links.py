@@ -8,9 +8,9 @@ from urllib.parse import parse_qs, urlsplit
 
 import httpx
 import pytest
-from itsdangerous import TimestampSigner
 
 from web.access.signed_links import AGE, SignedLinks
+from web.access.steady_time import SteadySigner
 
 RUN = "20260131T093042Z_quad1"
 LOG = bytes(range(256)) * 40
@@ -145,7 +145,7 @@ def scope(url: str, method: str = "GET") -> dict[str, Any]:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     now = [1000.0]
-    monkeypatch.setattr(TimestampSigner, "get_timestamp", lambda _: int(now[0]))
+    monkeypatch.setattr(SteadySigner, "get_timestamp", lambda _: int(now[0]))
     return now
 
 
