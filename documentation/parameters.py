@@ -16,7 +16,7 @@ def page() -> str:
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters
-    from quadlab.mavlink.parameter_names import has_short_name, short_name
+    from quadlab.mavlink.parameter_names import has_short_name, is_faithful, short_name
     from quadlab.simulated.parameters import CameraParameters, OutsideCameraParameters
     from vehicle.boards.betaflight.options import BetaflightOptions
     from vehicle.boards.crazyflie.options import CrazyflieOptions
@@ -49,7 +49,7 @@ def page() -> str:
         parts.extend(_rows(prefix, described))
         if title == "Vehicle":
             parts.append("\n### Short names, for MAVLink\n\n| short name | name |\n|---|---|\n")
-            named = filter(has_short_name, described)
+            named = filter(is_faithful, filter(has_short_name, described))
             parts.extend(f"| `{short_name(d.name)}` | `{d.name}` |\n" for d in named)
     return "".join(parts)
 

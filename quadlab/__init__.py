@@ -5,6 +5,11 @@
 laboratory.
 """
 
+from quadlab.interrupt import end_at_interrupt, is_program
+
+if is_program():  # before all that takes time to import; `quadlab.__main__.program` ends it
+    end_at_interrupt()
+
 import os
 from typing import TYPE_CHECKING, Any
 

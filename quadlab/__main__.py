@@ -18,6 +18,7 @@ from typing import NoReturn
 
 from quadlab.commands.examples import examples_of
 from quadlab.commands.table import COMMANDS, Command, overview
+from quadlab.interrupt import INTERRUPTED, end_at_interrupt, raise_at_interrupt
 from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 
@@ -63,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"quadlab: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -82,9 +83,13 @@ def program() -> NoReturn:
     meantime aborts a process that is finalising.
     """
     try:
+        raise_at_interrupt()
         status = main()
     except SystemExit as stop:  # of --help, or of a signal that ends the page's process
         status = stop.code if isinstance(stop.code, int) else int(bool(stop.code))
+    except KeyboardInterrupt:  # before or after main catches it
+        status = INTERRUPTED
+    end_at_interrupt()
     atexit._run_exitfuncs()
     with contextlib.suppress(BrokenPipeError):
         sys.stdout.flush()

@@ -58,22 +58,38 @@ class Page:
         header[clock.VEHICLES] = len(names)
         content = header.tobytes()
         content += b"".join(name.encode().ljust(NAME, b"\0") for name in names)
+        _remove_leftovers(place)
         try:
-            descriptor, path = tempfile.mkstemp(prefix=f"{PREFIX}{port}-", dir=place)
+            descriptor, path = tempfile.mkstemp(prefix=f".{PREFIX}{port}-", dir=place)
             self._file = os.fdopen(descriptor, "wb")
             self._file.write(content)
             self._file.flush()
             fcntl.flock(self._file, fcntl.LOCK_EX)  # held as long as this process lives
+            # Nobody finds the page under its name before it is locked.
+            self.path = Path(path).with_name(Path(path).name.removeprefix("."))
+            os.rename(path, self.path)
         except OSError as error:
             raise StorageError(
                 f"cannot make the simulation's clock in {place}: {error.strerror}; make room "
                 "there, or fly with --real-time"
             ) from None
-        self.path = Path(path)
 
     def close(self) -> None:
         self.path.unlink(missing_ok=True)
         self._file.close()
+
+
+def _remove_leftovers(place: Path) -> None:
+    """Remove the pages of this user whose owners were killed: nobody holds their locks."""
+    for path in place.glob(f"{PREFIX}*"):
+        try:
+            if path.lstat().st_uid != os.getuid():
+                continue
+            with path.open("rb") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink()
+        except OSError:  # its owner lives (BlockingIOError), or it was removed in the meantime
+            continue
 
 
 @contextmanager

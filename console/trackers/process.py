@@ -36,6 +36,8 @@ STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
 """Seconds without a body, or without frames, until it is reported."""
+FIRST_FRAME = 5.0
+"""Seconds from the start that a system has for its first frame: some connect slowly."""
 RECENT = 1.0
 """Seconds over which rates are counted."""
 KEPT = 64
@@ -90,6 +92,7 @@ class Tracker:
         self._latencies: deque[float] = deque(maxlen=1000)
         self._source_problem = ""  # of the whole system
         self._last_frame_at = monotonic()
+        self._frames_due_at = self._last_frame_at + FIRST_FRAME
         self._status_at = 0.0
         self._note, self._noted = "", 0.0  # a recent event of the system
         self._reader: SourceReader | None = None
@@ -100,6 +103,7 @@ class Tracker:
         """
         try:
             check_alone(self._session, self._vehicles, self.topics.status, stopping)
+            self._frames_due_at = monotonic() + FIRST_FRAME
             self._reader = SourceReader("source", self._open_source, self._items.put)
             while not stopping.wait(0.0):
                 try:
@@ -129,7 +133,8 @@ class Tracker:
     # ------------------------------------------------------------------ frames
     def _handle(self, frame: Frame) -> None:
         now = monotonic()
-        self._last_frame_at, self._source_problem = now, ""
+        self._last_frame_at = self._frames_due_at = now
+        self._source_problem = ""
         self._frames.append(now)
         if frame.doubt:
             self._note, self._noted = frame.doubt, now
@@ -228,6 +233,8 @@ class Tracker:
         if self._source_problem:
             return self._source_problem
         note = self._note if now - self._noted < RECENT else ""
+        if now < self._frames_due_at:
+            return note
         if now - self._last_frame_at > GAP:
             return note or f"no frames from {self._name}; check the system and its network"
         one.is_missing = self._last_frame_at - one.seen > self.unseen_for

@@ -35,6 +35,7 @@ class Job:
         asked: whether a person requested it, and so gets its result reported in any case.
         rate: bytes/s.
         tries: number of unsuccessful tries.
+        crashes: number of its processes that were killed.
         ended: s, monotonic, when it ended.
     """
 
@@ -48,6 +49,7 @@ class Job:
     rate: float = 0.0
     problem: str = ""
     tries: int = 0
+    crashes: int = 0
     ended: float = 0.0
     cancelled: threading.Event = field(default_factory=threading.Event)
 

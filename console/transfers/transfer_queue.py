@@ -33,7 +33,7 @@ from console.transfers.transfer_disk import TransferDisk
 from console.transfers.vehicle_files import VehicleFiles, check_name
 from flight_log.index import is_closed
 from flight_log.run_folder import station_log
-from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
+from quadrotor.errors import JobError, LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.messages import encode, header, new
 from vehicle_link.transport.heartbeat import LinkState
 
@@ -44,6 +44,8 @@ SHOWN = 5.0
 """Seconds for which a finished transfer is still reported."""
 RETRY_PERIOD = 1.0
 """Seconds between two checks of a condition that is waited for."""
+MOST_CRASHES = 3
+"""Number of processes of a comparison that may be killed before it waits for the next start."""
 MAX_TRIES = 600
 """Number of tries after which a run is compared only at the next start."""
 ROOM_EVERY = 64
@@ -214,6 +216,8 @@ class TransferQueue:
             self._set_waiting(job, str(error))
         except NoRoomError as error:
             self._set_waiting(job, f"{error}; it continues when there is room")
+        except JobError as error:
+            self._crashed(job, str(error))
         except QuadlabError as error:
             if self._closing.is_set():
                 return
@@ -254,6 +258,17 @@ class TransferQueue:
 
     def _download(self, job: Job, fetcher: Fetcher) -> Download:
         return Download(job, self.folder, self._files, fetcher, self._disk.check_room, self._wait)
+
+    def _crashed(self, job: Job, why: str) -> None:
+        """Start over after a job's process was killed; the run stays open for the next start."""
+        job.crashes += 1
+        if self._closing.is_set():
+            return
+        if job.crashes < MOST_CRASHES:
+            self._set_waiting(job, f"{why}; starting over")
+            return
+        job.end("failed", f"{why}; it is tried again at the station's next start")
+        self._say(WARN, f"{job.kind} of {job.name} failed: {job.problem}")
 
     def _cancelled(self, job: Job) -> None:
         if job.kind == "backfill":

@@ -62,6 +62,32 @@ def new_velocity_filter(reference: Record, acceleration: float, yaw_acceleration
 
 
 @compiled
+def reach(reference: Record, i: int, side: float) -> float:
+    """Return the coordinate along axis i that the motion reaches towards `side` (1 or -1).
+
+    It is the farthest of the four places p, p + v/w, p + 2 v/w + a/w^2 and
+    q = p + 3 v/w + 3 a/w^2 + j/w^3 (w is BANDWIDTH): the slewed velocity is the derivative of q,
+    and each of the other three follows the next one as a first-order lag, so none overtakes it.
+    """
+    r = reference[0]
+    w = BANDWIDTH
+    p, v, a = r.position_w[i], r.velocity_w[i] / w, r.acceleration_w[i] / (w * w)
+    q = p + 3.0 * v + 3.0 * a + r.jerk_w[i] / (w * w * w)
+    if side > 0.0:
+        return float(max(p, p + v, p + 2.0 * v + a, q))
+    return float(min(p, p + v, p + 2.0 * v + a, q))
+
+
+@compiled
+def fastest(gap: float, acceleration_max: float) -> float:
+    """Return the highest speed, in m/s, towards a wall or face at this distance (m)."""
+    most, slowing = WALL_RATE * gap, 0.9 * acceleration_max
+    if most * WALL_RATE > slowing:  # from afar, as fast as it can still slow down
+        most = math.sqrt(2.0 * slowing * gap - (slowing / WALL_RATE) ** 2)
+    return most
+
+
+@compiled
 def keep_out(velocity_filter: Record, reference: Record) -> None:
     """Limit the wanted velocity towards each box along the one axis that keeps it out best.
 
@@ -70,27 +96,18 @@ def keep_out(velocity_filter: Record, reference: Record) -> None:
     nothing while the wanted velocity leaves such an axis, and the reference passes beside it. Else
     the axis is chosen whose face the present motion respects best.
 
-    The distance is the least of the four places p, p + v/w, p + 2 v/w + a/w^2 and
-    q = p + 3 v/w + 3 a/w^2 + j/w^3 (w is BANDWIDTH): the slewed velocity is the derivative of q,
-    and each of the other three follows the next one as a first-order lag, so none overtakes it.
+    The distance is that of `reach`.
     """
     f = velocity_filter[0]
-    r = reference[0]
-    w = BANDWIDTH
     for k in range(MOST):
         if f.boxes_low_w[k, 0] > f.boxes_high_w[k, 0]:
             return
         is_free, best, best_room, towards, limit = False, 0, -math.inf, 1.0, 0.0
         for i in range(3):
-            p, v, a = r.position_w[i], r.velocity_w[i] / w, r.acceleration_w[i] / (w * w)
-            q = p + 3.0 * v + 3.0 * a + r.jerk_w[i] / (w * w * w)
-            below = f.boxes_low_w[k, i] - max(p, p + v, p + 2.0 * v + a, q)
-            above = min(p, p + v, p + 2.0 * v + a, q) - f.boxes_high_w[k, i]
+            below = f.boxes_low_w[k, i] - reach(reference, i, 1.0)
+            above = reach(reference, i, -1.0) - f.boxes_high_w[k, i]
             side = 1.0 if below > above else -1.0  # towards the box
-            gap, slowing = max(below, above), 0.9 * f.acceleration_max[i]
-            most = WALL_RATE * gap
-            if most * WALL_RATE > slowing:  # from afar, as fast as it can still slow down
-                most = math.sqrt(2.0 * slowing * gap - (slowing / WALL_RATE) ** 2)
+            most = fastest(max(below, above), f.acceleration_max[i])
             room = most - max(0.0, side * f.slewed[i])
             is_free = is_free or (room >= 0.0 and most >= side * f.wanted[i])
             if room > best_room:
@@ -118,8 +135,9 @@ def advance(velocity_filter: Record, dt: float, reference: Record) -> bool:
         elif i == 1:
             wanted = sine * f.command[0] + cosine * f.command[1]
         if i < 3:
-            wanted = min(wanted, WALL_RATE * (f.high_w[i] - r.position_w[i]))
-            wanted = max(wanted, WALL_RATE * (f.low_w[i] - r.position_w[i]))
+            most = f.acceleration_max[i]
+            wanted = min(wanted, fastest(f.high_w[i] - reach(reference, i, 1.0), most))
+            wanted = max(wanted, -fastest(reach(reference, i, -1.0) - f.low_w[i], most))
         f.wanted[i] = wanted
     keep_out(velocity_filter, reference)
     for i in range(4):

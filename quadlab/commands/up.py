@@ -89,19 +89,12 @@ class Up(PageOptions):
         fleet.check()
         check_rate(self._rate(fleet), len(MCU_PORTS))
         self._check_ports(fleet)
-        if self.firmware == "c":
-            if self.board != MIKROKOPTER:
-                raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
-            from vehicle.simulator.firmware.native import library
-
-            library()  # built before anything starts
-        if self.board == BETAFLIGHT:
-            from vehicle.simulator.betaflight.process import lockstep_library
-
-            lockstep_library()  # compiled before anything starts
+        if self.firmware == "c" and self.board != MIKROKOPTER:
+            raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
         if self.tracker:
             check_tracker(self._tracker_words(fleet))
         vehicle_words, simulator_words, values = self._check_settings()
+        self._build_firmware()  # after all words: a mistake in them needs no compiler
         folder = open_data_folder(self.data)
         check_laws(values, folder)
         self.check_page(folder)
@@ -145,6 +138,17 @@ class Up(PageOptions):
         if self.board == CRAZYFLIE:
             for number in range(fleet.count):
                 require_free("Crazyflie", UDP_PORT + number, socket.SOCK_DGRAM, "--board")
+
+    def _build_firmware(self) -> None:
+        """Build the libraries that the simulator needs. Raises QuadlabError when one is missing."""
+        if self.firmware == "c":
+            from vehicle.simulator.firmware.native import library
+
+            library()
+        if self.board == BETAFLIGHT:
+            from vehicle.simulator.betaflight.process import lockstep_library
+
+            lockstep_library()
 
     def _check_settings(self) -> tuple[list[str], list[str], dict[str, ParameterValue]]:
         words, _ = parse_board_options(self.board, self.set)

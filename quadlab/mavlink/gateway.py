@@ -271,8 +271,8 @@ class Gateway:
             if reason:
                 (failed or partial(self.say, peer))(reason)
                 return
-            for name in self._parameters.load(*answer):
-                self._print(f"parameter {name} has no short name of its own and is left out")
+            for line in self._parameters.load(*answer):
+                self._print(line)
             then()
 
         self._operator(peer.name).start(

@@ -20,7 +20,9 @@ LONGEST = 16
 VOWELS = "aeiou"
 INT32, REAL32 = 6, 9
 """MAV_PARAM_TYPE_INT32 and MAV_PARAM_TYPE_REAL32."""
-INT32_MAX = 2**31 - 1
+LOWEST, HIGHEST = -(2**22), 0x7F80_0000
+"""Range of the integers that survive four bytes read as a float: beyond it, but for some, the bytes
+are those of a signalling NaN, of which a float's conversion sets a bit, or there are too few."""
 
 
 def short_name(name: str) -> str:
@@ -36,9 +38,17 @@ def short_name(name: str) -> str:
 
 
 def has_short_name(described: ParameterDescription) -> bool:
-    """Return whether MAVLink can carry its values: numbers, and texts that are one of a list."""
-    is_wide = described.type == "int" and (described.maximum or 0.0) > INT32_MAX
-    return not is_wide and (described.type != "str" or bool(described.choices))
+    """Return whether MAVLink has a type for its values: numbers, and texts of a list of choices."""
+    return described.type != "str" or bool(described.choices)
+
+
+def is_faithful(described: ParameterDescription) -> bool:
+    """Return whether every allowed value survives the four bytes of a message."""
+    if described.type != "int" or described.choices:
+        return True
+    low = -math.inf if described.minimum is None else described.minimum
+    high = math.inf if described.maximum is None else described.maximum
+    return low >= LOWEST and high <= HIGHEST
 
 
 def encoded(described: ParameterDescription, value: ParameterValue) -> tuple[float, int]:

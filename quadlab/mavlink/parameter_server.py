@@ -8,7 +8,15 @@ from typing import Any
 
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.operators import Operator
-from quadlab.mavlink.parameter_names import decoded, encoded, has_short_name, short_name
+from quadlab.mavlink.parameter_names import (
+    HIGHEST,
+    LOWEST,
+    decoded,
+    encoded,
+    has_short_name,
+    is_faithful,
+    short_name,
+)
 from quadlab.mavlink.peer import Peer
 from quadrotor.errors import ParameterError
 from quadrotor.parameters import ParameterDescription, ParameterValue
@@ -32,18 +40,23 @@ class ParameterServer:
         self.values: dict[str, ParameterValue] = {}
 
     def load(self, descriptions: list[ParameterDescription], values: dict[str, Any]) -> list[str]:
-        """Load what the vehicle has; return the names that are left out, as two have one short
-        name.
-        """
+        """Load what the vehicle has; return a line about each parameter that is left out."""
         known: dict[str, ParameterDescription] = {}
-        doubled = []
+        left_out = []
         for one in filter(has_short_name, descriptions):
-            if short_name(one.name) in known:
-                doubled.append(one.name)
+            if not is_faithful(one):
+                why = f"allows integers beyond {LOWEST} to {HIGHEST}, which MAVLink cannot carry"
+                left_out.append(
+                    f"parameter {one.name} {why}; it is left out, change it on the page"
+                )
+            elif short_name(one.name) in known:
+                left_out.append(
+                    f"parameter {one.name} has no short name of its own and is left out"
+                )
             else:
                 known[short_name(one.name)] = one
         self._known, self.values = known, values
-        return doubled
+        return left_out
 
     @property
     def is_loaded(self) -> bool:

@@ -241,6 +241,50 @@ def test_a_signal_leaves_the_interpreter_standing_too() -> None:
     assert (ran.returncode, ran.stdout, ran.stderr) == (3, "left in order\n", "")
 
 
+INTERRUPT_AT = """
+import atexit, os, signal, sys
+
+def interrupt():
+    print("interrupted", flush=True)
+    os.kill(os.getpid(), signal.SIGINT)
+
+class Interrupting:
+    def find_spec(self, name, path, target=None):
+        if name == {moment!r}:
+            interrupt()
+
+sys.meta_path.insert(0, Interrupting())
+if {moment!r} == "exit":
+    atexit.register(interrupt)
+"""
+
+
+@pytest.mark.parametrize(
+    "moment", ["quadlab.two_names", "quadlab.commands.table", "tyro", "control.margins", "exit"]
+)
+@pytest.mark.parametrize("start", [("-m", "quadlab"), (Path(sys.executable).with_name("quadlab"),)])
+def test_ctrl_c_ends_quietly_at_every_moment(
+    tmp_path: Path, moment: str, start: tuple[str, ...]
+) -> None:
+    """`control.margins` is imported by the command `gains`, all others before it."""
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPT_AT.format(moment=moment))
+    ran = subprocess.run(
+        [sys.executable, *start, "gains"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "interrupted" in ran.stdout
+    assert (ran.returncode, ran.stderr) == (130, "")
+
+
+def test_a_notebook_keeps_its_own_ctrl_c() -> None:
+    words = "import signal, quadlab.__main__; print(signal.getsignal(signal.SIGINT).__name__)"
+    ran = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert ran.stdout == "default_int_handler\n"
+
+
 def test_gains_prints_the_computed_margin_of_every_preset(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

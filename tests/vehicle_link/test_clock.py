@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
 from vehicle_link import clock
 from vehicle_link.lockstep import PREFIX, SHARED_MEMORY, Page, ProcessProgress, page_at, words_of
@@ -137,7 +140,7 @@ def test_a_page_is_found_by_its_port_while_its_owner_lives(tmp_path: Path) -> No
     try:
         assert page_at(port) is None
     finally:
-        left.unlink()
+        left.unlink(missing_ok=True)  # another laboratory that starts removes it too
 
 
 def test_nothing_is_left_behind(tmp_path: Path) -> None:
@@ -146,3 +149,45 @@ def test_nothing_is_left_behind(tmp_path: Path) -> None:
     made.close()
     assert not made.path.exists()
     made.close()
+
+
+OWNER = """
+import os, sys
+from pathlib import Path
+from vehicle_link.lockstep import Page
+page = Page(["quad1"], Path(sys.argv[1]))
+print(page.path, flush=True)
+sys.stdin.read()
+page.close()
+"""
+
+
+def owner(folder: Path) -> tuple[subprocess.Popen[str], Path]:
+    """Return a process that owns a page, and the page's path."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", OWNER, str(folder)],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    return process, Path(process.stdout.readline().strip())
+
+
+def test_the_page_of_a_killed_laboratory_is_removed_at_the_next_start_and_no_living_one(
+    tmp_path: Path,
+) -> None:
+    (killed, left), (living, kept) = owner(tmp_path), owner(tmp_path)
+    try:
+        killed.kill()
+        killed.wait()
+        made = Page(["quad1"], tmp_path)
+        try:
+            assert not left.exists()
+            assert kept.exists()
+        finally:
+            made.close()
+        assert not made.path.exists()
+    finally:
+        living.communicate()

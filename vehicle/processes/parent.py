@@ -35,10 +35,11 @@ from vehicle_link.serial.ids import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
-STABLE_S = 5.0  # a comms process that lived for less has died early
-SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
-"""Pauses before a restart of the comms process; the long one from the second early death in a row,
-as a vehicle in flight begins to land in it."""
+SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 5.0
+"""Pauses before a restart of the comms process: a vehicle in flight outlasts the short one, and
+lands in the long one, which is longer than `safety.link_timeout` and `link_land_after` together."""
+DEATHS_OUTLASTED, DEATHS_WITHIN_S = 3, 30.0
+"""Deaths of the comms process within this time that are followed by the short pause."""
 IMPORTED = [
     f"{PREFIX}vehicle.{name}" for name in ("flight.process", "flight.stack", "comms.process")
 ]
@@ -53,14 +54,12 @@ class _Children:
     def __init__(self, config: VehicleConfig) -> None:
         self._config = config
         self.comms_restarted = False
-        self.comms_started = time.monotonic()
         self.flight = self._start("flight")
         self.comms = self._start("comms")
 
     def restart_comms(self) -> None:
         self.comms_restarted = True
         self._config = msgspec.structs.replace(self._config, notices=[])
-        self.comms_started = time.monotonic()
         self.comms = self._start("comms")
 
     def stop(self) -> None:
@@ -85,6 +84,22 @@ class _Children:
             keep=self._config.rings.all,
             folder=ROOT,
         )
+
+
+class CommsDeaths:
+    """The recent deaths of the comms process, which decide on the pause before its restart.
+
+    A vehicle flies on through a few. A process that dies again and again would hold it in the air
+    without reliable poses and commands, even if each of its lives is long enough for a heartbeat.
+    """
+
+    def __init__(self) -> None:
+        self._deaths: list[float] = []
+
+    def pause(self, now: float) -> float:
+        """Count a death at this time (s, monotonic); return the pause that follows, in s."""
+        self._deaths = [t for t in self._deaths if now - t < DEATHS_WITHIN_S] + [now]
+        return SHORT_PAUSE_S if len(self._deaths) <= DEATHS_OUTLASTED else LONG_PAUSE_S
 
 
 class _Signals:
@@ -210,18 +225,17 @@ def _with_calibrations(
 
 def _watch(children: _Children, signals: _Signals, data: Path) -> int:
     restart_at: float | None = None
-    early_deaths = 0
+    deaths = CommsDeaths()
     while not signals.stopping:
         if children.flight.poll() is not None:
             say(f"flight process {how_it_ended(children.flight.returncode)}; vehicle ends")
             return 1
         if restart_at is None and children.comms.poll() is not None:
-            status, lived = children.comms.returncode, time.monotonic() - children.comms_started
+            status, now = children.comms.returncode, time.monotonic()
             if status == GIVEN_UP and not children.comms_restarted:
                 return 1
             say(f"comms process {how_it_ended(status)}; starting it again")
-            early_deaths = 0 if lived > STABLE_S else early_deaths + 1
-            restart_at = time.monotonic() + (LONG_PAUSE_S if early_deaths > 1 else SHORT_PAUSE_S)
+            restart_at = now + deaths.pause(now)
         if restart_at is not None and time.monotonic() >= restart_at:
             restart_at = None
             torn = _torn_logs(data)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -593,6 +595,42 @@ def test_while_the_vehicle_s_log_comes_a_run_is_the_station_s_and_a_new_start_go
     assert ticks_of(run) == [flight.stamps.tolist()] * 4
     fetched = sum(length for _, length in link.asked)
     assert fetched < (onboard / "flight.mcap").stat().st_size + 16 * 2800, "fetched twice"
+
+
+def kill_a_new_job(killed: set[int]) -> bool:
+    """Kill a job's process of this process that is not among those killed, and add it to them."""
+    for path in Path("/proc/self/task").glob("*/children"):
+        for pid in map(int, path.read_text().split()):
+            words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+            if pid not in killed and b"vehicle_link.jobs" in words:
+                os.kill(pid, signal.SIGKILL)
+                killed.add(pid)
+                return True
+    return False
+
+
+def test_a_run_whose_comparison_is_killed_is_compared_after_all(
+    bench: Bench, onboard: Path
+) -> None:
+    flight = Flight(flown(1000, 8), with_holes(1000, 8))
+    run = bench.catalogue.folder / "r1"
+    flight.log_onboard(onboard / "flight.mcap")
+    flight.record(run / STATION)
+    bench.enter(run)
+    bench.queue.start()
+    killed: set[int] = set()
+    for _ in range(transfer_queue_module.MOST_CRASHES):
+        assert until(lambda: kill_a_new_job(killed))
+    job = ended(bench, "r1")
+    assert (job.phase, "SIGKILL" in job.problem) == ("failed", True)
+    assert completeness_of(bench.catalogue, ["r1"])["r1"].state == "open"
+    bench.queue.close()
+    bench.queue = bench.new_queue()
+    bench.queue.start()
+    assert until(lambda: kill_a_new_job(killed))  # once, which the same queue outlasts
+    assert ended(bench, "r1").phase == "done"
+    assert ticks_of(run) == [flight.stamps.tolist()] * 4
+    assert completeness_of(bench.catalogue, ["r1"])["r1"].state == "filled"
 
 
 def test_a_cancelled_run_keeps_nothing_of_the_vehicle_s_log(

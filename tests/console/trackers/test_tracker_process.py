@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.trackers.process import GAP, STATUS_PERIOD
 from console.trackers.ros2 import Ros2Source
 from quadrotor.records import beacon_ids_of, pose_sample
 from tests.support.station import LinkedStation
@@ -241,6 +242,20 @@ def test_a_system_that_falls_silent_is_told_and_taken_up_again(
     before, laboratory.lines = len(bench.poses), good
     wait_for(lambda: len(bench.poses) > before + 10)
     assert bench.statuses[-1].gaps > 0
+
+
+def test_a_system_without_frames_is_told_only_after_a_fair_start(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    try:
+        port = str(free_port(socket.SOCK_DGRAM))
+        bench.track("udp", "--host", "127.0.0.1", "--port", port, "--body", "quad1=cf7")
+        wait_for(lambda: bench.told("no frames from udp"))
+        problems = [status.problem for status in bench.statuses]
+        quiet = next(k for k, problem in enumerate(problems) if problem)
+        assert quiet * STATUS_PERIOD > 2 * GAP, problems
+        assert problems[quiet].startswith("no frames from udp")
+    finally:
+        bench.close()
 
 
 def test_a_second_process_for_the_same_vehicle_is_refused(

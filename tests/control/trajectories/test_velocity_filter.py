@@ -90,6 +90,25 @@ def test_walls_are_not_crossed_and_can_be_left(rng: np.random.Generator) -> None
         assert (p < f["high_w"][0] + 0.02).all()
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("speed", [1.0, 3.0, 5.0])
+def test_no_speed_of_the_sticks_crosses_a_wall_and_each_comes_near_it(
+    axis: int, side: float, speed: float
+) -> None:
+    reference = new_reference()
+    f = new_velocity_filter(reference, 2.0, 2.0)
+    f["low_w"], f["high_w"] = -20.0, 20.0
+    f["command"][0, axis] = side * speed
+    fastest = 0.0
+    for _ in range(15_000):
+        advance(f, DT, reference)
+        assert abs(reference["position_w"][0, axis]) <= 20.0 + 1e-3
+        fastest = max(fastest, abs(reference["velocity_w"][0, axis]))
+    assert abs(reference["position_w"][0, axis]) > 19.9
+    assert fastest == pytest.approx(speed, abs=0.02)
+
+
 def test_from_outside_the_walls_it_comes_back() -> None:
     reference = new_reference()
     reference["position_w"] = (1.5, 0.0, 0.0)

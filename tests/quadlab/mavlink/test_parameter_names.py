@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import queue
 import struct
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
-from quadlab.mavlink.parameter_names import INT32, decoded, encoded, has_short_name, short_name
+from quadlab.mavlink.dialect import mavlink
+from quadlab.mavlink.parameter_names import (
+    HIGHEST,
+    INT32,
+    LOWEST,
+    decoded,
+    encoded,
+    has_short_name,
+    short_name,
+)
+from quadlab.mavlink.parameter_server import ParameterServer
 from quadrotor.errors import WrongTypeError
 from quadrotor.parameters import ParameterDescription, ParameterStore
 from vehicle.parameters import new_parameters
@@ -45,6 +57,36 @@ def test_a_negative_integer_comes_back_as_it_was() -> None:
     for value in (-1, -7, 0, 2**30):
         sent, kind = encoded(one, value)
         assert decoded(one, struct.unpack("<f", struct.pack("<f", sent))[0], kind) == value
+
+
+def over_the_wire(message: mavlink.MAVLink_message) -> mavlink.MAVLink_message:
+    """Return a message as a peer, pymavlink's parser, reads its bytes."""
+    sent = bytes(message.pack(mavlink.MAVLink(None)))
+    [received] = mavlink.MAVLink(None).parse_buffer(sent)
+    return received
+
+
+def test_integers_reach_a_peer_unchanged_or_are_left_out_with_a_line() -> None:
+    one = next(d for d in DESCRIPTIONS if d.type == "int")
+    limits = {
+        "a.narrow": (LOWEST, HIGHEST),
+        "a.high": (0, HIGHEST + 1),
+        "a.low": (LOWEST - 1, 0),
+        "a.wide": (0, 2**53),
+        "a.unlimited": (None, None),
+    }
+    described = [
+        replace(one, name=name, minimum=low, maximum=high) for name, (low, high) in limits.items()
+    ]
+    server = ParameterServer(queue.SimpleQueue(), lambda *_: None)
+    lines = server.load(described, dict.fromkeys(limits, 0))
+    assert [line.split()[1] for line in lines] == list(limits)[1:]
+    assert all(server.message(short_name(name)) is None for name in list(limits)[1:])
+    for value in (LOWEST, -1, 0, 2**24 + 1, HIGHEST):
+        server.values["a.narrow"] = value
+        received = over_the_wire(server.message("A_NARROW"))
+        assert decoded(one, received.param_value, received.param_type) == value
+        assert (received.param_type, received.param_count) == (INT32, 1)
 
 
 def test_a_number_that_is_no_choice_is_refused_with_the_choices() -> None:

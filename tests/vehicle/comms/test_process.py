@@ -1,6 +1,6 @@
 """The vehicle as processes, against the simulator, over the real link.
 
-A whole flight, with a comms process that is killed during it, and all ways in which a process may
+A whole flight, whose comms process is killed again and again, and all ways in which a process may
 end.
 """
 
@@ -31,6 +31,7 @@ from tests.waiting import LIMIT as BOUND
 from tests.waiting import free_port, wait_for
 from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.repair import torn_logs
+from vehicle.processes.parent import DEATHS_OUTLASTED
 from vehicle_link import messages, telemetry, topics
 from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import from_value, to_parameters
@@ -53,7 +54,8 @@ from pathlib import Path
 from vehicle.processes.parent import run_vehicle
 sys.exit(run_vehicle([f"{sys.argv[1]}/mcu0", f"{sys.argv[1]}/mcu1"], Path(sys.argv[2]),
                      int(sys.argv[3]),
-                     settings={"model.mass": 1.3, "safety.link_land_after": 20.0}))
+                     settings={"model.mass": 1.3, "safety.link_land_after": 20.0,
+                               "safety.pose_reaction": "none"}))
 """
 
 
@@ -290,10 +292,34 @@ def survive_comms(station: FakeStation, processes: VehicleProcesses) -> None:
     assert values["model.mass"] == 1.308, "changed before the comms process lived"
 
 
+def land_when_comms_dies_again_and_again(station: FakeStation, processes: VehicleProcesses) -> None:
+    """Kill each comms process that has a link, until the vehicle lands in the pause."""
+    usual = to_parameters({"safety.link_land_after": 2.0})
+    assert station.command("change_parameters", "p3", parameters=usual).accepted
+
+    deaths = 0
+
+    def has_begun() -> bool:
+        nonlocal deaths
+        if station.counts["telemetry"] <= 10:
+            return False
+        if not station.command("start_behavior", f"again{deaths}", name="brake").accepted:
+            return True
+        deaths += 1
+        station.counts.clear()
+        os.kill(processes.children()[1], signal.SIGKILL)
+        return False
+
+    wait_for(has_begun, what="the vehicle's landing by itself")
+    landed = "emergency land: still no heartbeat"
+    wait_for(lambda: any(text.startswith(landed) for text in station.events), what=landed)
+
+
 def check_logs(processes: VehicleProcesses) -> None:
     paths = sorted((processes.data / "onboard").glob("*.mcap"))
-    assert len(paths) == 2
-    assert read_metadata(paths[0])["quadlab.recovered"]["messages"] != "0"
+    assert len(paths) > DEATHS_OUTLASTED
+    for path in paths[:DEATHS_OUTLASTED]:
+        assert read_metadata(path)["quadlab.recovered"]["messages"] != "0"
     assert b'"model.mass": 1.308' in read_attachments(paths[1])["parameters.json"]
     run = read_metadata(paths[1])["quadlab.run"]
     assert (run["recorder"], run["robot_id"], run["firmware_revision"]) == ("onboard", "1", "1")
@@ -306,7 +332,7 @@ def check_logs(processes: VehicleProcesses) -> None:
         # More than a few consecutive ticks are missing only if the machine stalled.
         assert gaps[gaps > 10_000_000].sum() <= 300_000_000, topic
         # Ticks that the killed process had not written are in the next file.
-        killed, following = (stamps_of([path], topic) for path in paths)
+        killed, following = (stamps_of([path], topic) for path in paths[:2])
         assert following[0] - killed[-1] <= 10_000_000, topic
     kept = {m.topic for path in paths for m in read_log(path)}
     assert {"/quad1/tracker_pose", "/quad1/events", "/quad1/estimator"} <= kept
@@ -315,7 +341,8 @@ def check_logs(processes: VehicleProcesses) -> None:
 def check_files(station: FakeStation, processes: VehicleProcesses) -> None:
     """Check the list of the vehicle's logs and a part of one, over the link."""
     files = station.call("onboard_files").files
-    assert [file.recovered for file in files] == [False, True]
+    recovered = [file.recovered for file in files]
+    assert recovered == [False] + [True] * (len(files) - 1)
     path = processes.data / "onboard" / files[0].name
     part = station.call("onboard_part", name=path.name, offset=1000, length=2800)
     assert part.accepted, part.reason
@@ -336,9 +363,11 @@ def test_a_flight_goes_on_when_comms_is_killed(tmp_path: Path) -> None:
             check_parameters(station)
             check_calibrations(station)
             take_off(station)
-            survive_comms(station, processes)
-            landing = station.command("start_behavior", "b2", name="land")
-            assert landing.accepted, (landing.reason, station.events)
+            for death in range(DEATHS_OUTLASTED):
+                survive_comms(station, processes)
+                braking = station.command("start_behavior", f"b{2 + death}", name="brake")
+                assert braking.accepted, (braking.reason, station.events)
+            land_when_comms_dies_again_and_again(station, processes)
             wait_for(lambda: station.mode == "ready", what="landed and disarmed")
             wait_for(
                 lambda: any(text.endswith(" MB") and "closed" in text for text in station.events),

@@ -11,6 +11,7 @@ import pytest
 from flight_log import is_closed
 from vehicle.onboard_log.repair import FOLDER
 from vehicle.processes import parent
+from vehicle.safety.parameters import SafetyParameters
 
 
 class Child:
@@ -60,25 +61,19 @@ def test_a_torn_log_is_repaired_after_the_start_of_what_could_be_a_copy(
 
 
 @pytest.mark.parametrize(
-    ("stable_s", "is_long"), [(60.0, [False, True, True]), (-1.0, [False, False, False])]
+    ("died_at", "is_long"),
+    [
+        ([0.0, 1.0, 2.0, 3.0, 9.0], [False, False, False, True, True]),
+        ([0.0, 9.0, 18.0, 27.0, 60.0], [False, False, False, True, False]),  # lived for 9 s each
+        ([0.0, 12.0, 24.0, 36.0, 48.0], [False] * 5),
+    ],
 )
-def test_only_repeated_early_deaths_of_comms_lead_to_long_pauses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stable_s: float, is_long: list[bool]
+def test_a_vehicle_outlasts_three_deaths_of_comms_in_half_a_minute_and_lands_at_more(
+    died_at: list[float], is_long: list[bool]
 ) -> None:
-    returncodes = iter([None, *[-signal.SIGKILL] * len(is_long), None])  # flight, then comms
-    waits: list[list[float]] = []  # s, after each start
-
-    def start(*_: Any, **__: Any) -> Child:
-        waits.append([])
-        if len(waits) > 1 + len(is_long):
-            signal.raise_signal(signal.SIGTERM)
-        return Child(next(returncodes))
-
-    monkeypatch.setattr(parent, "STABLE_S", stable_s)
-    monkeypatch.setattr(parent, "SHORT_PAUSE_S", 0.01)
-    monkeypatch.setattr(parent, "LONG_PAUSE_S", 0.3)
-    monkeypatch.setattr(parent, "start", start)
-    monkeypatch.setattr(parent, "share", lambda _: None)
-    monkeypatch.setattr(parent._Signals, "wait", lambda _, wait_s: waits[-1].append(wait_s or 0.0))
-    assert parent.run_vehicle([], tmp_path, 1) == 0
-    assert [max(of_one) > 0.01 for of_one in waits[1:-1]] == is_long
+    deaths, safety = parent.CommsDeaths(), SafetyParameters()
+    until_landing = safety.link_timeout + safety.link_land_after
+    pauses = [deaths.pause(t) for t in died_at]
+    assert [pause > until_landing for pause in pauses] == is_long
+    assert {pause for pause in pauses if pause <= until_landing} == {parent.SHORT_PAUSE_S}
+    assert safety.link_timeout > parent.SHORT_PAUSE_S

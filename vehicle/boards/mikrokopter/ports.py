@@ -26,6 +26,7 @@ class MicrocontrollerPorts:
         if not 1 <= len(ports) <= 2:
             raise LinkError(f"{len(ports)} serial ports given; a microcontroller has one or two")
         self.lost = 0
+        self._unsaid = ""  # why a port was lost, until the other one is known to work
         self._failures = failures
         self._ports = [(port, FrameDecoder(), index) for index, port in enumerate(ports)]
         self._damaged_before = 0  # on lost ports
@@ -53,6 +54,7 @@ class MicrocontrollerPorts:
                 self._lose(port, error)
                 continue
             if data:
+                self._say_lost()
                 frames += [(index, frame) for frame in decoder.feed(data)]
         return frames
 
@@ -72,10 +74,19 @@ class MicrocontrollerPorts:
             return
 
     def _lose(self, port: Port, error: LinkError) -> None:
-        """Drop a lost port. Raises its error when it was the last one."""
+        """Drop a lost port. Raises LinkError when it was the last one."""
         if len(self._ports) == 1:
+            if self._unsaid:  # both were lost at once
+                raise LinkError(f"{self._unsaid}; {error}") from error
             raise error
         self.lost += 1
         self._damaged_before += next(d.damaged for p, d, _ in self._ports if p is port)
         self._ports = [other for other in self._ports if other[0] is not port]
-        self._failures.append(f"{error}; flying on with the other port, at half the rate")
+        self._unsaid = str(error)
+
+    def _say_lost(self) -> None:
+        """Report a lost port once the other one has proved that it works."""
+        if self._unsaid:
+            line = f"{self._unsaid}; flying on with the other port, at half the rate"
+            self._failures.append(line)
+            self._unsaid = ""

@@ -126,8 +126,23 @@ def test_both_ports_pulled_end_it() -> None:
     bench.start()
     for port in bench.near:
         port.gone = True
-    with pytest.raises(LinkError, match="is gone"):
+    with pytest.raises(LinkError, match=r"is gone: pulled; .* is gone: pulled"):
         bench.mcu.receive()
+    assert bench.mcu.failures == []
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_second_port_pulled_later_ends_it_after_the_first_was_told(index: int) -> None:
+    bench = Bench()
+    bench.start()
+    bench.near[index].gone = True
+    bench.go(4, CLIMB)
+    bench.near[1 - index].gone = True
+    with pytest.raises(LinkError) as error:
+        bench.mcu.receive()
+    assert str(error.value).count("is gone") == 1
+    [line] = bench.mcu.failures
+    assert "flying on with the other port" in line
 
 
 def test_damage_on_a_port_that_is_gone_still_counts() -> None:
