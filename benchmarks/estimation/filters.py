@@ -23,7 +23,7 @@ from benchmarks.estimation.flights import (
     flight,
     quaternion,
 )
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from estimation.complementary import ComplementaryEstimator
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.error_state.parameters import ErrorStateParameters
@@ -201,9 +201,9 @@ def squares(truth: Flight, states: Record) -> Array:
     )
 
 
-def run(quick: bool = False) -> Report:
-    """Run bound and error-state filter on 64 flights (8 when quick), others on the first 16 (4)."""
-    many, count = (8, 4) if quick else (64, 16)
+def run(size: Size = Size.FULL) -> Report:
+    """Run bound and error-state filter on many flights, the others on the first of them."""
+    many, count = size.of((64, 16), (8, 4), (1, 1))
     report = Report(
         "filters",
         "Filters on bearings: accuracy and time",

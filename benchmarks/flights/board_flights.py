@@ -11,7 +11,7 @@ from __future__ import annotations
 import statistics
 
 from benchmarks.flights.experiment_flight import fly
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import BETAFLIGHT
 
@@ -26,8 +26,8 @@ MASS = 1.308
 """kg, on the scales."""
 
 
-def run(quick: bool = False) -> Report:
-    few, many = (range(1, 2), range(1, 3)) if quick else (range(1, FEW + 1), range(1, SEEDS + 1))
+def run(size: Size = Size.FULL) -> Report:
+    few, many = (range(1, count + 1) for count in size.of((FEW, SEEDS), (1, 2), (1, 1)))
     report = Report(
         "board_flights",
         "Betaflight",

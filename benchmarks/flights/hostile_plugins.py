@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.checkout import ROOT
 from quadrotor.records import Record
 from vehicle.estimators.estimators import Estimators
@@ -267,10 +267,10 @@ def _external(flight: WatchedFlight, kind: str) -> External | None:
     return next(iter(several), None)
 
 
-def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1, only: str = "") -> Report:
+def run(size: Size = Size.FULL, flights: int = FLIGHTS, seed: int = 1, only: str = "") -> Report:
     """Run the benchmark for `python -m benchmarks`, from the first seed on; of one kind of plugin,
     or one harm ("law raises"), if it is named."""
-    count = 2 if quick else flights
+    count = size.of(flights, 2, 1)
     found = Report(
         "hostile_plugins",
         "Plugins that do harm",
@@ -283,7 +283,7 @@ def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1, only: str = 
     fallen = late = 0
     chosen, _, one = only.partition(" ")
     for kind, harms in HARM.items() if not only else ((chosen, HARM[chosen]),):
-        for harm in [one] if one else harms:
+        for harm in [one] if one else size.some(harms):
             outcomes = [fly(kind, harm, seed + k) for k in range(count)]
             ticks = [o.ticks for o in outcomes]
             fell, kept = sum(o.fell for o in outcomes), sum(map(math.isnan, ticks))

@@ -30,7 +30,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from flight_log import is_closed, read_log
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
@@ -38,7 +38,7 @@ from vehicle_link.messages import decode
 from vehicle_link.topics import decode_external_reference, decode_odometry
 
 PORT, LINK_PORT = 28083, 28452
-FLIGHTS, QUICK_FLIGHTS, UNLOADED = 20, 3, 4
+FLIGHTS, UNLOADED = 20, 4
 LAPS = 1
 BUSY_A_CORE = 2
 CHARGE = 20
@@ -287,8 +287,8 @@ def _shown(flight: Flight) -> Flight:
     return flight
 
 
-def run(quick: bool = False) -> Report:
-    return measure(QUICK_FLIGHTS if quick else FLIGHTS, ())
+def run(size: Size = Size.FULL) -> Report:
+    return measure(size.of(FLIGHTS, 3, 1), ())
 
 
 def measure(count: int, words: tuple[str, ...]) -> Report:

@@ -18,7 +18,7 @@ import numpy as np
 
 from bearing_sim import PoseMeasurement, SimulatedTracker
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from console.trackers import process, tracked_vehicle
 from console.trackers.source import Body, Frame
 from quadrotor.errors import RefusedError
@@ -198,8 +198,8 @@ def fly(seed: int, name: str) -> dict[str, float]:
     }
 
 
-def run(quick: bool = False, flights: int | None = None) -> Report:
-    count = flights or (2 if quick else FLIGHTS)
+def run(size: Size = Size.FULL, flights: int | None = None) -> Report:
+    count = flights or size.of(FLIGHTS, 2, 1)
     report = Report(
         "tracking_faults",
         "A tracking system that fails",

@@ -15,7 +15,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.impairment.wire import Conditions
 from benchmarks.link.ends import Plan
 from benchmarks.link.narrow import narrow
@@ -36,7 +36,7 @@ from benchmarks.link.run_ends import SETTLED, running
 from benchmarks.logs.filled import filled
 from quadrotor.errors import QuadlabError
 
-SECONDS, QUICK_SECONDS = 60.0, 6.0
+SECONDS = 60.0, 6.0, 1.0  # of each size
 LINKS = {
     "clean": Conditions(),
     "10 ± 5 ms, 5 % lost": Conditions(delay=0.010, jitter=0.005, loss=0.05),
@@ -49,23 +49,23 @@ PROMPT = 1.0
 """Delay, in ms, of plain UDP when the machine is not busy."""
 
 
-def run(quick: bool = False) -> Iterator[Report]:
+def run(size: Size = Size.FULL) -> Iterator[Report]:
     """Yield each part's report; a part whose end fails misses its target, others continue."""
     for part in (links, outages, filled, narrow):
         try:
-            yield part(quick)
+            yield part(size)
         except QuadlabError as error:
             name = part.__name__
             failed = Target(f"{name}: ended by an error", 1.0, 0.0)
             yield Report(name, name.title(), [f"{error}"], targets=[failed])
 
 
-def links(quick: bool = False) -> Report:
+def links(size: Size = Size.FULL) -> Report:
     """Measure links under all conditions.
 
     Raises StorageError where namespaces are not allowed, QuadlabError when an end fails.
     """
-    seconds = QUICK_SECONDS if quick else SECONDS
+    seconds = size.of(*SECONDS)
     report = Report(
         "link",
         "The link, impaired",

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.link.ends import Plan
 from benchmarks.link.notes import MS, Found, p50
 from benchmarks.link.run_ends import Running, running
 
-COUNT, QUICK_COUNT = 100, 5
+COUNT = 100, 5, 1  # of each size
 SHORTEST, LONGEST, BETWEEN = 0.5, 10.0, 2.0  # s
 CALL_RATE = 20.0
 """Rate, in Hz, of calls: the first answer after an outage must be seen in time."""
@@ -34,9 +34,9 @@ class Outage:
     end: int
 
 
-def outages(quick: bool = False) -> Report:
+def outages(size: Size = Size.FULL) -> Report:
     """Measure fresh data and answers after each outage, memory, and when each end noticed it."""
-    count = QUICK_COUNT if quick else COUNT
+    count = size.of(*COUNT)
     drawn = random.Random(8)
     lengths = [drawn.uniform(SHORTEST, LONGEST) for _ in range(count)]
     seconds = sum(lengths) + (BETWEEN + 1.0) * count + 60.0

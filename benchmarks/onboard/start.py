@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 
-from benchmarks.harness import Report, Row, Target, Timing
+from benchmarks.harness import Report, Row, Size, Target, Timing
 from quadrotor.checkout import ROOT
 
 FLIGHT = """
@@ -40,9 +40,9 @@ print(time.perf_counter() - began)
 """
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Start both programs, cold and from the cache, each in a separate interpreter."""
-    rounds = 2 if quick else 5
+    rounds = size.of(5, 2, 1)
     report = Report(
         "start",
         "Start: import, compile, first step",
@@ -62,8 +62,7 @@ def run(quick: bool = False) -> Report:
     for names, program in (((step,), STEP), ((ready, every), FLIGHT)):
         with tempfile.TemporaryDirectory() as folder:
             first = [_once(program, f"{folder}/{k}") for k in range(rounds)]
-            _once(program, f"{folder}/kept")
-            again = [_once(program, f"{folder}/kept") for _ in range(2 * rounds)]
+            again = [_once(program, f"{folder}/0") for _ in range(2 * rounds)]
         for k, name in enumerate(names):
             cold[name] = Timing(tuple(run[k] for run in first))
             warm[name] = Timing(tuple(run[k] for run in again))

@@ -24,16 +24,16 @@ import statistics
 import time
 from typing import Any
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from benchmarks.page.laboratory import started, until
 from benchmarks.page.late_ticks import DRAWING
 from benchmarks.page.up_cost import PATIENCE, pilot
 
 PORT, LINK_PORT = 28120, 28490
-ROUNDS, QUICK_ROUNDS = 3, 1
-SETTLED = 25_000  # ms, until the automatic quality has found its level
+ROUNDS = 3, 1, 1  # of each size
+SETTLED = 25_000, 25_000, 500  # ms of each size, until the automatic quality has found its level
 WANTED = 15.0  # Hz
-OPENED, QUICK_OPENED = 9, 3  # times with a full cache
+OPENED = 9, 3, 1  # times with a full cache
 SLOWEST = 2.0  # s
 HEAVIEST = 1.2  # MB
 USABLE = """(() => {
@@ -61,7 +61,7 @@ COUNT = """async () => {
 }"""
 
 
-def run(quick: bool = False) -> list[Report]:
+def run(size: Size = Size.FULL) -> list[Report]:
     """Open the console, then measure its view and the empty scene in turns."""
     from playwright.sync_api import sync_playwright
 
@@ -77,9 +77,9 @@ def run(quick: bool = False) -> list[Report]:
         context.add_cookies(flown.cookies())
         page = context.new_page()
         until(lambda: (flown.summary().get("preflight") or {}).get("ready"), PATIENCE)
-        reports = [opened(page, flown.base, QUICK_OPENED if quick else OPENED)]
+        reports = [opened(page, flown.base, size.of(*OPENED))]
         flown.take_off()
-        reports.append(drawn(browser, page, flown.base, QUICK_ROUNDS if quick else ROUNDS))
+        reports.append(drawn(browser, page, flown.base, size))
         browser.close()
     return reports
 
@@ -121,7 +121,7 @@ def opened(page: Any, base: str, times: int) -> Report:
     )
 
 
-def drawn(browser: Any, page: Any, base: str, rounds: int) -> Report:
+def drawn(browser: Any, page: Any, base: str, size: Size) -> Report:
     """Measure the rates of the console's view and of the empty scene."""
     import viser
 
@@ -143,11 +143,11 @@ def drawn(browser: Any, page: Any, base: str, rounds: int) -> Report:
         rates[name].append(frames / seconds)
         costs[name].append(1e3 * cores * seconds / max(frames, 1))
 
-    for _ in range(rounds):
+    for _ in range(size.of(*ROUNDS)):
         page.set_viewport_size({"width": 1440, "height": 900})
         page.goto(base)
         page.locator("#tick", has_text="%").wait_for()
-        page.wait_for_timeout(SETTLED)
+        page.wait_for_timeout(size.of(*SETTLED))
         count("console")
         quality = page.locator("#quality").inner_text()
         view: Any = page.locator("#scene").bounding_box()
