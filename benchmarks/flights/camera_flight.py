@@ -14,6 +14,7 @@ from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
 
 SECONDS, LAPS = 10.0, 2
+RATE = 30.0, 30.0, 12.0  # Hz, of each size
 STEPS = 5
 """Number of IMU periods between two checks of the flight."""
 COVERED_AT = 25.0
@@ -30,6 +31,7 @@ def _flown(
 ) -> dict[str, float | str]:
     settings = {f"outside_cameras.{name}": value for name, value in cameras.items()}
     quiet = {"outside_cameras.exposure": 0.0, "outside_cameras.pictures": 0.0}
+    quiet["outside_cameras.rate"] = size.of(*RATE)
     flight = WatchedFlight(seed, {"estimation.estimator": estimator, **quiet, **settings})
     camera = flight._outside
     assert camera is not None
@@ -75,7 +77,7 @@ def run(size: Size = Size.FULL) -> Report:
         "camera_flight",
         "Flight on cameras",
         [
-            "rendered 640 × 480 at 30 Hz each, 56° wide, 40 ms late",
+            f"rendered 640 × 480 at {size.of(*RATE):g} Hz each, 56° wide, 40 ms late",
             "cameras 3.6 m from the middle, two at right angles, exposing in turn",
             "two tags of 12 cm, on top and at the back; no motion blur, no rolling shutter",
             f"whole stack in simulated time: {SECONDS:g} s of hover, {LAPS} laps of the figure 8",

@@ -137,7 +137,7 @@ def _battery(report: Report, size: Size) -> dict[str, Any]:
             {
                 "simulator.battery_exponent": 1.0,
                 "model.battery_exponent": known,
-                "simulator.battery_charge": size.of(1.0, 0.15, 0.05),
+                "simulator.battery_charge": size.of(1.0, 0.15, 0.1),
                 "safety.battery_land": 12.0,
                 "safety.battery_warning": 12.1,
             },

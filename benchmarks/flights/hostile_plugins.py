@@ -38,7 +38,7 @@ from vehicle.plugins.external import External
 PERIOD = 0.002
 FLIGHTS = 20
 """Flights of each kind."""
-WATCHED = 3.0
+WATCHED = 3.0, 3.0, 0.2
 """s from the beginning of the harm."""
 HEIGHT, TILT = 1.0, math.radians(60.0)
 LOWEST = {"law": 0.5, "estimator": 0.5, "behavior": 0.05, "sensor": 0.5}
@@ -187,7 +187,7 @@ class Late:
         self._link.close()
 
 
-def fly(kind: str, harm: str, seed: int) -> Outcome:
+def fly(kind: str, harm: str, seed: int, watched: float) -> Outcome:
     """Fly one flight; it flies the figure 8 when the seed is odd."""
     file, name, parameter, earliest = EXAMPLES[kind]
     begin = earliest + float(np.random.default_rng((seed, 22)).uniform(0.0, 2.0))
@@ -208,7 +208,7 @@ def fly(kind: str, harm: str, seed: int) -> Outcome:
             if begun is not None and seen is not None and external is not None:
                 external._link = seen
             flight.forget()
-            lowest, end_ns, count = math.inf, flight.robot.stamp_ns + round(WATCHED * 1e9), 0
+            lowest, end_ns, count = math.inf, flight.robot.stamp_ns + round(watched * 1e9), 0
             while flight.robot.stamp_ns < end_ns:
                 flight.advance()
                 count += 1
@@ -284,7 +284,7 @@ def run(size: Size = Size.FULL, flights: int = FLIGHTS, seed: int = 1, only: str
     chosen, _, one = only.partition(" ")
     for kind, harms in HARM.items() if not only else ((chosen, HARM[chosen]),):
         for harm in [one] if one else size.some(harms):
-            outcomes = [fly(kind, harm, seed + k) for k in range(count)]
+            outcomes = [fly(kind, harm, seed + k, size.of(*WATCHED)) for k in range(count)]
             ticks = [o.ticks for o in outcomes]
             fell, kept = sum(o.fell for o in outcomes), sum(map(math.isnan, ticks))
             fallen, late = fallen + fell, late + (count - kept if harm in HARMLESS else kept)

@@ -75,7 +75,7 @@ def run(size: Size = Size.FULL) -> Report:
     _motor(report, size)
     _payload(report, seeds)
     _figure_eight(report, seeds, size)
-    _tracker(report, size.of(TRACKER_SEEDS, 1, 1))
+    _tracker(report, size)
     report.notes += [
         "mass and inertia come out divided by the thrust efficiency, as the paper's 1.394 kg did; "
         "the truth is taken so",
@@ -97,8 +97,9 @@ def _mass(report: Report, seeds: range, size: Size) -> None:
             0.007,
         ),
     }
+    erratic: dict[str, ParameterValue] = {"experiment.duration": size.of(30.0, 30.0, 10.0)}
     for case, (true_state, settings, limit) in size.some(cases.items()):
-        flown = [fly("mass", settings, seed=k, true_state=true_state) for k in seeds]
+        flown = [fly("mass", settings | erratic, seed=k, true_state=true_state) for k in seeds]
         worst = _worst(flown, "error_share", "erratic_std_kg", "within_1_percent_s")
         error, spread, settled = worst.values()
         report.rows.append(
@@ -198,12 +199,14 @@ def _figure_eight(report: Report, seeds: range, size: Size) -> None:
 
 
 # ---------------------------------------------------------------- on the ground
-def _tracker(report: Report, count: int) -> None:
+def _tracker(report: Report, size: Size) -> None:
     """Turn a vehicle by hand, in the rough world, to calibrate its tracked body.
 
     The body is anywhere and late by 5 to 60 ms. Then fly the 8 with 40 ms and the values found for
     them.
     """
+    count, turned = size.of((TRACKER_SEEDS, 60.0), (1, 60.0), (1, 15.0))
+    by_hand: dict[str, ParameterValue] = {"experiment.duration": turned}
     errors = []
     for seed in range(1, count + 1):
         random = np.random.default_rng(seed)
@@ -216,8 +219,8 @@ def _tracker(report: Report, count: int) -> None:
             "tracker.delay": delay,
             "tracker.stamp_error": delay,
         }
-        late = fly("tracker_delay", settings, seed=seed).value("estimation.tracker.delay")
-        flown = fly("tracker_body", settings, seed=seed)
+        late = fly("tracker_delay", settings | by_hand, seed=seed).value("estimation.tracker.delay")
+        flown = fly("tracker_body", settings | by_hand, seed=seed)
         found = {name: flown.value(f"estimation.tracker.{name}") for name in body}
         turn, true = (
             matrix_of(TrackedBody(**one).tracked(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))[1])
@@ -234,7 +237,7 @@ def _tracker(report: Report, count: int) -> None:
         report.rows.append(Row(what, {"found": f"off by {value:.2g}", "unit": unit}))
         report.targets.append(Target(f"{what}, {count} seeds, rough: error, {unit}", value, limit))
     late40: dict[str, ParameterValue] = {"tracker.delay": 0.04, "tracker.stamp_error": 0.04}
-    told = fly("tracker_delay", late40).value("estimation.tracker.delay")
+    told = fly("tracker_delay", late40 | by_hand).value("estimation.tracker.delay")
     rms = [
         1e3 * fly("figure_eight", case).result.metrics["position_rms_m"]
         for case in ({}, late40, {**late40, "estimation.tracker.delay": told})
@@ -322,8 +325,11 @@ def _gyroscope(report: Report, seeds: range) -> None:
 
 
 def _motor(report: Report, size: Size) -> None:
-    shorter: dict[str, ParameterValue] = {"experiment.hold": 3.0, "experiment.rest": 2.0}
-    settings = size.of({}, shorter, shorter)
+    settings: dict[str, ParameterValue] = size.of(
+        {},
+        {"experiment.hold": 3.0, "experiment.rest": 2.0},
+        {"experiment.hold": 1.5, "experiment.rest": 0.5},
+    )
     flown, truth = fly("motor_bench", settings), SimulatorParameters()
     worst = flown.result.metrics["root_law_worst_count"]
     ratio = abs(flown.value("model.torque_ratio") / truth.torque_ratio - 1.0)

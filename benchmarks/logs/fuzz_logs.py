@@ -76,7 +76,8 @@ def run(size: Size = Size.FULL, count: int | None = None, seed: int = 0) -> Repo
     from benchmarks.logs.fuzz_worker import COMMANDS
 
     count = count or size.of(*COUNT)
-    crafted = [name for name in CRAFTED if size is Size.FULL or name not in LARGE][:count]
+    names = [name for name in CRAFTED if size is Size.FULL or name not in LARGE]
+    crafted = size.some(names[:count])
     peaks: dict[str, list[float]] = {name: [] for name in COMMANDS}
     refused = dict.fromkeys(COMMANDS, 0)
     problems: list[str] = []

@@ -26,7 +26,7 @@ FLAT_FROM = 250
 SEEDS = 4
 PERIOD, RAMP = 8.0, 4.0
 """Period and ramp, in s; the ramps in and out are shorter than RAMP, the rest are steady laps."""
-HOVER = 10.0
+HOVER = 10.0, 10.0, 1.0  # s, of each size
 REFERENCE_MM = 3.0
 """Error, in mm rms, on the 8 with full sensors, from an independent simulation."""
 WITHIN = 1.3
@@ -39,7 +39,8 @@ NOMINAL = 500
 
 
 def run(size: Size = Size.FULL) -> Report:
-    rates = size.of(RATES, RATES, (60, 120, 500))
+    rates = size.of(RATES, RATES, (120, 500))
+    hovered = size.of(*HOVER)
     seeds, laps = size.of((SEEDS, 3), (1, 2), (1, 1))
     report = Report(
         "loop_rate",
@@ -49,7 +50,7 @@ def run(size: Size = Size.FULL) -> Report:
             "full sensors: 10-bit noisy biased IMU, tracker 100 Hz (60 Hz at a loop of 60 Hz: the "
             "truth is looked at once a tick), 1 mm, 0.2°, whole motor references",
             f"the 8: 1 m × 1 m in {PERIOD:g} s, z ± 0.2 m, yaw ± 1 rad, steady laps; hover: "
-            f"{HOVER:g} s at 1 m",
+            f"{hovered:g} s at 1 m",
             "noise: the same deviation a sample at every rate, as of a converter that is only read "
             "less often; next to it the same density, deviation times √(rate / 500 Hz)",
         ],
@@ -59,7 +60,7 @@ def run(size: Size = Size.FULL) -> Report:
     density: dict[int, float] = {}
     true_state: dict[int, float] = {}
     for rate in rates:
-        flown = [_fly(rate, seed, laps) for seed in range(1, seeds + 1)]
+        flown = [_fly(rate, seed, laps, hovered) for seed in range(1, seeds + 1)]
         failed = [one for one in flown if isinstance(one, str)]
         if failed:
             report.rows.append(Row(f"{rate} Hz", {"flew": f"no: {failed[0]}"}))
@@ -68,8 +69,10 @@ def run(size: Size = Size.FULL) -> Report:
         hover[rate], eight[rate] = (float(x) for x in errors[:, :2].mean(axis=0))
         share = math.sqrt(rate / NOMINAL)
         quieter = {name: share * value for name, value in NOISE.items()}
-        density[rate] = _mean(_fly(rate, seed, laps, quieter) for seed in range(1, seeds + 1))
-        true_state[rate] = _mean([_fly(rate, 1, laps, true_state=True)])
+        density[rate] = _mean(
+            _fly(rate, seed, laps, hovered, quieter) for seed in range(1, seeds + 1)
+        )
+        true_state[rate] = _mean([_fly(rate, 1, laps, hovered, true_state=True)])
         report.rows.append(
             Row(
                 f"{rate} Hz",
@@ -163,6 +166,7 @@ def _fly(
     rate: int,
     seed: int,
     laps: int,
+    hover: float,
     settings: Mapping[str, ParameterValue] | None = None,
     *,
     true_state: bool = False,
@@ -174,7 +178,7 @@ def _fly(
     try:
         flight.hover()
         flight.forget()
-        flight.run(HOVER)
+        flight.run(hover)
         hovered = _errors(flight, 0.0, math.inf)
         began = flight.view().time
         flight.start("follow_trajectory", trajectory="figure_eight", laps=laps, period=PERIOD)
