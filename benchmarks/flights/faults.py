@@ -20,6 +20,7 @@ import numpy as np
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.parameters import ParameterValue
+from vehicle.simulator.parameters import SimulatorParameters
 from vehicle_link.serial.ids import Id
 
 SEEDS = 3
@@ -130,14 +131,15 @@ def _payload(report: Report, seeds: range) -> dict[str, Any]:
 # ---------------------------------------------------------------- the battery
 def _battery(report: Report, size: Size) -> dict[str, Any]:
     """Fly a whole discharge in hover: thrust falls with the square of the voltage."""
-    lines = []
+    lines, capacity = [], SimulatorParameters().battery_capacity
     for known in (0.0, 1.0):
         flight = WatchedFlight(
             1,
             {
                 "simulator.battery_exponent": 1.0,
                 "model.battery_exponent": known,
-                "simulator.battery_charge": size.of(1.0, 0.15, 0.1),
+                "simulator.battery_charge": size.of(1.0, 0.15, 0.15),
+                "simulator.battery_capacity": size.of(capacity, capacity, 1.0),
                 "safety.battery_land": 12.0,
                 "safety.battery_warning": 12.1,
             },

@@ -282,7 +282,7 @@ def run(size: Size = Size.FULL, flights: int = FLIGHTS, seed: int = 1, only: str
     )
     fallen = late = 0
     chosen, _, one = only.partition(" ")
-    for kind, harms in HARM.items() if not only else ((chosen, HARM[chosen]),):
+    for kind, harms in size.some(HARM.items(), 2) if not only else ((chosen, HARM[chosen]),):
         for harm in [one] if one else size.some(harms):
             outcomes = [fly(kind, harm, seed + k, size.of(*WATCHED)) for k in range(count)]
             ticks = [o.ticks for o in outcomes]

@@ -18,7 +18,8 @@ from benchmarks.link.notes import MS, Found, p50
 from benchmarks.link.run_ends import Running, running
 
 COUNT = 100, 5, 1  # of each size
-SHORTEST, LONGEST, BETWEEN = 0.5, 10.0, 2.0  # s
+SHORTEST, BETWEEN = 0.5, 2.0  # s
+LONGEST = 10.0, 10.0, 1.0  # s, of each size
 CALL_RATE = 20.0
 """Rate, in Hz, of calls: the first answer after an outage must be seen in time."""
 FRESH = 250.0  # ms
@@ -38,7 +39,7 @@ def outages(size: Size = Size.FULL) -> Report:
     """Measure fresh data and answers after each outage, memory, and when each end noticed it."""
     count = size.of(*COUNT)
     drawn = random.Random(8)
-    lengths = [drawn.uniform(SHORTEST, LONGEST) for _ in range(count)]
+    lengths = [drawn.uniform(SHORTEST, size.of(*LONGEST)) for _ in range(count)]
     seconds = sum(lengths) + (BETWEEN + 1.0) * count + 60.0
     with running(Plan(seconds, udp=False, call_rate=CALL_RATE)) as ends:
         broken: list[Outage] = []

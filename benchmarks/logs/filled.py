@@ -69,7 +69,7 @@ def filled(size: Size = Size.FULL) -> Report:
         _hear(pilot, b"armed\n")
         outages, memory = [], [_memory(base.pid)]
         for _ in range(count):
-            length = drawn.uniform(SHORTEST, LONGEST)
+            length = drawn.uniform(SHORTEST, size.of(*LONGEST))
             begin = time.time_ns()
             link.interrupt(length)
             time.sleep(length + BETWEEN + drawn.uniform(0.0, 0.1))

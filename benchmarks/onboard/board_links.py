@@ -55,7 +55,7 @@ def run(size: Size = Size.FULL) -> Report:
         "Links to the boards",
         [f"one simulated vehicle hovers in real time; means of {seconds:g} s"],
     )
-    for board, (commands, round_trip) in limits().items():
+    for board, (commands, round_trip) in size.some(limits().items()):
         if board == BETAFLIGHT and not FIRMWARE.exists():
             report.notes.append("no Betaflight: scripts/betaflight builds it")
             continue

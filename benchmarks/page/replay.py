@@ -78,7 +78,7 @@ def run(size: Size = Size.FULL) -> Report:
     """Measure the replay page; the targets are a seek of 200 ms p95, and 300 MB more at most."""
     from playwright.sync_api import sync_playwright
 
-    duration = size.of(1200.0, 120.0, 20.0)
+    duration, seeks = size.of((1200.0, 150), (120.0, 40), (20.0, 3))
     report = Report(
         "replay",
         "Replay in the browser",
@@ -112,7 +112,7 @@ def run(size: Size = Size.FULL) -> Report:
                 page = browser.new_page(viewport={"width": 1440, "height": 900})
                 page.goto(url)
                 page.wait_for_selector("#behaviors", timeout=60_000)
-                _measure(report, page, url.split("/?")[0], server.pid, size.of(150, 40, 3))
+                _measure(report, page, url.split("/?")[0], server.pid, seeks)
                 browser.close()
         finally:
             server.terminate()
