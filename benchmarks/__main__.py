@@ -1,9 +1,11 @@
 """Runs the benchmarks and writes their tables and plots.
 
-    .venv/bin/python -m benchmarks [pose filters onboard closed_loop start] [--quick] [--out DIR]
+    .venv/bin/python -m benchmarks [pose filters onboard closed_loop start] [--quick | --smoke]
+                                   [--out DIR]
 
-Without --out the tables are printed only. With it DIR gets performance.md and the folder
-performance with the JSON and one PNG a plot.
+--smoke runs each in some seconds, to see that it still does: its figures mean nothing, no target is
+judged, and what --out would write is thrown away. Without --out the tables are printed only. With
+it DIR gets performance.md and the folder performance with the JSON and one PNG a plot.
 """
 
 from __future__ import annotations
@@ -16,12 +18,14 @@ import platform
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.harness import Report
+from benchmarks.harness import Report, Size
 from benchmarks.line_plot import draw_lines
 
 FOLDERS = {
@@ -34,6 +38,7 @@ FOLDERS = {
         "serial_line",
         "onboard_log",
         "board_links",
+        "trajectories",
     ),
     "estimation": ("pose", "filters", "comparison", "tags"),
     "firmware": ("firmware",),
@@ -82,10 +87,20 @@ OWN_OPTIONS = {
 """Options that only some benchmarks have, with the names of these."""
 
 
+SIZES = {
+    Size.QUICK: "fewer samples: a look, not a result",
+    Size.SMOKE: "as short as possible: does it still run?",
+}
+"""The sizes next to the full one, with their descriptions."""
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
-    parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
+    sizes = parser.add_mutually_exclusive_group()
+    for size, text in SIZES.items():
+        sizes.add_argument(f"--{size}", dest="size", action="store_const", const=size, help=text)
+    parser.set_defaults(size=Size.FULL)
     parser.add_argument("--count", type=int, help="of fuzz_logs: logs; of firmware: frames")
     parser.add_argument(
         "--seed", type=int, help="number of the first mutated log or flight, or stream"
@@ -100,6 +115,8 @@ def main() -> int:
     )
     parser.add_argument("--out", type=Path, help="folder for performance.md, JSON and plots")
     options = parser.parse_args()
+    if options.size is Size.SMOKE and options.out:
+        parser.error("--smoke writes nothing, as its figures mean nothing: leave out --out")
     unknown = [name for name in options.names if name not in NAMES]
     if unknown:
         parser.error(f"no benchmark is called {unknown[0]!r}: there are {', '.join(NAMES)}")
@@ -110,20 +127,35 @@ def main() -> int:
             if not options.names or set(options.names) - set(of):
                 parser.error(f"--{name} belongs to {' and '.join(of)} alone")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all processes of a flight
+    with ExitStack() as stack:
+        if options.size is Size.SMOKE:
+            options.out = Path(stack.enter_context(TemporaryDirectory(prefix="quadlab-smoke-")))
+        reports = run(options.names or list(NAMES), options.size, options.out, more)
+    is_met = all(target.met for report in reports for target in report.targets)
+    return 0 if is_met or options.size is Size.SMOKE else 1
+
+
+def run(
+    names: Sequence[str], size: Size, out: Path | None, more: Mapping[str, Any]
+) -> list[Report]:
+    """Run benchmarks, print their reports, and write them to the folder `out` if there is one.
+
+    Args:
+        more: options of these benchmarks' own.
+    """
     conditions = machine()
     reports: list[Report] = []
-    asked: list[str] = options.names or list(NAMES)
-    for name in asked:
+    for name in names:
         print(f"{name} …", file=sys.stderr, flush=True)
         began = time.perf_counter()
-        made = importlib.import_module(NAMES[name]).run(quick=options.quick, **more)
+        made = importlib.import_module(NAMES[name]).run(size=size, **more)
         for report in [made] if isinstance(made, Report) else made:  # a long one reports in parts
             print(f"{report.name}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
             print(report.as_markdown(), flush=True)
             reports.append(report)
-            if options.out:  # written after each one, so that an error in the next does not lose it
-                write(options.out, asked, reports, conditions, options.quick)
-    return 0 if all(t.met for report in reports for t in report.targets) else 1
+            if out:  # written after each one, so that an error in the next does not lose it
+                write(out, names, reports, conditions, size)
+    return reports
 
 
 def machine() -> dict[str, str]:
@@ -147,7 +179,7 @@ def _cpu_lines() -> list[str]:
 
 
 def write(
-    out: Path, asked: Sequence[str], reports: list[Report], conditions: dict[str, str], quick: bool
+    out: Path, asked: Sequence[str], reports: list[Report], conditions: dict[str, str], size: Size
 ) -> None:
     """Write `out`/performance.md, and the folder performance with the JSON and the plots."""
     beside = out / "performance"
@@ -160,7 +192,7 @@ def write(
         "in turns with ours. Times are medians of rounds, ratios medians of the rounds' ratios.",
         "",
         *(f"- {key}: {value}" for key, value in conditions.items()),
-        *(["- **quick run: too few samples for a result**"] if quick else []),
+        *(["- **quick run: too few samples for a result**"] if size is Size.QUICK else []),
         "",
     ]
     # Figures first: a plot that fails must not lose minutes of measuring.

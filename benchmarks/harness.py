@@ -10,13 +10,32 @@ import shutil
 import socket
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from enum import StrEnum
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-headless-shell") or "chromium"
 """Chromium of Debian's packages of these names; the second needs no screen."""
+
+
+class Size(StrEnum):
+    """How much a benchmark measures: for a result, for a look, or to see that it still runs."""
+
+    FULL = "full"
+    QUICK = "quick"
+    SMOKE = "smoke"
+
+    def of(self, full: T, quick: T, smoke: T) -> T:
+        """Return the setting that belongs to this size."""
+        return {Size.FULL: full, Size.QUICK: quick, Size.SMOKE: smoke}[self]
+
+    def some(self, items: Iterable[T], smoke: int = 1) -> list[T]:
+        """Return all items, of a smoke run the first `smoke` alone."""
+        return list(items)[: smoke if self is Size.SMOKE else None]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from bearing_sim import PAPER_BEACONS, BearingMeasurement
 from benchmarks.estimation.flights import FRAMES, RATE, SIGMA, Flight, flight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from console.comparison.comparison import VEHICLE, EstimatorComparison
 from console.comparison.parameters import parse_estimators
 from console.comparison.results import Result, message_of
@@ -27,9 +27,9 @@ TOLD_EVERY = 10  # packets
 SEED = 7
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Run a flight with noise and biases through the comparison, as in the station's process."""
-    duration, rounds = (5.0, 3) if quick else (30.0, 7)
+    duration, rounds = size.of((30.0, 7), (5.0, 3), (2.0, 1))
     flown = flight(SEED, duration)
     payloads, frames = _telemetry(flown), _frames(flown)
     report = Report(

@@ -23,7 +23,7 @@ from benchmarks.estimation.flights import (
     flight,
     quaternion,
 )
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from estimation.complementary import ComplementaryEstimator
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.error_state.parameters import ErrorStateParameters
@@ -201,15 +201,16 @@ def squares(truth: Flight, states: Record) -> Array:
     )
 
 
-def run(quick: bool = False) -> Report:
-    """Run bound and error-state filter on 64 flights (8 when quick), others on the first 16 (4)."""
-    many, count = (8, 4) if quick else (64, 16)
+def run(size: Size = Size.FULL) -> Report:
+    """Run bound and error-state filter on many flights, the others on the first of them."""
+    many, count = size.of((64, 16), (8, 4), (1, 1))
+    duration = size.of(DURATION, DURATION, DISCARDED + 1.0)
     report = Report(
         "filters",
         "Filters on bearings: accuracy and time",
         [
             f"{many} flights (bound, error-state filter; the others fly the first {count}, peers "
-            f"the first 2) of {DURATION:g} s at 0.75 m/s rms within |x|, |y| ≤ 1.5 m, "
+            f"the first 2) of {duration:g} s at 0.75 m/s rms within |x|, |y| ≤ 1.5 m, "
             f"0.3 ≤ z ≤ 2 m; the first {DISCARDED:g} s of each are left out for the slowest "
             "filter's biases to converge",
             f"IMU 500 Hz, white noise {FORCE_NOISE:g} m/s² and {np.degrees(RATE_NOISE):g} deg/s a "
@@ -225,7 +226,7 @@ def run(quick: bool = False) -> Report:
     late = {stamped: Accuracy() for stamped in (False, True)}
     bounds = []
     for seed in range(many):
-        truth = flight(seed, DURATION)
+        truth = flight(seed, duration)
         bounds.append(bound(truth)[truth.t > DISCARDED].mean(axis=0))
         for name, make in METHODS.items():
             if seed < count or name == KALMAN:
@@ -248,7 +249,7 @@ def run(quick: bool = False) -> Report:
         _row("error-state, 20 ms late, delay unknown", late[False].rms, same, late[False].seconds)
     )
     peer_rows, notes = peers(
-        [flight(seed, DURATION) for seed in range(2)],
+        [flight(seed, duration) for seed in range(2)],
         DISCARDED,
         METHODS["complementary, position solved anew"],
         fly,

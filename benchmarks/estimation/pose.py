@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.harness import Report, Row, Target, time_in_turns
+from benchmarks.harness import Report, Row, Size, Target, time_in_turns
 from estimation.poses.literal_pose import literal_pose
 from estimation.poses.opencv_pose import OpenCVPose
 from estimation.poses.planar_pose import PlanarPoseSolver
@@ -177,8 +177,8 @@ def cycled(function: Callable[[Array], object], bearings: Array) -> Callable[[],
     return call
 
 
-def run(quick: bool = False) -> Report:
-    count = 2000 if quick else 20000
+def run(size: Size = Size.FULL) -> Report:
+    count = size.of(20000, 2000, 200)
     report = Report(
         "pose",
         "Pose from one frame of bearings",
@@ -216,7 +216,7 @@ def run(quick: bool = False) -> Report:
         add("PoseLib p3p + refine, camera along the bearings' mean", poselib_pose(SQUARE, True))
     except ImportError:
         report.notes.append("PoseLib is not installed: left out (pip install --no-deps poselib)")
-    some = 100 if quick else 400
+    some = size.of(400, 100, 20)
     timings = time_in_turns(
         {
             name: (cycled(timed, samples[0].bearings[:some]), 1)
@@ -359,9 +359,3 @@ def _near_the_plane(report: Report, count: int) -> None:
     what = "near the plane, from a prediction: beyond 0.5 m or refused, %"
     report.targets.append(Target(what, (far + refused) * share, 0.8))
     report.notes.append(f"near the plane the largest position error is {largest:.2f} m")
-
-
-if __name__ == "__main__":
-    import sys
-
-    print(run("--quick" in sys.argv).as_markdown())

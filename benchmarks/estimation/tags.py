@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from bearing_sim.rendered_camera import Pattern
-from benchmarks.harness import Report, Row, Target, time_in_turns
+from benchmarks.harness import Report, Row, Size, Target, time_in_turns
 from estimation.tags.detector import Picture, TagDetector, dictionary_of
 from estimation.tags.tag_layout import ROUND
 from quadlab.simulated.camera_scene import CAMERA, LENS
@@ -79,7 +79,7 @@ def _apriltag() -> Detect:
     return detect
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Detect the tags of the same pictures with each method."""
     methods: dict[str, Detect] = {
         "quadlab": TagDetector(LENS).detect,
@@ -91,7 +91,7 @@ def run(quick: bool = False) -> Report:
         notes.append(f"without the peer {PEER}; install it with `pip install pupil-apriltags`")
     else:
         methods["AprilTag 3 (pupil-apriltags)"] = _apriltag()
-    taken = _pictures(20 if quick else 120)
+    taken = _pictures(size.of(120, 20, 3))
     report = Report("tags", "Detection of tags", notes)
 
     def read(detect: Detect) -> list[float]:
@@ -107,7 +107,7 @@ def run(quick: bool = False) -> Report:
 
     times = time_in_turns(
         {name: (partial(read, detect), 1) for name, detect in methods.items()},
-        rounds=3 if quick else 7,
+        rounds=size.of(7, 3, 1),
     )
     for name, detect in methods.items():
         squares = read(detect)

@@ -10,27 +10,27 @@ import statistics
 from benchmarks.firmware.chip import FLASH_MAX, RAM_MAX, missing, simulated_chip, sizes
 from benchmarks.firmware.image import judge
 from benchmarks.firmware.streams import answer, flown, fuzzed
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
 
-FRAMES, QUICK_FRAMES = 1_000_000, 20_000
-ON_CHIP, QUICK_ON_CHIP = 0.03, 0.1
-"""The share of the frames that the simulated chip gets, too."""
+FRAMES = 1_000_000, 20_000, 2_000  # of each size
+ON_CHIP = 0.03, 0.1, 0.2
+"""The share of the frames that the simulated chip gets, too, of each size."""
 SHARE_MAX = 0.7
 SETTLED = 10
 """Number of periods after power-up that the worst load leaves out."""
 STREAMS = {"recorded": flown, "fuzzed": fuzzed}
 
 
-def run(quick: bool, seed: int = 1, count: int = 0) -> Report:
+def run(size: Size = Size.FULL, seed: int = 1, count: int = 0) -> Report:
     """Feed both firmwares the same input, half recorded and half fuzzed.
 
     Args:
-        count: number of frames in all; 0 takes FRAMES.
+        count: number of frames in all; 0 takes FRAMES of the size.
     """
     rows: list[Row] = []
-    frames = count or (QUICK_FRAMES if quick else FRAMES)
+    frames = count or size.of(*FRAMES)
     different = 0
     for name, stream in STREAMS.items():
         python, native = Firmware(), NativeFirmware(2, "checked")
@@ -42,7 +42,7 @@ def run(quick: bool, seed: int = 1, count: int = 0) -> Report:
     targets = [Target("frames that differ", different, 0)]
     absent = missing()
     if not absent:
-        periods, stack = int(frames * (QUICK_ON_CHIP if quick else ON_CHIP)) // 2, 0
+        periods, stack = int(frames * size.of(*ON_CHIP)) // 2, 0
         for name, stream in STREAMS.items():
             with simulated_chip() as chip:
                 judged = judge(chip, stream(seed + 1, periods))

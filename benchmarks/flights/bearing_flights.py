@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from console.experiments.bearings import BearingsExperiment
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
@@ -203,12 +203,13 @@ def _end(events: list[str]) -> str:
     return "on bearings"
 
 
-def run(quick: bool = False) -> Report:
-    return run_with(3 if quick else SEEDS, 20.0 if quick else 60.0, print)
+def run(size: Size = Size.FULL) -> Report:
+    return run_with(size, print)
 
 
-def run_with(seeds: int, duration: float, say: Callable[[str], object]) -> Report:
-    """Return the report for seeds 1 to `seeds`, with manoeuvres of `duration` s."""
+def run_with(size: Size, say: Callable[[str], object]) -> Report:
+    """Return the report; `say` is called with each row as it is found."""
+    seeds, duration = size.of((SEEDS, 60.0), (3, 20.0), (1, 5.0))
     report = Report(
         "bearing_flights",
         "Flown on bearings alone",
@@ -220,7 +221,7 @@ def run_with(seeds: int, duration: float, say: Callable[[str], object]) -> Repor
     )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for estimator, manoeuvre, gains in MANOEUVRES:
+        for estimator, manoeuvre, gains in size.some(MANOEUVRES, 3):
             options = {
                 "estimator": estimator,
                 "manoeuvre": manoeuvre,
@@ -235,10 +236,10 @@ def run_with(seeds: int, duration: float, say: Callable[[str], object]) -> Repor
                 report.targets.append(Target(f"{label}, worst rms over its limit", worst, 1.0))
             say(str(report.rows[-1]))
         good = total = 0
-        for estimator in ("error_state", "complementary"):
+        for estimator in size.some(("error_state", "complementary")):
             for tracker in (True, False):
-                for fault in FAULTS:
-                    options = {"estimator": estimator, "duration": 20.0}
+                for fault in size.some(FAULTS):
+                    options = {"estimator": estimator, "duration": size.of(20.0, 20.0, 6.0)}
                     outcomes = [
                         fly(folder, seed, options, fault, tracker) for seed in range(1, seeds + 1)
                     ]

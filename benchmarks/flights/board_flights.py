@@ -11,7 +11,7 @@ from __future__ import annotations
 import statistics
 
 from benchmarks.flights.experiment_flight import fly
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import BETAFLIGHT
 
@@ -26,19 +26,21 @@ MASS = 1.308
 """kg, on the scales."""
 
 
-def run(quick: bool = False) -> Report:
-    few, many = (range(1, 2), range(1, 3)) if quick else (range(1, FEW + 1), range(1, SEEDS + 1))
+def run(size: Size = Size.FULL) -> Report:
+    few, many = (range(1, count + 1) for count in size.of((FEW, SEEDS), (1, 2), (1, 1)))
     report = Report(
         "board_flights",
         "Betaflight",
         ["real firmware in simulated time, full sensors; position rms, median / worst of seeds"],
     )
     judge(report, "figure 8, body rates", "figure_eight", {}, many, 25.0)
-    judge(report, "figure 8, mode ANGLE", "figure_eight", ANGLES, few, 50.0)
-    judge(report, "figure 8 on bearings", "bearings", {}, few, 40.0)
-    judge(report, "other motors, not identified", "figure_eight", OTHER_MOTORS, few[:1])
-    found = identified(report)
-    judge(report, "other motors, identified", "figure_eight", OTHER_MOTORS | found, many, 25.0)
+    if size is not Size.SMOKE:  # each flight takes ten seconds
+        judge(report, "figure 8, mode ANGLE", "figure_eight", ANGLES, few, 50.0)
+        judge(report, "figure 8 on bearings", "bearings", {}, few, 40.0)
+        judge(report, "other motors, not identified", "figure_eight", OTHER_MOTORS, few[:1])
+    found = identified(report, size)
+    if size is not Size.SMOKE:
+        judge(report, "other motors, identified", "figure_eight", OTHER_MOTORS | found, many, 25.0)
     return report
 
 
@@ -59,9 +61,12 @@ def judge(
         report.targets.append(Target(f"{what}: position, mm rms", max(off), limit))
 
 
-def identified(report: Report) -> dict[str, ParameterValue]:
+def identified(report: Report, size: Size) -> dict[str, ParameterValue]:
     """Return mass and motor law that the experiment finds; report the error of the thrust."""
-    weighed: dict[str, ParameterValue] = {"experiment.weighed": MASS}
+    weighed: dict[str, ParameterValue] = {
+        "experiment.weighed": MASS,
+        "experiment.duration": size.of(30.0, 30.0, 10.0),
+    }
     flown = fly("mass", OTHER_MOTORS | weighed, board=BETAFLIGHT)
     assert flown.proposal is not None
     error = 100.0 * flown.result.metrics["thrust_error_share"]

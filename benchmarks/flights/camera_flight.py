@@ -5,14 +5,16 @@ A second of flight takes one to two seconds of processor time per camera, for dr
 
 from __future__ import annotations
 
+import math
 import sys
 
 import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 
 SECONDS, LAPS = 10.0, 2
+RATE = 30.0, 30.0, 12.0  # Hz, of each size
 STEPS = 5
 """Number of IMU periods between two checks of the flight."""
 COVERED_AT = 25.0
@@ -24,21 +26,29 @@ CAMERAS: dict[str, dict[str, float]] = {
 }
 
 
-def _flown(seed: int, estimator: str, cameras: dict[str, float]) -> dict[str, float | str]:
+def _flown(
+    seed: int, estimator: str, cameras: dict[str, float], size: Size
+) -> dict[str, float | str]:
     settings = {f"outside_cameras.{name}": value for name, value in cameras.items()}
     quiet = {"outside_cameras.exposure": 0.0, "outside_cameras.pictures": 0.0}
+    quiet["outside_cameras.rate"] = size.of(*RATE)
     flight = WatchedFlight(seed, {"estimation.estimator": estimator, **quiet, **settings})
     camera = flight._outside
     assert camera is not None
     flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
     flight.hover(1.0, 1.5)
     hover = []
-    end = flight.view().time + SECONDS
+    end = flight.view().time + size.of(SECONDS, SECONDS, 0.2)
     while flight.view().time < end:
         hover.append(_off(flight))
     flight.start("follow_trajectory", trajectory="figure_eight", laps=LAPS)
     eight = []
-    while flight.view().behavior == "follow_trajectory" and flight.view().armed:
+    end = flight.view().time + size.of(math.inf, math.inf, 0.5)
+    while (
+        flight.view().time < end
+        and flight.view().behavior == "follow_trajectory"
+        and flight.view().armed
+    ):
         eight.append(_off(flight))
     return {
         "hover, mm rms": _rms(hover),
@@ -61,22 +71,24 @@ def _rms(squares: list[float]) -> float:
     return 1e3 * float(np.sqrt(np.mean(squares)))
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Fly with one camera and with two, both estimators and some seeds."""
     report = Report(
         "camera_flight",
         "Flight on cameras",
         [
-            "rendered 640 × 480 at 30 Hz each, 56° wide, 40 ms late",
+            f"rendered 640 × 480 at {size.of(*RATE):g} Hz each, 56° wide, 40 ms late",
             "cameras 3.6 m from the middle, two at right angles, exposing in turn",
             "two tags of 12 cm, on top and at the back; no motion blur, no rolling shutter",
             f"whole stack in simulated time: {SECONDS:g} s of hover, {LAPS} laps of the figure 8",
         ],
     )
-    for name, cameras in CAMERAS.items():
-        for estimator in ("error_state",) if quick else ("error_state", "complementary"):
-            for seed in range(1, 2 if quick else 4):
-                told = _flown(seed, estimator, cameras)
+    for name, cameras in size.some(CAMERAS.items(), 2):
+        for estimator in size.of(
+            ("error_state", "complementary"), ("error_state",), ("error_state",)
+        ):
+            for seed in range(1, size.of(3, 1, 1) + 1):
+                told = _flown(seed, estimator, cameras, size)
                 report.rows.append(Row(f"{name}, {estimator}, seed {seed}", told))
                 print(report.rows[-1], file=sys.stderr, flush=True)
     flown = [row.figures for row in report.rows if ", error_state" in row.method]

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from control.margins import margins
 from control.presets import PRESETS, preset
 from quadrotor.errors import RefusedError
@@ -95,9 +95,10 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
 """Disturbances: the limit (mm rms) with the observer, and further settings of the flight."""
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Measure the position error on steady laps of the 8, with the observer off and on."""
-    seeds = range(1, 3 if quick else SEEDS + 1)
+    laps = size.of(LAPS, LAPS, 1)
+    seeds = range(1, size.of(SEEDS, 2, 1) + 1)
     report = Report(
         "disturbances",
         "What the model does not know",
@@ -108,11 +109,11 @@ def run(quick: bool = False) -> Report:
         ],
     )
     medians: dict[str, float] = {}
-    for name, (disturbance, limit, further) in CASES.items():
+    for name, (disturbance, limit, further) in size.some(CASES.items(), 2):
         figures: dict[str, float | str] = {}
         ways: dict[str, Settings] = {"off": {}, "on": OBSERVER, **further}
         for way, settings in ways.items():
-            errors = np.array([_fly(seed, {**disturbance, **settings}) for seed in seeds])
+            errors = np.array([_fly(seed, {**disturbance, **settings}, laps) for seed in seeds])
             figures[f"{way}, mm"] = float(np.median(errors))
             figures[f"{way}, worst"] = float(errors.max())
         report.rows.append(Row(name, figures))
@@ -135,15 +136,15 @@ def smallest_delay(name: str, lag: float) -> float:
     return min(one.delay for one in margins(preset(name), lag))
 
 
-def _fly(seed: int, settings: Settings) -> float:
+def _fly(seed: int, settings: Settings, laps: int) -> float:
     """Return the position error, mm rms, of the steady laps; inf when they were not flown."""
     flight = WatchedFlight(seed, dict(settings))
     try:
         flight.hover()
         began = flight.view().time
-        flight.start("follow_trajectory", trajectory="figure_eight", laps=LAPS, period=PERIOD)
+        flight.start("follow_trajectory", trajectory="figure_eight", laps=laps, period=PERIOD)
         flight.wait_until(
-            lambda v: v.behavior == "hover", what="the end of the 8", timeout=(LAPS + 4) * PERIOD
+            lambda v: v.behavior == "hover", what="the end of the 8", timeout=(laps + 4) * PERIOD
         )
     except RefusedError:
         return math.inf

@@ -11,10 +11,10 @@ from __future__ import annotations
 import random
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from console.evaluation.explanation.explain import explain_log
 from console.evaluation.explanation.finding import Finding
 from quadlab.simulated.flight import SimulatedFlight
@@ -62,12 +62,12 @@ class FaultyFlight(SimulatedFlight):
             self._log.truth(now_ns, self._simulated.truth)
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Return the confusion matrix of faults and the kinds named first."""
-    return confusion(list(SEEDS)[: 2 if quick else None])
+    return confusion(SEEDS[: size.of(len(SEEDS), 2, 1)], size.some(NAMES, 2))
 
 
-def confusion(seeds: list[int]) -> Report:
+def confusion(seeds: Sequence[int], faults: Sequence[str]) -> Report:
     report = Report(
         "explanations",
         "What the explanation names first",
@@ -82,8 +82,8 @@ def confusion(seeds: list[int]) -> Report:
         ],
     )
     right = total = 0
-    for fault, kinds in NAMES.items():
-        first: Counter[str] = Counter()
+    for fault in faults:
+        kinds, first = NAMES[fault], Counter[str]()
         for seed in seeds:
             found = fly(fault, seed, *condition(seed))
             first[found[0].kind if found else NONE] += 1

@@ -29,7 +29,7 @@ from pathlib import Path
 from benchmarks.flights import failing_flights
 from benchmarks.flights.rough_world import CLEAN, WORLDS
 from benchmarks.flights.touch_down import IMPACT_MAX, UPRIGHT, Outcome
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
 
 SEEDS, REAL_SEEDS = 20, 2
@@ -50,11 +50,11 @@ TRACKER = "tracker"
 """The failure that is flown in simulated time alone."""
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Run the benchmark for `python -m benchmarks`."""
-    seeds, real_seeds = (2, 0) if quick else (SEEDS, REAL_SEEDS)
+    seeds, real_seeds = size.of((SEEDS, REAL_SEEDS), (2, 0), (1, 0))
     names = simulated(REAL_FAILURES)
-    outcomes = failing_flights.fly_all(seeds, names, failing_flights.STARTS, {})
+    outcomes = failing_flights.fly_all(seeds, names, size.some(failing_flights.STARTS), {})
     return report([*outcomes, *fly_really(real_seeds, REAL_FAILURES)])
 
 

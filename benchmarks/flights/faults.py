@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.parameters import ParameterValue
+from vehicle.simulator.parameters import SimulatorParameters
 from vehicle_link.serial.ids import Id
 
 SEEDS = 3
@@ -47,8 +48,8 @@ GOOD_LANDING = 0.8
 """Largest touch-down speed, in m/s, of a good landing."""
 
 
-def run(quick: bool = False) -> Report:
-    seeds = range(1, 2 if quick else SEEDS + 1)
+def run(size: Size = Size.FULL) -> Report:
+    seeds = range(1, size.of(SEEDS, 1, 1) + 1)
     report = Report(
         "faults",
         "Gusts, payload, empty battery, lost link",
@@ -65,10 +66,10 @@ def run(quick: bool = False) -> Report:
     panels = [
         _gusts(report, seeds),
         _payload(report, seeds),
-        _battery(report, quick),
-        _timeouts(report, 0.6 if quick else 0.2),
+        _battery(report, size),
+        _timeouts(report, size.of(0.2, 0.6, 5.0)),
     ]
-    _descents(report, seeds)
+    _descents(report, seeds, size.some(HEIGHTS))
     report.plot = {"kind": "lines", "panels": panels}
     report.notes += [
         "the law flies on `model.mass` unless `mass.used_by` is `estimate`",
@@ -128,16 +129,17 @@ def _payload(report: Report, seeds: range) -> dict[str, Any]:
 
 
 # ---------------------------------------------------------------- the battery
-def _battery(report: Report, quick: bool) -> dict[str, Any]:
+def _battery(report: Report, size: Size) -> dict[str, Any]:
     """Fly a whole discharge in hover: thrust falls with the square of the voltage."""
-    lines = []
+    lines, capacity = [], SimulatorParameters().battery_capacity
     for known in (0.0, 1.0):
         flight = WatchedFlight(
             1,
             {
                 "simulator.battery_exponent": 1.0,
                 "model.battery_exponent": known,
-                "simulator.battery_charge": 0.15 if quick else 1.0,
+                "simulator.battery_charge": size.of(1.0, 0.15, 0.15),
+                "simulator.battery_capacity": size.of(capacity, capacity, 1.0),
                 "safety.battery_land": 12.0,
                 "safety.battery_warning": 12.1,
             },
@@ -174,9 +176,9 @@ def _battery(report: Report, quick: bool) -> dict[str, Any]:
 
 
 # ---------------------------------------------------------------- silenced
-def _descents(report: Report, seeds: range) -> None:
+def _descents(report: Report, seeds: range, heights: Sequence[float]) -> None:
     """Measure touch-down speeds from several heights."""
-    for height in HEIGHTS:
+    for height in heights:
         hardest, upright = [], []
         for seed in seeds:
             flight = WatchedFlight(seed).hover(height)
@@ -195,7 +197,7 @@ def _descents(report: Report, seeds: range) -> None:
             Target("the same, landed upright, share", sum(upright) / len(upright), 1.0, False)
         )
     settings: dict[str, ParameterValue] = {"near_hovering.flare_height": 0.0}
-    for height in HEIGHTS:
+    for height in heights:
         hardest = []
         for seed in seeds:
             flight = WatchedFlight(seed, settings).hover(height)

@@ -18,19 +18,19 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.page.laboratory import TICK, processes, started
 from quadlab.station_client import REACH, StationClient
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.transport.session import loopback_session
 
 PORT, LINK_PORT = 28082, 28450
-COUNT, QUICK_COUNT = 8, 3
-HOVER, QUICK_HOVER = 60.0, 10.0  # s
+COUNT = 8, 3, 2  # of each size
+HOVER = 60.0, 10.0, 1.0  # s
 PATIENCE = 120.0  # s
 HEIGHT, NEAR = 1.0, 0.1  # m
 TOPICS = ("status", "truth", "station_status", "link_status")
-SETTLED = 5.0  # s after the last one has reached its height
+SETTLED = 5.0, 5.0, 0.5  # s of each size, after the last one has reached its height
 LOOK = 0.25  # s
 
 
@@ -93,9 +93,9 @@ class Pilot:
         self.wrong["link not good"] += self.newest("link_status").state != "good"
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Fly a fleet. Raises QuadlabError when the vehicles do not start."""
-    count, hover = (QUICK_COUNT, QUICK_HOVER) if quick else (COUNT, HOVER)
+    count, hover = size.of(*COUNT), size.of(*HOVER)
     report = Report(
         "fleet",
         "Several vehicles on one computer",
@@ -112,7 +112,7 @@ def run(quick: bool = False) -> Report:
         for pilot in pilots:
             pilot.rise()
         until(lambda: all(pilot.is_up for pilot in pilots), "all at their height")
-        time.sleep(SETTLED)
+        time.sleep(size.of(*SETTLED))
         costs, stolen = hovering(up, pilots, hover)
         report.rows = [
             Row(

@@ -23,7 +23,7 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target, free_port
+from benchmarks.harness import Report, Row, Size, Target, free_port
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterValue
 from vehicle.laws.contract import LAW
@@ -118,9 +118,9 @@ DOORS: dict[str, tuple[Callable[..., object], float]] = {
 """Each law, and its largest rms distance from the reference as a multiple of the built-in law's."""
 
 
-def fly(settings: Settings, folder: Path, seed: int) -> tuple[float, list[float], int]:
+def fly(settings: Settings, folder: Path, seed: int, size: Size) -> tuple[float, list[float], int]:
     """Return the rms distance (m) from the reference on the 8, times of answers, missed answers."""
-    flight = WatchedFlight(seed, settings, plugins=folder)
+    flight, seconds = WatchedFlight(seed, settings, plugins=folder), size.of(60.0, 60.0, 1.0)
     external, trips = flight.stack.law.external, list[float]()
     if external is not None:
         timed = external._link = Timed(external._link)
@@ -129,7 +129,10 @@ def fly(settings: Settings, folder: Path, seed: int) -> tuple[float, list[float]
         flight.hover(1.0, 3.0)
         flight.forget()
         flight.start("follow_trajectory", trajectory="figure_eight", laps=LAPS)
-        flight.wait_until(lambda v: v.behavior == "hover", what="the end of the 8", timeout=60)
+        end = flight.view().time + seconds
+        flight.wait_until(
+            lambda v: v.behavior == "hover" or v.time > end, what="the end of the 8", timeout=60
+        )
         _, places, wanted = flight.trace()
         if external is not None and flight.stack.law.external is not external:
             raise RuntimeError(f"the law is out: {flight.events.texts[-3:]}")
@@ -139,7 +142,7 @@ def fly(settings: Settings, folder: Path, seed: int) -> tuple[float, list[float]
     return float(np.sqrt(np.mean(np.sum((places - wanted) ** 2, axis=1)))), trips, missed
 
 
-def run(quick: bool = False, seed: int = 1) -> Report:
+def run(size: Size = Size.FULL, seed: int = 1) -> Report:
     """Run the benchmark for `python -m benchmarks`."""
     found = Report(
         "foreign_laws",
@@ -155,7 +158,7 @@ def run(quick: bool = False, seed: int = 1) -> Report:
             found.notes.append(f"{name}: not flown, octave-cli is not installed")
             continue
         with tempfile.TemporaryDirectory() as folder, door(Path(folder)) as settings:  # type: ignore[attr-defined]
-            error, trips, missed = fly(settings, Path(folder), seed)
+            error, trips, missed = fly(settings, Path(folder), seed, size)
         reference = error if door is built_in else reference
         figures: dict[str, float | str] = {"rms, mm": 1e3 * error, "ratio": error / reference}
         if trips:

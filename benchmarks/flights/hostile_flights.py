@@ -25,7 +25,7 @@ import numpy as np
 
 from bearing_sim.beacons import Beacons, format_layout, parse_layout
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from estimation.estimator import Estimator
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
@@ -290,9 +290,9 @@ def fly(seed: int) -> Outcome:
     )
 
 
-def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1) -> Report:
+def run(size: Size = Size.FULL, flights: int = FLIGHTS, seed: int = 1) -> Report:
     """Run the benchmark for `python -m benchmarks`, from the first seed on."""
-    return report([fly(seed + k) for k in range(12 if quick else flights)])
+    return report([fly(seed + k) for k in range(size.of(flights, 12, 2))])
 
 
 def report(outcomes: Sequence[Outcome]) -> Report:

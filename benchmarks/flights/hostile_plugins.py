@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.checkout import ROOT
 from quadrotor.records import Record
 from vehicle.estimators.estimators import Estimators
@@ -38,7 +38,7 @@ from vehicle.plugins.external import External
 PERIOD = 0.002
 FLIGHTS = 20
 """Flights of each kind."""
-WATCHED = 3.0
+WATCHED = 3.0, 3.0, 0.2
 """s from the beginning of the harm."""
 HEIGHT, TILT = 1.0, math.radians(60.0)
 LOWEST = {"law": 0.5, "estimator": 0.5, "behavior": 0.05, "sensor": 0.5}
@@ -187,7 +187,7 @@ class Late:
         self._link.close()
 
 
-def fly(kind: str, harm: str, seed: int) -> Outcome:
+def fly(kind: str, harm: str, seed: int, watched: float) -> Outcome:
     """Fly one flight; it flies the figure 8 when the seed is odd."""
     file, name, parameter, earliest = EXAMPLES[kind]
     begin = earliest + float(np.random.default_rng((seed, 22)).uniform(0.0, 2.0))
@@ -208,7 +208,7 @@ def fly(kind: str, harm: str, seed: int) -> Outcome:
             if begun is not None and seen is not None and external is not None:
                 external._link = seen
             flight.forget()
-            lowest, end_ns, count = math.inf, flight.robot.stamp_ns + round(WATCHED * 1e9), 0
+            lowest, end_ns, count = math.inf, flight.robot.stamp_ns + round(watched * 1e9), 0
             while flight.robot.stamp_ns < end_ns:
                 flight.advance()
                 count += 1
@@ -267,10 +267,10 @@ def _external(flight: WatchedFlight, kind: str) -> External | None:
     return next(iter(several), None)
 
 
-def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1, only: str = "") -> Report:
+def run(size: Size = Size.FULL, flights: int = FLIGHTS, seed: int = 1, only: str = "") -> Report:
     """Run the benchmark for `python -m benchmarks`, from the first seed on; of one kind of plugin,
     or one harm ("law raises"), if it is named."""
-    count = 2 if quick else flights
+    count = size.of(flights, 2, 1)
     found = Report(
         "hostile_plugins",
         "Plugins that do harm",
@@ -282,9 +282,9 @@ def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1, only: str = 
     )
     fallen = late = 0
     chosen, _, one = only.partition(" ")
-    for kind, harms in HARM.items() if not only else ((chosen, HARM[chosen]),):
-        for harm in [one] if one else harms:
-            outcomes = [fly(kind, harm, seed + k) for k in range(count)]
+    for kind, harms in size.some(HARM.items(), 2) if not only else ((chosen, HARM[chosen]),):
+        for harm in [one] if one else size.some(harms):
+            outcomes = [fly(kind, harm, seed + k, size.of(*WATCHED)) for k in range(count)]
             ticks = [o.ticks for o in outcomes]
             fell, kept = sum(o.fell for o in outcomes), sum(map(math.isnan, ticks))
             fallen, late = fallen + fell, late + (count - kept if harm in HARMLESS else kept)

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.flights.experiment_flight import Flown, fly
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from console.experiments.inertia import SHAPES
 from console.experiments.pose_guide import spread_poses
 from estimation.calibration.accelerometer import identify_accelerometer
@@ -54,8 +54,8 @@ SENSOR: dict[str, ParameterValue] = {
 """Errors of an uncalibrated accelerometer."""
 
 
-def run(quick: bool = False) -> Report:
-    seeds = range(1, 2 if quick else SEEDS + 1)
+def run(size: Size = Size.FULL) -> Report:
+    seeds = range(1, size.of(SEEDS, 1, 1) + 1)
     report = Report(
         "identification",
         "Calibration and identification",
@@ -68,14 +68,14 @@ def run(quick: bool = False) -> Report:
             "0.4 m/s²",
         ],
     )
-    _mass(report, seeds)
-    _inertia(report, seeds)
-    _accelerometer(report, seeds, quick)
+    _mass(report, seeds, size)
+    _inertia(report, seeds, size)
+    _accelerometer(report, seeds, size)
     _gyroscope(report, seeds)
-    _motor(report, quick)
+    _motor(report, size)
     _payload(report, seeds)
-    _figure_eight(report, seeds)
-    _tracker(report, 1 if quick else TRACKER_SEEDS)
+    _figure_eight(report, seeds, size)
+    _tracker(report, size)
     report.notes += [
         "mass and inertia come out divided by the thrust efficiency, as the paper's 1.394 kg did; "
         "the truth is taken so",
@@ -87,7 +87,7 @@ def run(quick: bool = False) -> Report:
 
 
 # ---------------------------------------------------------------- in flight
-def _mass(report: Report, seeds: range) -> None:
+def _mass(report: Report, seeds: range, size: Size) -> None:
     cases: dict[str, tuple[bool, dict[str, ParameterValue], float]] = {
         "true state": (True, {}, 0.003),
         "full sensors": (False, {}, 0.010),
@@ -97,8 +97,9 @@ def _mass(report: Report, seeds: range) -> None:
             0.007,
         ),
     }
-    for case, (true_state, settings, limit) in cases.items():
-        flown = [fly("mass", settings, seed=k, true_state=true_state) for k in seeds]
+    erratic: dict[str, ParameterValue] = {"experiment.duration": size.of(30.0, 30.0, 10.0)}
+    for case, (true_state, settings, limit) in size.some(cases.items()):
+        flown = [fly("mass", settings | erratic, seed=k, true_state=true_state) for k in seeds]
         worst = _worst(flown, "error_share", "erratic_std_kg", "within_1_percent_s")
         error, spread, settled = worst.values()
         report.rows.append(
@@ -120,9 +121,9 @@ def _mass(report: Report, seeds: range) -> None:
         ]
 
 
-def _inertia(report: Report, seeds: range) -> None:
-    for state, true_state in STATES.items():
-        for excitation in EXCITATIONS:
+def _inertia(report: Report, seeds: range, size: Size) -> None:
+    for state, true_state in size.some(STATES.items()):
+        for excitation in size.some(EXCITATIONS):
             flown = [
                 fly(
                     "inertia",
@@ -181,12 +182,12 @@ def _payload(report: Report, seeds: range) -> None:
     ]
 
 
-def _figure_eight(report: Report, seeds: range) -> None:
+def _figure_eight(report: Report, seeds: range, size: Size) -> None:
     lap: dict[str, ParameterValue] = {
         "experiment.laps": "rest_to_rest",
         "experiment.yaw_amplitude": 0.2,
     }
-    for state, true_state in STATES.items():
+    for state, true_state in size.some(STATES.items()):
         flown = [fly("figure_eight", lap, seed=k, true_state=true_state) for k in seeds]
         worst = 1e3 * _worst(flown, "position_rms_m")["position_rms_m"]
         report.rows.append(
@@ -198,12 +199,14 @@ def _figure_eight(report: Report, seeds: range) -> None:
 
 
 # ---------------------------------------------------------------- on the ground
-def _tracker(report: Report, count: int) -> None:
+def _tracker(report: Report, size: Size) -> None:
     """Turn a vehicle by hand, in the rough world, to calibrate its tracked body.
 
     The body is anywhere and late by 5 to 60 ms. Then fly the 8 with 40 ms and the values found for
     them.
     """
+    count, turned = size.of((TRACKER_SEEDS, 60.0), (1, 60.0), (1, 15.0))
+    by_hand: dict[str, ParameterValue] = {"experiment.duration": turned}
     errors = []
     for seed in range(1, count + 1):
         random = np.random.default_rng(seed)
@@ -216,8 +219,8 @@ def _tracker(report: Report, count: int) -> None:
             "tracker.delay": delay,
             "tracker.stamp_error": delay,
         }
-        late = fly("tracker_delay", settings, seed=seed).value("estimation.tracker.delay")
-        flown = fly("tracker_body", settings, seed=seed)
+        late = fly("tracker_delay", settings | by_hand, seed=seed).value("estimation.tracker.delay")
+        flown = fly("tracker_body", settings | by_hand, seed=seed)
         found = {name: flown.value(f"estimation.tracker.{name}") for name in body}
         turn, true = (
             matrix_of(TrackedBody(**one).tracked(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))[1])
@@ -234,7 +237,7 @@ def _tracker(report: Report, count: int) -> None:
         report.rows.append(Row(what, {"found": f"off by {value:.2g}", "unit": unit}))
         report.targets.append(Target(f"{what}, {count} seeds, rough: error, {unit}", value, limit))
     late40: dict[str, ParameterValue] = {"tracker.delay": 0.04, "tracker.stamp_error": 0.04}
-    told = fly("tracker_delay", late40).value("estimation.tracker.delay")
+    told = fly("tracker_delay", late40 | by_hand).value("estimation.tracker.delay")
     rms = [
         1e3 * fly("figure_eight", case).result.metrics["position_rms_m"]
         for case in ({}, late40, {**late40, "estimation.tracker.delay": told})
@@ -248,7 +251,7 @@ def _tracker(report: Report, count: int) -> None:
     report.targets.append(Target("8, 40 ms identified, of that without", rms[2] / rms[0], 1.2))
 
 
-def _accelerometer(report: Report, seeds: range, quick: bool) -> None:
+def _accelerometer(report: Report, seeds: range, size: Size) -> None:
     truth = SimulatorParameters().model_copy(
         update={name.removeprefix("simulator."): value for name, value in SENSOR.items()}
     )
@@ -269,7 +272,7 @@ def _accelerometer(report: Report, seeds: range, quick: bool) -> None:
         _judge_accelerometer(report, f"accelerometer, {what}", np.array(errors), bias_max)
     random = np.random.default_rng(1)
     poses = spread_poses(12, math.radians(70.0))
-    draws = [_computed(poses, matrix, bias, random) for _ in range(20 if quick else DRAWS)]
+    draws = [_computed(poses, matrix, bias, random) for _ in range(size.of(DRAWS, 20, 2))]
     worst = np.percentile(draws, WORST, axis=0)[None]
     _judge_accelerometer(
         report, "accelerometer, 12 poses within 70°, each attitude wrong by 0.2°", worst, 0.06
@@ -321,9 +324,11 @@ def _gyroscope(report: Report, seeds: range) -> None:
     report.targets.append(Target("gyroscope, 500 samples: drift, deg/s", max(errors), 0.03))
 
 
-def _motor(report: Report, quick: bool) -> None:
-    settings: dict[str, ParameterValue] = (
-        {"experiment.hold": 3.0, "experiment.rest": 2.0} if quick else {}
+def _motor(report: Report, size: Size) -> None:
+    settings: dict[str, ParameterValue] = size.of(
+        {},
+        {"experiment.hold": 3.0, "experiment.rest": 2.0},
+        {"experiment.hold": 1.5, "experiment.rest": 0.5},
     )
     flown, truth = fly("motor_bench", settings), SimulatorParameters()
     worst = flown.result.metrics["root_law_worst_count"]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from estimation import registry
 from flight_log.imports.importing import NewRun, read_flight
 from quadlab.replay.errors import Truth
@@ -31,7 +31,7 @@ from quadrotor.errors import QuadlabError
 
 BY_ENDING = {".hdf5": "blackbird", ".h5": "blackbird", ".ulg": "ulog"}
 """Mapping, by the ending, of files without their own."""
-SEEDS, SEEDS_QUICK = 8, 2
+SEEDS = 8, 2, 1  # of each size
 """Number of noise draws for generated data: one draw of bearings is 10 to 20 % off in 30 s."""
 POSES = ("tracker.rate=100", "tracker.position_noise=0.0015", "tracker.attitude_noise=0.3")
 SWEEPS = (
@@ -55,8 +55,8 @@ LIMITS = {
 """Limits of the error-state filter, by vehicle and measurement."""
 
 
-def run(*, quick: bool = False, data: Path | None = None) -> Report:
-    """Import and evaluate all flights of a folder; with `quick`, one of each kind."""
+def run(size: Size = Size.FULL, *, data: Path | None = None) -> Report:
+    """Import and evaluate all flights of a folder; one of each kind unless the size is full."""
     report = Report(
         "real_flights",
         "Estimators on recorded flights of real vehicles",
@@ -66,7 +66,7 @@ def run(*, quick: bool = False, data: Path | None = None) -> Report:
             f"bearings: {', '.join(BEARINGS)}, of 4 beacons around the area flown, of the truth",
             f"sweeps of Lighthouse base stations as recorded: {', '.join(SWEEPS)}",
             "base stations surveyed: where `quadlab replay --survey` finds them without the truth",
-            f"noise of poses and bearings: seeds 1 to {SEEDS_QUICK if quick else SEEDS} together",
+            f"noise of poses and bearings: seeds 1 to {size.of(*SEEDS)} together",
             "other settings are this version's defaults; errors are rms",
         ],
     )
@@ -79,14 +79,14 @@ def run(*, quick: bool = False, data: Path | None = None) -> Report:
     seen: set[str] = set()
     with tempfile.TemporaryDirectory() as folder:
         for number, (path, mapping, truth) in enumerate(flights(data)):
-            if quick and f"{mapping}" in seen:
+            if size is not Size.FULL and f"{mapping}" in seen:
                 continue
             seen.add(f"{mapping}")
             name = str(path.relative_to(data))
             try:
                 imported = read_flight(path, mapping, truth=truth)
                 log = NewRun(imported, path).write(Path(folder), f"flight{number}")
-                seeds = range(1, (SEEDS_QUICK if quick else SEEDS) + 1)
+                seeds = range(1, size.of(*SEEDS) + 1)
                 _judge(report, name, imported.vehicle, read_recording(log), seeds)
             except QuadlabError as error:
                 report.notes.append(f"{name}: not judged: {error}")

@@ -10,7 +10,7 @@ experiments `drag` and `vibration` and the gain set `stiff_observer`.
 from __future__ import annotations
 
 from benchmarks.flights.experiment_flight import fly
-from benchmarks.harness import Report, Row
+from benchmarks.harness import Report, Row, Size
 from control.presets import preset_values
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
@@ -47,15 +47,15 @@ FLIGHTS: dict[str, tuple[str, Settings]] = {
 }
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Return the worst of each evaluated figure over the seeds, by world."""
-    seeds = range(1, 2 if quick else SEEDS + 1)
+    seeds = range(1, size.of(SEEDS, 1, 1) + 1)
     report = Report(
         "rough_world",
         "Limits in the clean and in the rough world",
         [f"simulated time, {len(seeds)} seeds, the worst of them; limits are the experiments' own"],
     )
-    for name, (experiment, options) in FLIGHTS.items():
+    for name, (experiment, options) in size.some(FLIGHTS.items()):
         judged: dict[str, dict[str, float | str]] = {}
         for world, settings in WORLDS.items():
             for seed in seeds:

@@ -30,7 +30,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from flight_log import is_closed, read_log
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
@@ -38,9 +38,10 @@ from vehicle_link.messages import decode
 from vehicle_link.topics import decode_external_reference, decode_odometry
 
 PORT, LINK_PORT = 28083, 28452
-FLIGHTS, QUICK_FLIGHTS, UNLOADED = 20, 3, 4
+FLIGHTS, UNLOADED = 20, 4
 LAPS = 1
-BUSY_A_CORE = 2
+BUSY = 2 * (os.cpu_count() or 1)
+"""Number of busy loops."""
 CHARGE = 20
 """Capacity, in A h, of a battery that outlasts all flights."""
 PATIENCE = 300.0  # s
@@ -239,9 +240,8 @@ def _ordinary() -> list[str]:
 
 
 @contextmanager
-def busy() -> Iterator[None]:
-    """Run two busy loops per core."""
-    count = BUSY_A_CORE * (os.cpu_count() or 1)
+def busy(count: int) -> Iterator[None]:
+    """Run this many busy loops."""
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield
@@ -266,15 +266,18 @@ def page(address: str) -> Iterator[None]:
         browser.close()
 
 
-def flights(count: int, words: tuple[str, ...], *, starved: bool) -> list[Flight]:
-    """Fly and evaluate the flights. Raises QuadlabError."""
+def flights(count: int, words: tuple[str, ...], loops: int = 0) -> list[Flight]:
+    """Fly and evaluate the flights, starved by busy loops and a page if there are loops.
+
+    Raises QuadlabError.
+    """
     found = []
     with tempfile.TemporaryDirectory(prefix="quadlab-starved-") as data:
         laboratory = Laboratory(Path(data), *words)
         try:
-            if not starved:
+            if not loops:
                 return [_shown(laboratory.fly()) for _ in range(count)]
-            with page(laboratory.new_link()), busy():
+            with page(laboratory.new_link()), busy(loops):
                 for _ in range(count):
                     found.append(_shown(laboratory.fly()))
             return found
@@ -287,11 +290,11 @@ def _shown(flight: Flight) -> Flight:
     return flight
 
 
-def run(quick: bool = False) -> Report:
-    return measure(QUICK_FLIGHTS if quick else FLIGHTS, ())
+def run(size: Size = Size.FULL) -> Report:
+    return measure(size.of(FLIGHTS, 3, 1), (), size.of(BUSY, BUSY, 1))
 
 
-def measure(count: int, words: tuple[str, ...]) -> Report:
+def measure(count: int, words: tuple[str, ...], loops: int = BUSY) -> Report:
     """Measure flights of laboratories.
 
     Raises QuadlabError when a laboratory or the page does not start.
@@ -302,11 +305,11 @@ def measure(count: int, words: tuple[str, ...]) -> Report:
         [
             f"`quadlab up {' '.join(words)}`, figure_eight, {LAPS} lap, each from the ground to "
             "the ground; rights of an ordinary user",
-            f"starved: {BUSY_A_CORE} busy loops a core and the page drawn in software next to it",
+            f"starved: {loops} busy loops and the page drawn in software next to it",
         ],
     )
-    alone = flights(min(UNLOADED, count), words, starved=False)
-    starved = flights(count, words, starved=True)
+    alone = flights(min(UNLOADED, count), words)
+    starved = flights(count, words, loops)
     for name, group in (("alone", alone), ("starved", starved)):
         errors = [one.error for one in group if one.is_whole]
         report.rows.append(

@@ -18,7 +18,7 @@ import numpy as np
 
 from bearing_sim import PoseMeasurement, SimulatedTracker
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from console.trackers import process, tracked_vehicle
 from console.trackers.source import Body, Frame
 from quadrotor.errors import RefusedError
@@ -167,7 +167,7 @@ class System:
         return self._under_way[0][0] if self._under_way else None
 
 
-def fly(seed: int, name: str) -> dict[str, float]:
+def fly(seed: int, name: str, size: Size) -> dict[str, float]:
     """Fly once and return the outcome."""
     fault, seconds, goes_on = FAULTS[name]
     flight = WatchedFlight(seed)
@@ -178,13 +178,13 @@ def fly(seed: int, name: str) -> dict[str, float]:
         flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
     else:  # away from the planes and the axis of symmetry, where mirroring changes nothing
         flight.start("fly_to", x=0.6, y=-0.4, z=1.0)
-    flight.wait(5.0)
+    flight.wait(size.of(5.0, 5.0, 1.0))
     flight.wait(float(system.chance.uniform(0.0, 1.0)))
     while fault is _mirrored and abs(flight.robot.truth["position_w"][0, 0]) < PLANE:
         flight.advance()
     flight.forget()
     system.fail(fault, seconds, flight.stack.stamp_ns)
-    flight.wait(SECONDS)
+    flight.wait(size.of(SECONDS, SECONDS, 1.0))
     view = flight.view()
     _, places, wanted = flight.trace()
     flies = view.airborne and flight.airborne
@@ -198,8 +198,8 @@ def fly(seed: int, name: str) -> dict[str, float]:
     }
 
 
-def run(quick: bool = False, flights: int | None = None) -> Report:
-    count = flights or (2 if quick else FLIGHTS)
+def run(size: Size = Size.FULL, flights: int | None = None) -> Report:
+    count = flights or size.of(FLIGHTS, 2, 1)
     report = Report(
         "tracking_faults",
         "A tracking system that fails",
@@ -216,7 +216,7 @@ def run(quick: bool = False, flights: int | None = None) -> Report:
         found = []
         for seed in range(1, count + 1):
             try:
-                found.append(fly(seed, name))
+                found.append(fly(seed, name, size))
             except RefusedError as error:
                 report.notes.append(f"seed {seed}, {name}: {error}")
         figures: dict[str, float | str] = {

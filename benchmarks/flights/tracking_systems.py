@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.flights.experiment_flight import fly
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.page.laboratory import started
 from quadrotor.errors import LinkError
 from quadrotor.records import Array
@@ -26,12 +26,13 @@ from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 
 PORT, LINK_PORT, SERVER_PORT = 18300, 18310, 18320
-POSES, PATIENCE = 1000, 120.0
+POSES = 1000, 1000, 50  # of each size
+PATIENCE = 120.0
 ERROR = "position_rms_m"
 
 
-def _offsets(system: str) -> Array:
-    """Return by how much the stamps of POSES poses are too late, s."""
+def _offsets(system: str, count: int) -> Array:
+    """Return by how much the stamps of `count` poses are too late, s."""
     words = ("--tracker", f"{system} --port {SERVER_PORT}")
     with started(PORT, LINK_PORT, *words):
         end = time.monotonic() + PATIENCE
@@ -47,11 +48,11 @@ def _offsets(system: str) -> Array:
         for topic in ("truth", "tracker_pose"):
             stamps[topic] = list[int]()
             _follow(node, topic, stamps[topic])
-        while len(stamps["tracker_pose"]) < 2 * POSES and time.monotonic() < end:
+        while len(stamps["tracker_pose"]) < 2 * count and time.monotonic() < end:
             time.sleep(0.5)
         node.close()
         session.close()
-    poses, truth = np.array(stamps["tracker_pose"][-POSES:]), np.sort(stamps["truth"])
+    poses, truth = np.array(stamps["tracker_pose"][-count:]), np.sort(stamps["truth"])
     after = np.clip(np.searchsorted(truth, poses), 1, len(truth) - 1)
     late = np.stack([poses - truth[after - 1], poses - truth[after]])
     nearest = np.abs(late).argmin(axis=0)
@@ -74,20 +75,21 @@ def _error(late: float, delay: float) -> float:
     return 1e3 * fly("figure_eight", dict(settings)).result.metrics[ERROR]
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Measure each system, and fly its offset."""
+    poses = size.of(*POSES)
     report = Report(
         "tracking_systems",
         "Through the clients of tracking systems",
         [
-            f"stamps of {POSES} poses on the ground, in real time, all processes of quadlab up",
+            f"stamps of {poses} poses on the ground, in real time, all processes of quadlab up",
             "figure 8 in simulated time with the median offset",
         ],
     )
     built_in = _error(0.0, 0.0)
     report.rows.append(Row("built-in tracker", {"figure 8, mm rms": built_in}))
-    for system in ("natnet",) if quick else ("vrpn", "natnet", "qtm"):
-        late = _offsets(system)
+    for system in size.of(("vrpn", "natnet", "qtm"), ("natnet",), ("natnet",)):
+        late = _offsets(system, poses)
         middle = float(np.median(late))
         plain = _error(middle, 0.0)
         report.rows.append(

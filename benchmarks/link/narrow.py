@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.impairment.wire import Conditions
 from benchmarks.link.ends import Plan
 from benchmarks.link.notes import Found, ages, answers, delays, lost, p50, p99, unanswered
@@ -17,12 +17,12 @@ from benchmarks.link.run_ends import SETTLED, running
 from console.transfers.vehicle_files import PIECE
 
 RATE = 2e6  # bit/s
-SECONDS, QUICK_SECONDS = 30.0, 6.0
+SECONDS = 30.0, 6.0, 1.0  # of each size
 
 
-def narrow(quick: bool = False) -> Report:
+def narrow(size: Size = Size.FULL) -> Report:
     """Return telemetry's delay, and the share of the remaining rate that the download gets."""
-    seconds = QUICK_SECONDS if quick else SECONDS
+    seconds = size.of(*SECONDS)
     with running(Plan(2 * seconds + 30.0, udp=False)) as ends:
         ends.link.change(Conditions(rate=RATE))
         time.sleep(SETTLED)

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.link.ends import Plan
 from benchmarks.link.notes import MS, Found, p50
 from benchmarks.link.run_ends import Running, running
 
-COUNT, QUICK_COUNT = 100, 5
-SHORTEST, LONGEST, BETWEEN = 0.5, 10.0, 2.0  # s
+COUNT = 100, 5, 1  # of each size
+SHORTEST, BETWEEN = 0.5, 2.0  # s
+LONGEST = 10.0, 10.0, 1.0  # s, of each size
 CALL_RATE = 20.0
 """Rate, in Hz, of calls: the first answer after an outage must be seen in time."""
 FRESH = 250.0  # ms
@@ -34,11 +35,11 @@ class Outage:
     end: int
 
 
-def outages(quick: bool = False) -> Report:
+def outages(size: Size = Size.FULL) -> Report:
     """Measure fresh data and answers after each outage, memory, and when each end noticed it."""
-    count = QUICK_COUNT if quick else COUNT
+    count = size.of(*COUNT)
     drawn = random.Random(8)
-    lengths = [drawn.uniform(SHORTEST, LONGEST) for _ in range(count)]
+    lengths = [drawn.uniform(SHORTEST, size.of(*LONGEST)) for _ in range(count)]
     seconds = sum(lengths) + (BETWEEN + 1.0) * count + 60.0
     with running(Plan(seconds, udp=False, call_rate=CALL_RATE)) as ends:
         broken: list[Outage] = []

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.impairment.link import A, B, ImpairedLink
-from benchmarks.link.outages import BETWEEN, COUNT, LONGEST, QUICK_COUNT, SHORTEST, Outage
+from benchmarks.link.outages import BETWEEN, COUNT, LONGEST, SHORTEST, Outage
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, completeness_of
 from flight_log import read_log
@@ -40,12 +40,12 @@ WARM = 3
 MB = 1e6
 
 
-def filled(quick: bool = False) -> Report:
+def filled(size: Size = Size.FULL) -> Report:
     """Measure how many outages left no hole, how long filling took, and the station's memory.
 
     Raises StorageError where namespaces are not allowed, QuadlabError when an end fails.
     """
-    count = QUICK_COUNT if quick else COUNT
+    count = size.of(*COUNT)
     drawn = random.Random(9)
     with tempfile.TemporaryDirectory(prefix="quadlab-filled-") as name, ImpairedLink(9) as link:
         folder = Path(name)
@@ -69,7 +69,7 @@ def filled(quick: bool = False) -> Report:
         _hear(pilot, b"armed\n")
         outages, memory = [], [_memory(base.pid)]
         for _ in range(count):
-            length = drawn.uniform(SHORTEST, LONGEST)
+            length = drawn.uniform(SHORTEST, size.of(*LONGEST))
             begin = time.time_ns()
             link.interrupt(length)
             time.sleep(length + BETWEEN + drawn.uniform(0.0, 0.1))

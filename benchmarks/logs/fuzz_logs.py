@@ -18,10 +18,10 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from tests.crafted_logs import CRAFTED, mutated, sound
 
-COUNT, QUICK_COUNT = 500, 20
+COUNT = 500, 20, 2  # of each size
 MOST_MB = 500.0
 GROWN_MB = 400.0
 """Memory of an idle worker, in MB, above which the next command gets a new worker."""
@@ -71,12 +71,13 @@ class Worker:
             self._process = None
 
 
-def run(quick: bool = False, count: int | None = None, seed: int = 0) -> Report:
+def run(size: Size = Size.FULL, count: int | None = None, seed: int = 0) -> Report:
     """Run the benchmark for `python -m benchmarks`."""
     from benchmarks.logs.fuzz_worker import COMMANDS
 
-    count = count or (QUICK_COUNT if quick else COUNT)
-    crafted = [name for name in CRAFTED if not (quick and name in LARGE)][:count]
+    count = count or size.of(*COUNT)
+    names = [name for name in CRAFTED if size is Size.FULL or name not in LARGE]
+    crafted = size.some(names[:count])
     peaks: dict[str, list[float]] = {name: [] for name in COMMANDS}
     refused = dict.fromkeys(COMMANDS, 0)
     problems: list[str] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 
-from benchmarks.harness import Report
+from benchmarks.harness import Report, Size
 from benchmarks.logs import killed_onboard, killed_recorder
 from benchmarks.logs.killed_file import Kill, summary
 
@@ -16,7 +16,7 @@ WRITERS: dict[str, Callable[[int], Iterator[Kill]]] = {
 }
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Run the benchmark for `python -m benchmarks`."""
     report = Report(
         "killed_logs",
@@ -31,7 +31,7 @@ def run(quick: bool = False) -> Report:
     )
     for what, kills in WRITERS.items():
         found = []
-        for kill in kills(3 if quick else KILLS):
+        for kill in kills(size.of(KILLS, 3, 1)):
             found.append(kill)
             line = "; ".join(kill.problems) or "sound"
             print(f"{what} {len(found)}: {kill.lost_ms:.1f} ms lost, {line}", file=sys.stderr)

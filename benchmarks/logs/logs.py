@@ -17,11 +17,11 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.logs.recorded_run import MadeRun, write_run
 from quadrotor.checkout import ROOT
 
-DURATION_S, QUICK_S = 1200.0, 60.0
+DURATION_S = 1200.0, 60.0, 5.0  # of each size
 MOST_S, MOST_MB = 20.0, 300.0
 PLAIN = "mcap's own reader"
 READ = """
@@ -64,9 +64,9 @@ class Taken(NamedTuple):
     megabytes: float  # peak
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Run the benchmark for `python -m benchmarks`."""
-    duration = QUICK_S if quick else DURATION_S
+    duration = size.of(*DURATION_S)
     with tempfile.TemporaryDirectory(prefix="quadlab-logs-") as name:
         log = write_run(Path(name) / "run.mcap", MadeRun(duration))
         out = Path(name) / "out"

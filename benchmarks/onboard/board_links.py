@@ -12,7 +12,7 @@ from __future__ import annotations
 import statistics
 import time
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.page.laboratory import started
 from benchmarks.page.up_cost import SETTLED, pilot
 from vehicle.boards.betaflight.board import CRSF_BAUD_RATE
@@ -25,7 +25,7 @@ from vehicle_link.serial.commands import encode_command
 from vehicle_link.serial.port import BAUD_RATE
 
 PORT, LINK_PORT = 28100, 28470
-SECONDS, QUICK_SECONDS = 20.0, 6.0
+SECONDS = 20.0, 6.0, 1.0  # of each size
 LOOK = 1.0  # s
 HELD = 0.95
 """Least share of its rate that each board must be commanded at."""
@@ -47,19 +47,19 @@ def limits() -> dict[str, tuple[float, float]]:
     }
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Fly each board that can be simulated on this machine."""
-    seconds = QUICK_SECONDS if quick else SECONDS
+    seconds = size.of(*SECONDS)
     report = Report(
         "board_links",
         "Links to the boards",
         [f"one simulated vehicle hovers in real time; means of {seconds:g} s"],
     )
-    for board, (commands, round_trip) in limits().items():
+    for board, (commands, round_trip) in size.some(limits().items()):
         if board == BETAFLIGHT and not FIRMWARE.exists():
             report.notes.append("no Betaflight: scripts/betaflight builds it")
             continue
-        found = measure(board, seconds)
+        found = measure(board, size)
         report.rows.append(
             Row(
                 board,
@@ -82,7 +82,7 @@ def run(quick: bool = False) -> Report:
     return report
 
 
-def measure(board: str, seconds: float) -> dict[str, float]:
+def measure(board: str, size: Size) -> dict[str, float]:
     """Return the means of the status while a board hovers, and the share of the looks it did."""
     began = time.monotonic()
     found: dict[str, list[float]] = {name: [] for name in NAMES}
@@ -91,8 +91,8 @@ def measure(board: str, seconds: float) -> dict[str, float]:
         pilot(lines, PORT, began) as flown,
     ):
         flown.take_off()
-        time.sleep(SETTLED)
-        looks, end = 0, time.monotonic() + seconds
+        time.sleep(size.of(*SETTLED))
+        looks, end = 0, time.monotonic() + size.of(*SECONDS)
         while time.monotonic() < end:
             time.sleep(LOOK)
             status, looks = flown.summary()["status"], looks + 1

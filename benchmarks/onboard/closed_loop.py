@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.peers.cpp_twin import NATIVE, PORTABLE, CppTwin
 from benchmarks.peers.crazyflow_flight import WORLDS, Crazyflow
 from vehicle.closed_loop.batch import Scenario, fly_batch, prepare
@@ -26,7 +26,7 @@ Method = Callable[[], tuple[float, float | None, float | None]]
 and the seconds of processor time if spent in another process."""
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Return rows of steps per second of wall time and of processor time, all threads together."""
     report = Report(
         "closed_loop",
@@ -42,8 +42,8 @@ def run(quick: bool = False) -> Report:
             "single precision, first principles at 1 kHz, state control at 500 Hz",
         ],
     )
-    vehicles, rounds = (2, 2) if quick else (8, 15)
-    rotorpy = _rotorpy(report, 0.3 if quick else 0.5)
+    vehicles, rounds = size.of((8, 15), (2, 2), (1, 1))
+    rotorpy = _rotorpy(report, size.of(0.5, 0.3, 0.05))
     methods: dict[str, Method] = {
         TRUE: lambda: _batch(vehicles, True, 1),
         FULL: lambda: _batch(vehicles, False, 1),
@@ -58,7 +58,7 @@ def run(quick: bool = False) -> Report:
         except FileNotFoundError as error:
             report.notes.append(str(error))
     crazyflow: list[Crazyflow] = []
-    methods |= rotorpy | _crazyflow(report, crazyflow, 20 if quick else 100)
+    methods |= rotorpy | _crazyflow(report, crazyflow, size.of(100, 20, 2))
 
     wall, cpu, errors = _in_turns(methods, rounds)
     for peer in crazyflow:

@@ -9,12 +9,12 @@ IMU's samples, the ticks and the commands alike, as in the paper's loop.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Array
@@ -26,7 +26,7 @@ FLAT_FROM = 250
 SEEDS = 4
 PERIOD, RAMP = 8.0, 4.0
 """Period and ramp, in s; the ramps in and out are shorter than RAMP, the rest are steady laps."""
-HOVER = 10.0
+HOVER = 10.0, 10.0, 1.0  # s, of each size
 REFERENCE_MM = 3.0
 """Error, in mm rms, on the 8 with full sensors, from an independent simulation."""
 WITHIN = 1.3
@@ -38,8 +38,10 @@ NOMINAL = 500
 """Rate, in Hz, at which the noise per sample is the simulator's own."""
 
 
-def run(quick: bool = False) -> Report:
-    seeds, laps = (1, 2) if quick else (SEEDS, 3)
+def run(size: Size = Size.FULL) -> Report:
+    rates = size.of(RATES, RATES, (120, 500))
+    hovered = size.of(*HOVER)
+    seeds, laps = size.of((SEEDS, 3), (1, 2), (1, 1))
     report = Report(
         "loop_rate",
         "Sensitivity to the loop rate",
@@ -48,7 +50,7 @@ def run(quick: bool = False) -> Report:
             "full sensors: 10-bit noisy biased IMU, tracker 100 Hz (60 Hz at a loop of 60 Hz: the "
             "truth is looked at once a tick), 1 mm, 0.2°, whole motor references",
             f"the 8: 1 m × 1 m in {PERIOD:g} s, z ± 0.2 m, yaw ± 1 rad, steady laps; hover: "
-            f"{HOVER:g} s at 1 m",
+            f"{hovered:g} s at 1 m",
             "noise: the same deviation a sample at every rate, as of a converter that is only read "
             "less often; next to it the same density, deviation times √(rate / 500 Hz)",
         ],
@@ -57,8 +59,8 @@ def run(quick: bool = False) -> Report:
     hover: dict[int, float] = {}
     density: dict[int, float] = {}
     true_state: dict[int, float] = {}
-    for rate in RATES:
-        flown = [_fly(rate, seed, laps) for seed in range(1, seeds + 1)]
+    for rate in rates:
+        flown = [_fly(rate, seed, laps, hovered) for seed in range(1, seeds + 1)]
         failed = [one for one in flown if isinstance(one, str)]
         if failed:
             report.rows.append(Row(f"{rate} Hz", {"flew": f"no: {failed[0]}"}))
@@ -67,8 +69,10 @@ def run(quick: bool = False) -> Report:
         hover[rate], eight[rate] = (float(x) for x in errors[:, :2].mean(axis=0))
         share = math.sqrt(rate / NOMINAL)
         quieter = {name: share * value for name, value in NOISE.items()}
-        density[rate] = _mean(_fly(rate, seed, laps, quieter) for seed in range(1, seeds + 1))
-        true_state[rate] = _mean([_fly(rate, 1, laps, true_state=True)])
+        density[rate] = _mean(
+            _fly(rate, seed, laps, hovered, quieter) for seed in range(1, seeds + 1)
+        )
+        true_state[rate] = _mean([_fly(rate, 1, laps, hovered, true_state=True)])
         report.rows.append(
             Row(
                 f"{rate} Hz",
@@ -84,12 +88,12 @@ def run(quick: bool = False) -> Report:
                 },
             )
         )
-    for row, rate in zip(report.rows, RATES, strict=True):
+    for row, rate in zip(report.rows, rates, strict=True):
         if rate in eight and 500 in eight:
             row.figures["8, over 500 Hz"] = eight[rate] / eight[500]
             row.figures["one density, over 500 Hz"] = density[rate] / density[500]
             row.figures["true state, over 500 Hz"] = true_state[rate] / true_state[500]
-    _judge(report, eight, density, true_state)
+    _judge(report, rates, eight, density, true_state)
     report.notes += [
         "below 250 Hz it is the estimate that gets worse, not the control: on the true state 120 "
         "Hz costs a few per cent, with IMU noise of one density about half of what it costs with "
@@ -101,7 +105,7 @@ def run(quick: bool = False) -> Report:
             {
                 "x_label": "loop rate, Hz",
                 "y_label": "position error, mm rms",
-                "ticks": list(RATES),
+                "ticks": list(rates),
                 "lines": [
                     {"label": "figure 8", "x": list(eight), "y": list(eight.values())},
                     {"label": "hover", "x": list(hover), "y": list(hover.values())},
@@ -126,10 +130,14 @@ def run(quick: bool = False) -> Report:
 
 
 def _judge(
-    report: Report, eight: dict[int, float], density: dict[int, float], true_state: dict[int, float]
+    report: Report,
+    rates: Sequence[int],
+    eight: dict[int, float],
+    density: dict[int, float],
+    true_state: dict[int, float],
 ) -> None:
     """Check the expectation: flat from 250 Hz on, 120 Hz within 30 %, 60 Hz flies."""
-    flat = [eight.get(rate, math.inf) for rate in RATES if rate >= FLAT_FROM]
+    flat = [eight.get(rate, math.inf) for rate in rates if rate >= FLAT_FROM]
     at_500 = eight.get(500, math.inf)
     report.targets += [
         Target(
@@ -158,6 +166,7 @@ def _fly(
     rate: int,
     seed: int,
     laps: int,
+    hover: float,
     settings: Mapping[str, ParameterValue] | None = None,
     *,
     true_state: bool = False,
@@ -169,7 +178,7 @@ def _fly(
     try:
         flight.hover()
         flight.forget()
-        flight.run(HOVER)
+        flight.run(hover)
         hovered = _errors(flight, 0.0, math.inf)
         began = flight.view().time
         flight.start("follow_trajectory", trajectory="figure_eight", laps=laps, period=PERIOD)

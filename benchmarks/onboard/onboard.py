@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Report, Row, Target, time_in_turns
+from benchmarks.harness import Report, Row, Size, Target, time_in_turns
 from benchmarks.onboard.compiled_step import onboard_step, onboard_steps
 from benchmarks.peers.cpp_twin import NATIVE, PORTABLE, TUNED, CppTwin
 from benchmarks.peers.rotorpy_flight import RotorPy
@@ -40,7 +40,7 @@ TWINS = {
 }
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Return rows of one onboard step each; accuracy is the largest difference of any thrust, N."""
     report = Report(
         "onboard",
@@ -55,8 +55,8 @@ def run(quick: bool = False) -> Report:
             "estimate, flying the 8 in `SimulatedFlight`",
         ],
     )
-    imu = recorded(500 if quick else 2000)
-    rounds = 5 if quick else 25
+    imu = recorded(size.of(2000, 500, 100))
+    rounds = size.of(25, 5, 1)
     trajectory, model = FigureEight((0.0, 0.0, 1.0)), VehicleModel()
     settings = new_settings(trajectory, model, ControlParameters(), EstimationParameters())
     flown = started(imu)
@@ -82,7 +82,7 @@ def run(quick: bool = False) -> Report:
     composed.initialize(flown)
     methods["Python composition of compiled parts"] = (lambda: composed.step(single, t), len(imu))
     try:
-        methods["RotorPy SE3Control.update"] = (RotorPy().update, 20 if quick else 200)
+        methods["RotorPy SE3Control.update"] = (RotorPy().update, size.of(200, 20, 2))
     except ImportError as error:
         report.notes.append(f"RotorPy left out: {error}")
 
@@ -109,7 +109,7 @@ def run(quick: bool = False) -> Report:
         report.targets.append(
             Target("times as fast as SE3Control.update alone", ratio, 180.0, at_most=False)
         )
-    _tick(report, 4.0 if quick else 20.0)
+    _tick(report, size.of(20.0, 4.0, 0.5))
     bars = {row.method: row.figures["µs a step"] for row in report.rows}
     report.plot = {
         "kind": "figures",

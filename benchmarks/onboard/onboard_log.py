@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.onboard.flight_under_test import FlightUnderTest
 from flight_log import summarize
 from quadrotor.errors import QuadlabError
@@ -27,8 +27,8 @@ from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle_link.topics import TOPICS
 
 RATE = 500
-SECONDS, QUICK_SECONDS = 60, 6
-TURNS = 3  # with the log, and as many without
+SECONDS = 60.0, 6.0, 1.5  # of each size
+TURNS = 3, 3, 1  # with the log, and as many without, of each size
 PAYLOAD_BYTES = 200
 OTHERS = ("estimator", "battery", "pressure", "bearing_pose", "tracker_pose", "joy")
 PAYLOADS = 500  # different ones of each: more than the compressor's window
@@ -101,15 +101,15 @@ class Logged:
             written.path.unlink()
 
 
-def run(quick: bool = False) -> Report:
-    """Measure turns of `SECONDS` in all with the log, and as long without."""
-    seconds = QUICK_SECONDS if quick else SECONDS
+def run(size: Size = Size.FULL) -> Report:
+    """Measure turns of the size's `SECONDS` in all with the log, and as long without."""
+    seconds, turns = size.of(*SECONDS), size.of(*TURNS)
     report = Report(
         "onboard_log",
         "Onboard log at 5000 messages a second",
         [
-            f"{seconds} s with the log and as long without, in {TURNS} turns each of one flight: "
-            f"figure 8, {RATE} Hz, simulated vehicle inside the flight process",
+            f"{seconds} s with the log and as long without, in {turns} turns each of one "
+            f"flight: figure 8, {RATE} Hz, simulated vehicle inside the flight process",
             f"{TICK_TOPICS} topics of every tick and {len(OTHERS)} of {PAYLOAD_BYTES} B (random: "
             "nothing to compress) at the same rate",
             "% of a core: processor time of the process that reads the ring and logs; without, it "
@@ -119,22 +119,22 @@ def run(quick: bool = False) -> Report:
     )
     random = np.random.default_rng(1)
     payloads = [[random.bytes(PAYLOAD_BYTES) for _ in OTHERS] for _ in range(PAYLOADS)]
-    turns: dict[bool, list[Turn]] = {False: [], True: []}
+    flown: dict[bool, list[Turn]] = {False: [], True: []}
     logs: list[Logged] = []
     with tempfile.TemporaryDirectory() as folder, FlightUnderTest(Path(folder), RATE) as flight:
         flight.take_off()
         first = _logged(folder, payloads)  # warms up caches
         _fly(flight, 1.0, first.heard)
         first.close()
-        for _ in range(TURNS):
+        for _ in range(turns):
             unlogged = Logged(NoLog(), [], payloads)
-            turns[False].append(_fly(flight, seconds / TURNS, unlogged.heard))
+            flown[False].append(_fly(flight, seconds / turns, unlogged.heard))
             logs.append(_logged(folder, payloads))
-            turns[True].append(_fly(flight, seconds / TURNS, logs[-1].heard))
+            flown[True].append(_fly(flight, seconds / turns, logs[-1].heard))
             logs[-1].close()
         rights = flight.rights
         ticks = flight.stop()["ticks"]
-    _add(report, turns, logs, ticks)
+    _add(report, flown, logs, ticks)
     report.notes.append(f"flight process: {rights}")
     return report
 

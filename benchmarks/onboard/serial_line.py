@@ -33,7 +33,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.onboard.flight_under_test import FlightUnderTest, Notes
 from benchmarks.onboard.recorded_simulator import HEADER
 from quadrotor.checkout import ROOT
@@ -44,7 +44,7 @@ from vehicle_link.serial.ids import TIME_PERIOD_MS
 from vehicle_link.topics.ticks import decode_odometry
 
 RATE = 500
-SECONDS, QUICK_SECONDS = 60, 8
+SECONDS = 60, 8, 1  # of each size
 LATENCY_MS = 6.0
 MS = 1_000_000
 SETTLING_S = 0.3
@@ -82,9 +82,9 @@ class PipedTruth:
         os.close(self.writer)
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Fly over serial lines. Raises QuadlabError when the vehicle does not fly."""
-    seconds = QUICK_SECONDS if quick else SECONDS
+    seconds = size.of(*SECONDS)
     with tempfile.TemporaryDirectory() as name:
         flight, robot, window, rights = _fly(Path(name), seconds)
     began_ns, ended_ns = window

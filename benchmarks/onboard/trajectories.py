@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Report, Row, Target, time_in_turns
+from benchmarks.harness import Report, Row, Size, Target, time_in_turns
 from control.behaviors.behavior import Context
 from control.behaviors.follow_trajectory import FollowTrajectory
 from control.behaviors.parameters import BehaviorParameters
@@ -37,9 +37,9 @@ STARTS: dict[str, dict[str, ParameterValue]] = {
 }
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Return times and costs; seeds are fixed."""
-    rounds = 3 if quick else 9
+    rounds = size.of(9, 3, 1)
     rng = np.random.default_rng(7)
     points = np.column_stack(
         [rng.uniform((-1.5, -1.5, 0.5), (1.5, 1.5, 3.5), (8, 3)), rng.normal(size=8)]

@@ -19,14 +19,13 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from benchmarks.page.laboratory import started
 from benchmarks.page.up_cost import SETTLED, Figures, Pilot, page, pilot
 from quadrotor.checkout import ROOT
 
 PORT, LINK_PORT = 28100, 28470
-ROUNDS, SECONDS = 3, 20.0
-QUICK_ROUNDS, QUICK_SECONDS = 1, 8.0
+ROUNDS, SECONDS = (3, 1, 1), (20.0, 8.0, 0.5)  # of each size
 LOOK = 0.5  # s
 LIMIT = 1.0
 """Limit in %: more is amber on the page's bar."""
@@ -38,9 +37,9 @@ as long as the 3D view.
 """
 
 
-def run(quick: bool = False, against: str | None = None) -> Report:
+def run(size: Size = Size.FULL, against: str | None = None) -> Report:
     """Measure this checkout, in turns with the one at `against` if given."""
-    rounds, seconds = (QUICK_ROUNDS, QUICK_SECONDS) if quick else (ROUNDS, SECONDS)
+    rounds, seconds = size.of(*ROUNDS), size.of(*SECONDS)
     trees = {"this checkout": ROOT} | ({"the other": Path(against)} if against else {})
     found: dict[str, list[Figures]] = {name: [] for name in trees}
     for _ in range(rounds):
@@ -50,7 +49,7 @@ def run(quick: bool = False, against: str | None = None) -> Report:
                 started(PORT, LINK_PORT, tree=tree, lockstep=True) as (_, lines),
                 pilot(lines, PORT, began) as flown,
             ):
-                found[name].append(measure(flown, seconds))
+                found[name].append(measure(flown, size))
     report = Report(
         "late_ticks",
         "Late ticks of the flight loop, %",
@@ -70,7 +69,7 @@ def run(quick: bool = False, against: str | None = None) -> Report:
     return report
 
 
-def measure(flown: Pilot, seconds: float) -> Figures:
+def measure(flown: Pilot, size: Size) -> Figures:
     """Return the percentage of late ticks for each flight and page."""
     flown.take_off()
     figures: Figures = {}
@@ -85,8 +84,8 @@ def measure(flown: Pilot, seconds: float) -> Figures:
             pages["browser"] = drawn(flown)
         for name, shown in pages.items():
             with shown:
-                time.sleep(SETTLED)
-                figures[f"{flight}, {name}"] = late(flown, seconds)
+                time.sleep(size.of(*SETTLED))
+                figures[f"{flight}, {name}"] = late(flown, size.of(*SECONDS))
     return figures
 
 

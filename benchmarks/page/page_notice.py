@@ -21,12 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from benchmarks.page.laboratory import processes, started
 from quadrotor.errors import QuadlabError
 
 PORT, LINK_PORT = 28081, 28448
-COUNT, QUICK_COUNT = 40, 5
+COUNT = 40, 5, 1  # of each size
+SETTLED = 5.0, 5.0, 0.5  # s, of each size
 SILENT, HEARD = 1.0, 3.0  # s
 PATIENCE = 90.0  # s
 LIMIT = 300.0  # ms
@@ -49,11 +50,11 @@ WATCH = """() => {
 SAID = "window.noticed.splice(0)"
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Run the benchmark. Raises QuadlabError when the laboratory or the page does not start."""
     from playwright.sync_api import sync_playwright
 
-    count = QUICK_COUNT if quick else COUNT
+    count = size.of(*COUNT)
     drawn = random.Random(10)
     report = Report(
         "page_notice",
@@ -73,7 +74,7 @@ def run(quick: bool = False) -> Report:
         page.wait_for_selector("#behaviors button")
         page.evaluate(WATCH)
         _until(lambda: "no telemetry" not in (page.text_content("#flags") or ""))
-        page.wait_for_timeout(5000)
+        page.wait_for_timeout(1e3 * size.of(*SETTLED))
         page.evaluate(SAID)
         for _ in range(count):
             page.wait_for_timeout(1e3 * (HEARD + drawn.uniform(0.0, 0.2)))

@@ -12,7 +12,7 @@ import os
 from dataclasses import asdict
 from typing import Any
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from console.parameters.station import StationTree
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
@@ -47,10 +47,10 @@ MEASURE = """([rounds, names]) => {
 PARTS = {"ScriptDuration": "script", "RecalcStyleDuration": "style", "LayoutDuration": "layout"}
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     from playwright.sync_api import sync_playwright
 
-    rounds = 200 if quick else 2000
+    rounds = size.of(2000, 200, 20)
     described = parameters()
     names = [d["name"] for d in described if d["type"] == "float"]
     report = Report(

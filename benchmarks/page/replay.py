@@ -7,7 +7,6 @@ resolution) and values show that instant and the browser has painted them.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import statistics
 import subprocess
@@ -20,7 +19,7 @@ from typing import Any
 
 import httpx
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from benchmarks.logs.recorded_run import MadeRun, write_run
 
 FLAGS = [
@@ -75,11 +74,11 @@ SEEKS = """async (shares) => {
 }"""
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     """Measure the replay page; the targets are a seek of 200 ms p95, and 300 MB more at most."""
     from playwright.sync_api import sync_playwright
 
-    duration = 120.0 if quick else 1200.0
+    duration, seeks = size.of((1200.0, 150), (120.0, 40), (20.0, 3))
     report = Report(
         "replay",
         "Replay in the browser",
@@ -113,7 +112,7 @@ def run(quick: bool = False) -> Report:
                 page = browser.new_page(viewport={"width": 1440, "height": 900})
                 page.goto(url)
                 page.wait_for_selector("#behaviors", timeout=60_000)
-                _measure(report, page, url.split("/?")[0], server.pid, 40 if quick else 150)
+                _measure(report, page, url.split("/?")[0], server.pid, seeks)
                 browser.close()
         finally:
             server.terminate()
@@ -227,9 +226,3 @@ class _Watch:
                 self._client.get("/api/summary")
             self._worst = max(self._worst, time.perf_counter() - began)
             time.sleep(0.02)
-
-
-if __name__ == "__main__":
-    made = run(quick="--quick" in sys.argv)
-    print(made.as_markdown())
-    print(json.dumps(made.as_json()["targets"]), file=sys.stderr)

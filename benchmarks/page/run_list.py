@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target, time_in_turns
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target, time_in_turns
 from benchmarks.page.parameter_page import FLAGS, STATIC
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.notes import write_notes
@@ -52,7 +52,7 @@ list.reset();
 </script>"""
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     report = Report(
         "run_list",
         f"List of {COUNT} runs",
@@ -73,11 +73,11 @@ def run(quick: bool = False) -> Report:
                 "three words": (lambda: page_of(catalogue, RunSearch("gusty anna quad1"), 0), 3),
                 "a tag": (lambda: page_of(catalogue, RunSearch(tag="wind"), 0), 3),
             },
-            3 if quick else 9,
+            size.of(9, 3, 1),
         )
         for name, timing in times.items():
             report.rows.append(Row(name, {"ms": 1e3 * timing.median}))
-        steps, nodes = scrolled(catalogue, 60 if quick else 600)
+        steps, nodes = scrolled(catalogue, size.of(600, 60, 5))
         catalogue.close()
     p95 = statistics.quantiles(steps, n=20)[-1]
     report.rows.append(Row("scrolled by 100 px", {"ms": statistics.median(steps), "p95 ms": p95}))

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from quadrotor.checkout import ROOT
 from vehicle_link.topics import TOPICS, decode_joy, encode_heartbeat
 from vehicle_link.transport.node import Node
@@ -102,10 +102,10 @@ class Listener:
         self.session.close()
 
 
-def run(quick: bool = False) -> Report:
+def run(size: Size = Size.FULL) -> Report:
     from playwright.sync_api import sync_playwright
 
-    seconds, rounds = (5, 5) if quick else (60, 20)
+    seconds, rounds = size.of((60, 20), (5, 5), (1, 1))
     report = Report(
         "sticks",
         "Sticks: page to station",

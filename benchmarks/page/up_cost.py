@@ -24,7 +24,7 @@ from typing import Any
 
 import httpx
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.page.laboratory import (
     Socket,
     cpu_seconds,
@@ -38,8 +38,8 @@ from benchmarks.page.laboratory import (
 from quadrotor.checkout import ROOT
 
 PORT, LINK_PORT = 28090, 28460
-ROUNDS, SECONDS, SETTLED = 3, 30.0, 5.0
-QUICK_ROUNDS, QUICK_SECONDS = 1, 10.0
+ROUNDS, SECONDS = (3, 1, 1), (30.0, 10.0, 1.0)  # of each size
+SETTLED = 5.0, 5.0, 0.5  # s
 LAPS, SIGNALS = 20, 40
 PATIENCE = 240.0  # s; a busy machine starts slowly
 LIMITS = {
@@ -55,16 +55,16 @@ THREADS = 70
 Figures = dict[str, float]
 
 
-def run(quick: bool = False, against: str | None = None) -> Report:
+def run(size: Size = Size.FULL, against: str | None = None) -> Report:
     """Measure this checkout, in turns with the one at `against` if given."""
-    rounds, seconds = (QUICK_ROUNDS, QUICK_SECONDS) if quick else (ROUNDS, SECONDS)
+    rounds, seconds = size.of(*ROUNDS), size.of(*SECONDS)
     trees = {"this": ROOT} | ({"other": Path(against)} if against else {})
     found: dict[str, list[Figures]] = {name: [] for name in trees}
     for _ in range(rounds):
         for name, tree in trees.items():
             began = time.monotonic()
             with started(PORT, LINK_PORT, tree=tree, lockstep=True) as (up, lines):
-                found[name].append(measure(up, lines, began, seconds))
+                found[name].append(measure(up, lines, began, size))
     figures = {
         name: {key: statistics.median(one.get(key, 0.0) for one in of) for key in of[0]}
         for name, of in found.items()
@@ -140,24 +140,24 @@ def pilot(lines: list[str], port: int, began: float) -> Iterator[Pilot]:
         yield Pilot(browser, link, began)
 
 
-def measure(up: int, lines: list[str], began: float, seconds: float) -> Figures:
+def measure(up: int, lines: list[str], began: float, size: Size) -> Figures:
     """Hover, then fly with a page open; return the figures of both."""
     with pilot(lines, PORT, began) as flown:
         flown.take_off()
-        figures = flown.times | counted("hover", up, seconds)
+        figures = flown.times | counted("hover", up, size)
         with page(flown):
             flown.start("follow_trajectory", "follow_trajectory", laps=LAPS)
-            figures |= counted("page, 8", up, seconds)
+            figures |= counted("page, 8", up, size)
             figures["page, 8: real-time factor"] = flown.summary()["station"]["real_time_factor"]
     return figures
 
 
-def counted(what: str, up: int, seconds: float) -> Figures:
-    """Measure for this many seconds, once the start has settled."""
-    time.sleep(SETTLED)
+def counted(what: str, up: int, size: Size) -> Figures:
+    """Measure for the seconds of this size, once the start has settled."""
+    time.sleep(size.of(*SETTLED))
     pids = processes(up)
     before, since = cpu_seconds(pids), time.monotonic()
-    time.sleep(seconds)
+    time.sleep(size.of(*SECONDS))
     after, elapsed = cpu_seconds(pids), time.monotonic() - since
     shares = {name: (after[name] - before[name]) / elapsed for name in after}
     return {

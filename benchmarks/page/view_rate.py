@@ -24,16 +24,16 @@ import statistics
 import time
 from typing import Any
 
-from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from benchmarks.page.laboratory import started, until
 from benchmarks.page.late_ticks import DRAWING
 from benchmarks.page.up_cost import PATIENCE, pilot
 
 PORT, LINK_PORT = 28120, 28490
-ROUNDS, QUICK_ROUNDS = 3, 1
-SETTLED = 25_000  # ms, until the automatic quality has found its level
+ROUNDS = 3, 1, 1  # of each size
+SETTLED = 25_000, 25_000, 500  # ms of each size, until the automatic quality has found its level
 WANTED = 15.0  # Hz
-OPENED, QUICK_OPENED = 9, 3  # times with a full cache
+OPENED = 9, 3, 1  # times with a full cache
 SLOWEST = 2.0  # s
 HEAVIEST = 1.2  # MB
 USABLE = """(() => {
@@ -48,7 +48,12 @@ USABLE = """(() => {
   }, 5);
 })()"""
 """Script of the page, which sets `usable`, s since the navigation began."""
-COUNT = """async () => {
+IS_DRAWN = """() => {
+  const inside = document.getElementById("scene")?.contentWindow ?? window;
+  return inside.__viserTestpoints?.rendererInfo && inside.__viserMutable?.requestRender;
+}"""
+"""Whether the view draws, which a busy computer begins late."""
+COUNT = """async (duration) => {
   const inside = document.getElementById("scene")?.contentWindow ?? window;
   const start = performance.now();
   const drawn = () => inside.__viserTestpoints.rendererInfo.render.frame, before = drawn();
@@ -56,12 +61,12 @@ COUNT = """async () => {
     inside.__viserMutable.requestRender();
     await new Promise((done) => inside.requestAnimationFrame(done));
     const spent = performance.now() - start;
-    if (spent > 3000) return [drawn() - before, spent / 1e3];
+    if (spent > duration) return [drawn() - before, spent / 1e3];
   }
 }"""
 
 
-def run(quick: bool = False) -> list[Report]:
+def run(size: Size = Size.FULL) -> list[Report]:
     """Open the console, then measure its view and the empty scene in turns."""
     from playwright.sync_api import sync_playwright
 
@@ -77,9 +82,9 @@ def run(quick: bool = False) -> list[Report]:
         context.add_cookies(flown.cookies())
         page = context.new_page()
         until(lambda: (flown.summary().get("preflight") or {}).get("ready"), PATIENCE)
-        reports = [opened(page, flown.base, QUICK_OPENED if quick else OPENED)]
+        reports = [opened(page, flown.base, size.of(*OPENED))]
         flown.take_off()
-        reports.append(drawn(browser, page, flown.base, QUICK_ROUNDS if quick else ROUNDS))
+        reports.append(drawn(browser, page, flown.base, size))
         browser.close()
     return reports
 
@@ -121,7 +126,7 @@ def opened(page: Any, base: str, times: int) -> Report:
     )
 
 
-def drawn(browser: Any, page: Any, base: str, rounds: int) -> Report:
+def drawn(browser: Any, page: Any, base: str, size: Size) -> Report:
     """Measure the rates of the console's view and of the empty scene."""
     import viser
 
@@ -138,23 +143,24 @@ def drawn(browser: Any, page: Any, base: str, rounds: int) -> Report:
 
     def count(name: str) -> None:
         before, since = spent(), time.monotonic()
-        frames, seconds = page.evaluate(COUNT)
+        frames, seconds = page.evaluate(COUNT, size.of(3000, 3000, 500))
         cores = (spent() - before) / (time.monotonic() - since)  # a busy page answers late
         rates[name].append(frames / seconds)
         costs[name].append(1e3 * cores * seconds / max(frames, 1))
 
-    for _ in range(rounds):
+    for _ in range(size.of(*ROUNDS)):
         page.set_viewport_size({"width": 1440, "height": 900})
         page.goto(base)
         page.locator("#tick", has_text="%").wait_for()
-        page.wait_for_timeout(SETTLED)
+        page.wait_for_function(IS_DRAWN, timeout=1e3 * PATIENCE)
+        page.wait_for_timeout(size.of(*SETTLED))
         count("console")
         quality = page.locator("#quality").inner_text()
         view: Any = page.locator("#scene").bounding_box()
         page.set_viewport_size({"width": round(view["width"]), "height": round(view["height"])})
         page.goto(f"http://127.0.0.1:{empty.get_port()}")
-        page.wait_for_function("window.__viserTestpoints")
-        page.wait_for_timeout(3000)
+        page.wait_for_function(IS_DRAWN, timeout=1e3 * PATIENCE)
+        page.wait_for_timeout(size.of(3000, 3000, 500))
         count("empty viser scene")
     with contextlib.redirect_stdout(io.StringIO()):
         empty.stop()
