@@ -15,6 +15,7 @@ import importlib
 import json
 import os
 import platform
+import shutil
 import signal
 import sys
 import time
@@ -25,7 +26,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.harness import Report, Size
+from benchmarks.harness import CHROMIUM, Report, Size
 from benchmarks.line_plot import draw_lines
 
 FOLDERS = {
@@ -76,6 +77,16 @@ FOLDERS = {
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
 """The module of each benchmark, by its name."""
+IN_CHROMIUM = (
+    "replay",
+    "sticks",
+    "parameter_page",
+    "run_list",
+    "page_notice",
+    "view_rate",
+    "starved",
+)
+"""Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs", "firmware"),
     "seed": ("fuzz_logs", "firmware", "hostile_flights", "hostile_plugins"),
@@ -146,6 +157,9 @@ def run(
     conditions = machine()
     reports: list[Report] = []
     for name in names:
+        if name in IN_CHROMIUM and shutil.which(CHROMIUM) is None:
+            print(f"{name}: left out, because Chromium is not installed", file=sys.stderr)
+            continue
         print(f"{name} …", file=sys.stderr, flush=True)
         began = time.perf_counter()
         made = importlib.import_module(NAMES[name]).run(size=size, **more)

@@ -14,6 +14,7 @@ from benchmarks.flights.experiment_flight import fly
 from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import BETAFLIGHT
+from vehicle.simulator.betaflight.process import FIRMWARE
 
 SEEDS, FEW = 12, 4
 ANGLES: dict[str, ParameterValue] = {"board.level": "angles"}
@@ -33,6 +34,9 @@ def run(size: Size = Size.FULL) -> Report:
         "Betaflight",
         ["real firmware in simulated time, full sensors; position rms, median / worst of seeds"],
     )
+    if not FIRMWARE.exists():
+        report.notes.append("no Betaflight: scripts/betaflight builds it")
+        return report
     judge(report, "figure 8, body rates", "figure_eight", {}, many, 25.0)
     if size is not Size.SMOKE:  # each flight takes ten seconds
         judge(report, "figure 8, mode ANGLE", "figure_eight", ANGLES, few, 50.0)

@@ -117,6 +117,9 @@ DOORS: dict[str, tuple[Callable[..., object], float]] = {
 }
 """Each law, and its largest rms distance from the reference as a multiple of the built-in law's."""
 
+PROGRAMS: dict[Callable[..., object], str] = {fmu_of_gcc: "gcc", octave: "octave-cli"}
+"""Programs of others without which a law is not flown."""
+
 
 def fly(settings: Settings, folder: Path, seed: int, size: Size) -> tuple[float, list[float], int]:
     """Return the rms distance (m) from the reference on the 8, times of answers, missed answers."""
@@ -154,8 +157,8 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
     )
     reference = 1.0
     for name, (door, most) in DOORS.items():
-        if door is octave and shutil.which("octave-cli") is None:
-            found.notes.append(f"{name}: not flown, octave-cli is not installed")
+        if door in PROGRAMS and shutil.which(PROGRAMS[door]) is None:
+            found.notes.append(f"{name}: not flown, {PROGRAMS[door]} is not installed")
             continue
         with tempfile.TemporaryDirectory() as folder, door(Path(folder)) as settings:  # type: ignore[attr-defined]
             error, trips, missed = fly(settings, Path(folder), seed, size)

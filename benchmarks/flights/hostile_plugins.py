@@ -21,8 +21,10 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -267,6 +269,12 @@ def _external(flight: WatchedFlight, kind: str) -> External | None:
     return next(iter(several), None)
 
 
+def _of(values: Sequence[float], figure: Callable[[list[float]], Any]) -> float | str:
+    """Return the figure of those values that exist, "-" if there are none."""
+    known = [value for value in values if not math.isnan(value)]
+    return float(figure(known)) if known else "-"
+
+
 def run(size: Size = Size.FULL, flights: int = FLIGHTS, seed: int = 1, only: str = "") -> Report:
     """Run the benchmark for `python -m benchmarks`, from the first seed on; of one kind of plugin,
     or one harm ("law raises"), if it is named."""
@@ -291,9 +299,9 @@ def run(size: Size = Size.FULL, flights: int = FLIGHTS, seed: int = 1, only: str
             figures: dict[str, float | str] = {
                 "flights": float(count),
                 "fell": float(fell),
-                "ticks, median": float(np.median(ticks)),
-                "ticks, most": max(ticks),
-                "after a bound, most": max(o.beyond for o in outcomes),
+                "ticks, median": _of(ticks, np.median),
+                "ticks, most": _of(ticks, np.max),
+                "after a bound, most": _of([o.beyond for o in outcomes], np.max),
                 "farthest, m": max(o.away for o in outcomes),
             }
             found.rows.append(Row(f"{kind} {harm}", figures))

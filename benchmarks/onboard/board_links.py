@@ -24,7 +24,7 @@ from vehicle_link.msp.frames import REPLY, encode
 from vehicle_link.serial.commands import encode_command
 from vehicle_link.serial.port import BAUD_RATE
 
-PORT, LINK_PORT = 28100, 28470
+PORT, LINK_PORT = 28110, 28480
 SECONDS = 20.0, 6.0, 1.0  # of each size
 LOOK = 1.0  # s
 HELD = 0.95

@@ -1,0 +1,99 @@
+"""Every benchmark still runs, in its shortest form, with a figure in every row."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks.__main__ import NAMES
+from quadrotor.checkout import ROOT
+from tests.flight_log.foreign_flight import columns_of, make_flight, write_csv, write_mapping
+
+LONGEST = 280.0
+"""Bound, in s, of one run, which takes some 20 s on an idle computer."""
+NEEDS: dict[str, tuple[str, ...]] = {
+    "board_flights": ("betaflight",),
+    "firmware": ("gcc", "simavr"),
+    "foreign_laws": ("gcc",),
+    "link": ("namespaces",),
+    "page_notice": ("chromium",),
+    "parameter_page": ("chromium",),
+    "replay": ("chromium",),
+    "run_list": ("chromium",),
+    "starved": ("chromium",),
+    "sticks": ("chromium",),
+    "view_rate": ("chromium",),
+}
+"""What each benchmark needs next to quadlab to measure everything; those missing need nothing."""
+
+
+def run(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "benchmarks", *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=LONGEST,
+        check=False,
+    )
+
+
+def tables(printed: str) -> list[list[list[str]]]:
+    """Return the cells of each row of each report's table of methods."""
+    found = re.findall(r"^\| method \|.*\n\|---.*\n((?:\|.*\n)*)", printed, re.MULTILINE)
+    return [[line.strip("|").split("|") for line in rows.splitlines()] for rows in found]
+
+
+@pytest.mark.timeout(LONGEST + 15.0)
+@pytest.mark.parametrize("name", NAMES)
+def test_a_benchmark_in_its_shortest_form_has_figures_in_every_row(
+    name: str, tmp_path: Path
+) -> None:
+    words = [name, "--smoke"]
+    if name == "real_flights":  # which has no data of its own
+        write_csv(tmp_path / "flight.csv", columns_of(make_flight(seconds=10.0)))
+        write_mapping(tmp_path / "flight.csv.toml")
+        words += ["--data", str(tmp_path)]
+    done = run(*words)
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "Traceback" not in done.stderr, done.stderr[-3000:]
+    found = tables(done.stdout)
+    assert found, done.stdout
+    for rows in found:
+        assert rows, done.stdout
+        for method, *cells in rows:
+            figures = " ".join(cells)
+            assert re.search(r"\d", figures), f"{method}: no figure in {cells}"
+            assert not re.search(r"\b(nan|inf)\b", figures), f"{method}: {cells}"
+
+
+def test_every_module_that_can_be_run_is_listed() -> None:
+    listed = {module.replace(".", "/") + ".py" for module in NAMES.values()}
+    runnable = {
+        str(path.relative_to(ROOT))
+        for path in (ROOT / "benchmarks").rglob("*.py")
+        if re.search(r"^def run\(size: Size", path.read_text(), re.MULTILINE)
+    }
+    assert runnable == listed
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--out", "DIR"), "--smoke writes nothing"),
+        (("--quick",), "not allowed with argument --smoke"),
+    ],
+)
+def test_a_smoke_run_has_neither_a_folder_nor_another_size(
+    words: tuple[str, ...], told: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    done = run("pose", "--smoke", *(str(out) if word == "DIR" else word for word in words))
+    assert done.returncode == 2
+    assert told in done.stderr.splitlines()[-1]
+    assert not done.stdout
+    assert not out.exists()
