@@ -48,8 +48,13 @@ def tables(printed: str) -> list[list[list[str]]]:
     return [[line.strip("|").split("|") for line in rows.splitlines()] for rows in found]
 
 
+def smoke(name: str) -> object:
+    """Return the parameter of a benchmark; those without needs are part of the complete run too."""
+    return pytest.param(name, marks=pytest.mark.needs(*NEEDS.get(name, ("gcc",))))
+
+
 @pytest.mark.timeout(LONGEST + 15.0)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", map(smoke, NAMES))
 def test_a_benchmark_in_its_shortest_form_has_figures_in_every_row(
     name: str, tmp_path: Path
 ) -> None:
