@@ -24,6 +24,8 @@ BOUND = 5_000
 """Longest wait in a page, in ms, which only a broken page needs."""
 LATE = 60.0
 """Longest wait for node itself, in s."""
+Selector = str | dict[str, str]
+"""Playwright's selector; as {"only": selector} it may find only one element."""
 Pattern = str | re.Pattern[str]
 
 
@@ -206,7 +208,7 @@ class DomPage:
         return DomLocator(self, selector)
 
     def wait_for_selector(
-        self, selector: str, state: str = "visible", timeout: float = BOUND
+        self, selector: Selector, state: str = "visible", timeout: float = BOUND
     ) -> None:
         self._ask("waitFor", selector, state, timeout)
 
@@ -216,75 +218,75 @@ class DomPage:
     def evaluate(self, script: str, argument: Any = None) -> Any:
         return self._ask("evaluate", script, argument)
 
-    def eval_on_selector(self, selector: str, script: str, argument: Any = None) -> Any:
+    def eval_on_selector(self, selector: Selector, script: str, argument: Any = None) -> Any:
         return self._ask("evaluateOn", selector, script, False, argument)
 
-    def eval_on_selector_all(self, selector: str, script: str, argument: Any = None) -> Any:
+    def eval_on_selector_all(self, selector: Selector, script: str, argument: Any = None) -> Any:
         return self._ask("evaluateOn", selector, script, True, argument)
 
-    def click(self, selector: str) -> None:
+    def click(self, selector: Selector) -> None:
         self._ask("click", selector, BOUND)
 
-    def dblclick(self, selector: str) -> None:
+    def dblclick(self, selector: Selector) -> None:
         self._ask("click", selector, BOUND, 2)
 
-    def fill(self, selector: str, text: str) -> None:
+    def fill(self, selector: Selector, text: str) -> None:
         self._ask("fill", selector, text, BOUND)
 
-    def type(self, selector: str, text: str) -> None:
+    def type(self, selector: Selector, text: str) -> None:
         self.focus(selector)
         for key in text:
             self.keyboard.press(key)
 
-    def press(self, selector: str, key: str) -> None:
+    def press(self, selector: Selector, key: str) -> None:
         self.focus(selector)
         self.keyboard.press(key)
 
-    def focus(self, selector: str) -> None:
+    def focus(self, selector: Selector) -> None:
         self._ask("focusOn", selector, BOUND)
 
-    def check(self, selector: str) -> None:
+    def check(self, selector: Selector) -> None:
         self._ask("check", selector, True, BOUND)
 
-    def uncheck(self, selector: str) -> None:
+    def uncheck(self, selector: Selector) -> None:
         self._ask("check", selector, False, BOUND)
 
-    def select_option(self, selector: str, wanted: str) -> None:
+    def select_option(self, selector: Selector, wanted: str) -> None:
         self._ask("choose", selector, wanted, BOUND)
 
-    def set_input_files(self, selector: str, file: Path) -> None:
+    def set_input_files(self, selector: Selector, file: Path) -> None:
         self._ask("setFile", selector, file.name, file.read_text(), BOUND)
 
     @property
     def keyboard(self) -> DomKeyboard:
         return DomKeyboard(self)
 
-    def inner_text(self, selector: str) -> str:
+    def inner_text(self, selector: Selector) -> str:
         return str(self._ask("read", selector, "inner", "", BOUND))
 
-    def text_content(self, selector: str) -> str:
+    def text_content(self, selector: Selector) -> str:
         return str(self._ask("read", selector, "text", "", BOUND))
 
-    def input_value(self, selector: str) -> str:
+    def input_value(self, selector: Selector) -> str:
         return str(self._ask("read", selector, "value", "", BOUND))
 
-    def get_attribute(self, selector: str, name: str) -> str | None:
+    def get_attribute(self, selector: Selector, name: str) -> str | None:
         found: str | None = self._ask("read", selector, "attribute", name, BOUND)
         return found
 
-    def is_enabled(self, selector: str) -> bool:
+    def is_enabled(self, selector: Selector) -> bool:
         return bool(self._ask("read", selector, "enabled", "", BOUND))
 
-    def is_disabled(self, selector: str) -> bool:
+    def is_disabled(self, selector: Selector) -> bool:
         return not self.is_enabled(selector)
 
-    def is_checked(self, selector: str) -> bool:
+    def is_checked(self, selector: Selector) -> bool:
         return bool(self._ask("read", selector, "checked", "", BOUND))
 
-    def is_visible(self, selector: str) -> bool:
+    def is_visible(self, selector: Selector) -> bool:
         return bool(self._ask("visible", selector))
 
-    def is_hidden(self, selector: str) -> bool:
+    def is_hidden(self, selector: Selector) -> bool:
         return not self.is_visible(selector)
 
     def expect(self, selector: str, kind: str, wanted: Any, is_not: bool = False) -> None:
@@ -293,7 +295,7 @@ class DomPage:
         if isinstance(wanted, re.Pattern):
             how["flags"] = "s" if wanted.flags & re.DOTALL else ""
             wanted = {"pattern": wanted.pattern}
-        self._ask("expect", selector, kind, wanted, how, BOUND)
+        self._ask("expect", {"only": selector}, kind, wanted, how, BOUND)
 
 
 class DomKeyboard:
@@ -323,7 +325,7 @@ class DomLocator:
         if name not in OF_LOCATORS:
             raise DomError(f"the DOM page's locators have no {name}")
         method = getattr(self._page, name)
-        return lambda *args: method(self._selector, *args)
+        return lambda *args: method({"only": self._selector}, *args)
 
     def locator(self, selector: str) -> DomLocator:
         return DomLocator(self._page, f"{self._selector} >> {selector}")
@@ -347,6 +349,9 @@ class DomLocator:
 
     def all_inner_texts(self) -> list[str]:
         return list(self._page._ask("innerTexts", self._selector))
+
+    def evaluate(self, script: str, argument: Any = None) -> Any:
+        return self._page.eval_on_selector({"only": self._selector}, script, argument)
 
     def evaluate_all(self, script: str, argument: Any = None) -> Any:
         return self._page.eval_on_selector_all(self._selector, script, argument)
@@ -376,9 +381,3 @@ class DomLook:
 
     def value(self, selector: str, value: Pattern) -> None:
         self._page.expect(selector, "value", value)
-
-    def count(self, selector: str, count: int) -> None:
-        self._page.expect(selector, "count", count)
-
-    def enabled(self, selector: str) -> None:
-        self._page.expect(selector, "enabled", True)

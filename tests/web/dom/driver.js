@@ -23,17 +23,17 @@ const calls = {
     for (const { name, value, url } of cookies) await contexts.get(context).jar.setCookie(`${name}=${value}; Path=/`, url);
   },
   clearCookies(context) { return contexts.get(context).jar.removeAllCookies(); },
-  closePage(page) {
-    pages.get(page).close();
+  async closePage(page) {
+    await pages.get(page).close();
     pages.delete(page);
   },
   closeContext(context) { contexts.delete(context); },
 };
 
-// A rejection that nobody handles is told to the pages whose script made it; if that is not known, to all.
+// A rejection that nobody handles is told to the page whose script made it; to all where that is not known.
+// A page that has been closed or left tells nothing: its scripts end with errors then.
 process.on("unhandledRejection", (error) => {
-  const all = [...pages.values()], own = all.filter(({ window }) => window && error instanceof window.Error);
-  for (const page of own.length ? own : all) page.tell("pageerror", { text: String(error?.message ?? error), stack: error?.stack ?? "" });
+  for (const page of pages.values()) if (!error?.madeIn || error.madeIn === page.window) page.tell("pageerror", { text: String(error?.message ?? error), stack: error?.stack ?? "" });
 });
 
 createInterface({ input: process.stdin }).on("line", async (line) => {

@@ -5,7 +5,7 @@ import { normal, select, textOf } from "./selectors.js";
 import { isVisible, seen } from "./style.js";
 import { load } from "./window.js";
 
-const PAUSE = 10; // ms between two looks
+const PAUSES = { first: 5, last: 50 }; // ms between two looks, which grow longer
 const TYPED = "input:not([type=checkbox], [type=radio], [type=range], [type=file], [type=button], [type=submit]), textarea";
 const CODES = { " ": "Space", Escape: "Escape", Enter: "Enter", Shift: "ShiftLeft" };
 
@@ -15,11 +15,12 @@ export class Page {
   constructor(context, tell) {
     this.context = context;
     this.tell = (kind, fields) => { if (kind === "navigate") this.go(fields.url); else tell(kind, fields); };
+    this.held = new Set(); // keys
     this.begun = new WeakMap(); // the values of fields when the focus came to them
   }
 
   async goto(address, form) {
-    this.leave();
+    await this.leave();
     const { dom, status } = await load(this.context, address, form, this.tell);
     this.dom = dom;
     const { window } = dom;
@@ -35,15 +36,16 @@ export class Page {
   url() { return this.window?.location.href ?? "about:blank"; }
   title() { return this.window.document.title; }
 
-  leave() {
-    if (!this.window) return;
-    this.context.storage = { ...this.window.localStorage };
-    this.window.dispatchEvent(new this.window.Event("pagehide"));
-    this.window.close();
+  async leave() {
+    const { window } = this;
+    if (!window) return;
+    this.context.storage = { ...window.localStorage };
     this.dom = undefined;
+    await new Promise((done) => { setImmediate(done); }); // what its scripts have begun ends first
+    window.close();
   }
 
-  close() { this.leave(); }
+  close() { return this.leave(); }
 
   follow(event) {
     const link = event.target.closest?.("a[href]");
@@ -67,34 +69,35 @@ export class Page {
   }
 
   // ---------------------------------------------------------------- looking
+  // A selector is a text, or { only: text } where it may find only one element.
   all(selector) {
-    return this.window ? select(this.window.document, selector, isVisible) : [];
+    return this.window ? select(this.window.document, selector.only ?? selector, isVisible) : [];
   }
 
-  // The only element of a selector, or undefined while there is none.
+  // The first element of a selector, or undefined while there is none.
   one(selector) {
     const found = this.all(selector);
-    if (found.length > 1) throw new Error(`${selector} is not one element but ${found.length}`);
+    if (selector.only && found.length > 1) throw new Error(`${selector.only} is not one element but ${found.length}`);
     return found[0];
   }
 
   // Look until `look` returns something else than undefined; the error after `bound` ms has `told`.
   async until(look, bound, told) {
     const end = performance.now() + bound;
-    for (;;) {
+    for (let pause = PAUSES.first; ; pause = Math.min(1.5 * pause, PAUSES.last)) {
       const found = look();
       if (found !== undefined) return found;
       if (performance.now() > end) throw new Error(`waited ${bound} ms in vain: ${told()}`);
-      await new Promise((done) => { setTimeout(done, PAUSE); });
+      await new Promise((done) => { setTimeout(done, pause); });
     }
   }
 
-  first(selector, bound) { return this.until(() => this.one(selector), bound, () => `there is no ${selector}`); }
+  first(selector, bound) { return this.until(() => this.one(selector), bound, () => `there is no ${nameOf(selector)}`); }
 
   waitFor(selector, state, bound) {
     const holds = { visible: (one) => one && seen(one), hidden: (one) => !one || seen(one) === false, attached: Boolean, detached: (one) => !one }[state];
     if (!holds) throw new Error(`the DOM page does not wait for the state ${state}`);
-    return this.until(() => holds(this.all(selector)[0]) || undefined, bound, () => `${selector} is not ${state}`);
+    return this.until(() => holds(this.all(selector)[0]) || undefined, bound, () => `${nameOf(selector)} is not ${state}`);
   }
 
   waitForUrl(pattern, bound) {
@@ -118,7 +121,7 @@ export class Page {
       const matches = typeof wanted === "string" ? last === wanted : new RegExp(wanted.pattern, flags).test(last);
       return matches !== isNot || undefined;
     };
-    return this.until(look, bound, () => `${kind} of ${selector} is ${JSON.stringify(last)}, wanted ${isNot ? "not " : ""}${JSON.stringify(wanted)}`);
+    return this.until(look, bound, () => `${kind} of ${nameOf(selector)} is ${JSON.stringify(last)}, wanted ${isNot ? "not " : ""}${JSON.stringify(wanted)}`);
   }
 
   async read(selector, kind, name, bound) {
@@ -141,9 +144,9 @@ export class Page {
   }
 
   async evaluateOn(selector, script, isAll, argument) {
-    const found = this.all(selector);
-    if (!isAll && found.length !== 1) throw new Error(`${selector} is not one element but ${found.length}`);
-    return this.run(script, isAll ? found : found[0], argument ?? undefined);
+    const found = isAll ? this.all(selector) : this.one(selector);
+    if (!found) throw new Error(`there is no ${nameOf(selector)}`);
+    return this.run(script, found, argument ?? undefined);
   }
 
   // ---------------------------------------------------------------- acting
@@ -153,7 +156,7 @@ export class Page {
       const one = this.one(selector);
       why = !one ? "there is none" : !seen(one) ? "it is not visible" : needsEnabled && !isEnabled(one) ? "it is disabled" : "";
       return why ? undefined : one;
-    }, bound, () => `${selector}: ${why}`);
+    }, bound, () => `${nameOf(selector)}: ${why}`);
   }
 
   async click(selector, bound, times = 1) {
@@ -190,16 +193,16 @@ export class Page {
 
   async fill(selector, text, bound) {
     const one = await this.ready(selector, bound);
-    if (!one.matches(TYPED) || one.readOnly) throw new Error(`${selector} cannot be filled`);
+    if (!one.matches(TYPED) || one.readOnly) throw new Error(`${nameOf(selector)} cannot be filled`);
     this.focus(one);
     one.value = text;
-    if (one.value !== text) throw new Error(`${selector} does not take ${text}`);
+    if (one.value !== text) throw new Error(`${nameOf(selector)} does not take ${text}`);
     one.dispatchEvent(new this.window.InputEvent("input", { bubbles: true, data: text }));
   }
 
   async choose(selector, wanted, bound) {
     const one = await this.ready(selector, bound);
-    const option = await this.until(() => [...one.options].find(({ value, label }) => value === wanted || normal(label) === wanted), bound, () => `${selector} has no option ${wanted}`);
+    const option = await this.until(() => [...one.options].find(({ value, label }) => value === wanted || normal(label) === wanted), bound, () => `${nameOf(selector)} has no option ${wanted}`);
     option.selected = true;
     for (const type of ["input", "change"]) one.dispatchEvent(new this.window.Event(type, { bubbles: true }));
   }
@@ -207,7 +210,7 @@ export class Page {
   async check(selector, wanted, bound) {
     const one = await this.ready(selector, bound);
     if (one.checked !== wanted) await this.click(selector, bound);
-    if (one.checked !== wanted) throw new Error(`${selector} did not become ${wanted ? "checked" : "unchecked"}`);
+    if (one.checked !== wanted) throw new Error(`${nameOf(selector)} did not become ${wanted ? "checked" : "unchecked"}`);
   }
 
   async setFile(selector, name, text, bound) {
@@ -241,11 +244,14 @@ export class Page {
 
   key(type, key) {
     const code = CODES[key] ?? (/^[a-z]$/i.test(key) ? `Key${key.toUpperCase()}` : /^\d$/.test(key) ? `Digit${key}` : "");
-    const target = this.window.document.activeElement ?? this.window.document.body;
-    return target.dispatchEvent(new this.window.KeyboardEvent(type, { key, code, bubbles: true, cancelable: true, composed: true }));
+    const target = this.window.document.activeElement ?? this.window.document.body, repeat = type === "keydown" && this.held.has(key);
+    if (type === "keydown") this.held.add(key);
+    else this.held.delete(key);
+    return target.dispatchEvent(new this.window.KeyboardEvent(type, { key, code, repeat, shiftKey: this.held.has("Shift"), bubbles: true, cancelable: true, composed: true }));
   }
 }
 
+const nameOf = (selector) => selector.only ?? selector;
 const isEnabled = (one) => !one.matches(":disabled") && !one.closest("fieldset:disabled");
 
 // The text that is seen, where no style sheet changes it: of an element of words alone.

@@ -44,7 +44,7 @@ function parts(selector) {
 function byText(root, wanted) {
   const exact = /^(["'])(.*)\1$/.exec(wanted), low = normal(wanted).toLowerCase();
   const matches = exact ? (text) => text === normal(exact[2]) : (text) => text.toLowerCase().includes(low);
-  return smallest([...root.querySelectorAll("*")], matches);
+  return smallest([...(root.nodeType === 1 ? [root] : []), ...root.querySelectorAll("*")], matches);
 }
 
 function byCss(root, css, isVisible) {

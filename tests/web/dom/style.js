@@ -44,16 +44,19 @@ export function holds(query) {
 
 const OF_THEIR_SIZE = "input, select, textarea, canvas, img, svg, svg *, iframe, progress, meter";
 
+// The function that finds an element's style, by window: scripts of a page have none.
+export const computed = new WeakMap();
+
 // Whether a person could see an element; undefined if only a layout would tell, because it has nothing in it.
 export function seen(element) {
   if (!element.isConnected) return false;
-  const { defaultView } = element.ownerDocument;
+  const styleOf = computed.get(element.ownerDocument.defaultView);
   for (let one = element; one; one = one.parentElement) {
     const parent = one.parentElement;
-    if (defaultView.getComputedStyle(one).display === "none") return false;
+    if (styleOf(one).display === "none") return false;
     if (parent?.tagName === "DETAILS" && !parent.open && one !== parent.querySelector(":scope > summary")) return false;
   }
-  if (defaultView.getComputedStyle(element).visibility === "hidden") return false;
+  if (styleOf(element).visibility === "hidden") return false;
   const hasSize = element.matches(OF_THEIR_SIZE) || element.querySelector(OF_THEIR_SIZE) !== null || element.textContent.trim() !== "";
   return hasSize && !["OPTION", "OPTGROUP"].includes(element.tagName) ? true : undefined;
 }

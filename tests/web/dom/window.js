@@ -3,7 +3,7 @@
 import vm from "node:vm";
 import { JSDOM, VirtualConsole } from "jsdom";
 import Location from "jsdom/lib/jsdom/living/window/Location-impl.js";
-import { hiding, holds } from "./style.js";
+import { computed, hiding, holds } from "./style.js";
 
 const kept = new Map(); // texts by an address that has a version: no page fetches one again
 const compiled = new Map();
@@ -49,6 +49,7 @@ async function build(context, url, text, tell) {
   const dom = new JSDOM(text, { url, cookieJar: context.jar, runScripts: "outside-only", pretendToBeVisual: true, virtualConsole: noise });
   const { window } = dom;
   window.navigated = (next) => tell("navigate", { url: next });
+  window.Error.prototype.madeIn = window; // so that a rejection leads to its page
   window.unhandled = (error) => tell("pageerror", { text: String(error?.message ?? error), stack: error?.stack ?? "" });
   for (const [name, value] of Object.entries(context.storage)) window.localStorage.setItem(name, value);
   await addMissing(window, context, tell);
@@ -100,7 +101,8 @@ async function addMissing(window, context, tell) {
     return answer;
   };
   window.matchMedia = (media) => Object.assign(new window.EventTarget(), { media, matches: holds(media) });
-  // Nothing has a size here, and so none ever changes.
+  // Charts need some room for their axes; nothing has a real size here, and so none ever changes.
+  for (const [name, value] of [["clientWidth", 600], ["clientHeight", 200]]) Object.defineProperty(window.Element.prototype, name, { configurable: true, get: () => value });
   window.ResizeObserver = class { observe() {} unobserve() {} disconnect() {} };
   window.Worker = class extends window.EventTarget {
     constructor(path) {
@@ -109,7 +111,12 @@ async function addMissing(window, context, tell) {
       textAt(context, new URL(path, window.location.href).href).then((text) => vm.runInNewContext(text, { postMessage, setInterval: (act, period) => window.setInterval(act, period) })).catch(window.unhandled);
     }
   };
+  // jsdom's own ends node where a task of a closed window fails.
+  window.queueMicrotask = (act) => queueMicrotask(() => { try { if (!window.closed) act(); } catch (error) { window.unhandled(error); } });
   window.structuredClone ??= structuredClone;
+  // The page asks for colours and sizes only to draw with them, and nothing is drawn.
+  computed.set(window, window.getComputedStyle.bind(window));
+  window.getComputedStyle = () => ({ color: "", getPropertyValue: () => "0" });
   window.CSS = { escape: (text) => text.replace(/[^\w-]|^\d/gu, (at) => `\\${at.codePointAt(0).toString(16)} `) };
   for (const name of ["TextDecoder", "TextEncoder"]) window[name] ??= globalThis[name];
   const dialog = window.HTMLDialogElement.prototype;
