@@ -34,7 +34,6 @@ export class Page {
   get window() { return this.dom?.window; }
   reload() { return this.goto(this.window.location.href); }
   url() { return this.window?.location.href ?? "about:blank"; }
-  title() { return this.window.document.title; }
 
   async leave() {
     const { window } = this;
@@ -100,11 +99,6 @@ export class Page {
     return this.until(() => holds(this.all(selector)[0]) || undefined, bound, () => `${nameOf(selector)} is not ${state}`);
   }
 
-  waitForUrl(pattern, bound) {
-    const wanted = new RegExp(pattern);
-    return this.until(() => wanted.test(this.url()) || undefined, bound, () => `the address is ${this.url()}`);
-  }
-
   count(selector) { return this.all(selector).length; }
 
   visible(selector) { const one = this.one(selector); return Boolean(one) && isVisible(one); }
@@ -168,6 +162,16 @@ export class Page {
       one.click();
     }
     if (times === 2) one.dispatchEvent(new this.window.MouseEvent("dblclick", { bubbles: true, cancelable: true }));
+  }
+
+  // The pointer rests on an element from then on, and is pressed there.
+  async hover(selector, bound) { this.under = await this.ready(selector, bound); }
+
+  mouse(isDown) {
+    if (!this.under?.isConnected) throw new Error("the DOM page's pointer is on no element: hover first");
+    this.pointer(this.under, ...(isDown ? ["pointerdown", "mousedown"] : ["pointerup", "mouseup"]));
+    if (isDown) this.focus(this.under);
+    else this.under.click();
   }
 
   pointer(one, ...types) {

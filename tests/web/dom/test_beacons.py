@@ -1,4 +1,4 @@
-"""Beacons tab in Chromium: it shows what station and vehicle confirmed."""
+"""Beacons tab: it shows what station and vehicle confirmed."""
 
 from __future__ import annotations
 

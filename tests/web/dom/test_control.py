@@ -1,4 +1,4 @@
-"""The strip that shows who commands, and the help, in Chromium."""
+"""The strip that shows who commands, and the help."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Emergency controls in Chromium: two gestures, and no success shown before the vehicle's."""
+"""Emergency controls: two gestures, and no success shown before the vehicle's."""
 
 from __future__ import annotations
 

@@ -108,7 +108,8 @@ async function addMissing(window, context, tell) {
     constructor(path) {
       super();
       const postMessage = (data) => { const event = new window.MessageEvent("message", { data }); this.dispatchEvent(event); this.onmessage?.(event); };
-      textAt(context, new URL(path, window.location.href).href).then((text) => vm.runInNewContext(text, { postMessage, setInterval: (act, period) => window.setInterval(act, period) })).catch(window.unhandled);
+      const start = (text) => vm.runInNewContext(text, { postMessage, setInterval: (act, period) => window.setInterval(act, period) });
+      textAt(context, new URL(path, window.location.href).href).then(start, () => this.dispatchEvent(new window.Event("error")));
     }
   };
   // jsdom's own ends node where a task of a closed window fails.

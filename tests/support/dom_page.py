@@ -1,17 +1,13 @@
-"""Pages of the web process in node, on the DOM of jsdom: for tests that need no browser.
+"""Page of the web process on the DOM of jsdom, with methods of Playwright's sync API.
 
-The page's own scripts run against the real server. There is no layout, no drawing, no pointer and
-no second window; what needs one of them raises `DomError`, or has no method here. The methods are
-named and wait as those of Playwright's sync API, so that a test reads the same with either.
+The page's own scripts run against the real server. There is no layout, no drawing, no place of a
+pointer and no second window; what needs one of them raises `DomError`, or has no method here. The
+methods are named and wait as those of Playwright, so that a test reads the same with either.
 """
 
 from __future__ import annotations
 
-import json
-import queue
 import re
-import subprocess
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,115 +15,12 @@ from fnmatch import translate
 from pathlib import Path
 from typing import Any
 
-DRIVER = Path(__file__).parents[1] / "web" / "dom" / "driver.js"
-BOUND = 5_000
+from tests.support.dom_driver import DomDriver, DomError
+
+BOUND = 20_000
 """Longest wait in a page, in ms, which only a broken page needs."""
-LATE = 60.0
-"""Longest wait for node itself, in s."""
 Selector = str | dict[str, str]
 """Playwright's selector; as {"only": selector} it may find only one element."""
-Pattern = str | re.Pattern[str]
-
-
-class DomError(AssertionError):
-    """Error of a page, or of a test that asks for what only a browser has."""
-
-
-class DomBrowser:
-    """One node process, which holds the pages of all tests of a process."""
-
-    def __init__(self, node: str) -> None:
-        self._process = subprocess.Popen(
-            [node, DRIVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
-        self._count = 0
-        self._pages: dict[int, DomPage] = {}
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
-            self._lines.put(line)
-        self._lines.put("")
-
-    def ask(self, on: int | None, call: str, *args: Any) -> Any:
-        """Return what node answers. Raises DomError."""
-        assert self._process.stdin is not None
-        self._count += 1
-        request = {"id": self._count, "on": on, "call": call, "args": args}
-        self._process.stdin.write(json.dumps(request) + "\n")
-        self._process.stdin.flush()
-        while True:
-            answer = self._next()
-            if answer.get("id") == self._count:
-                break
-        if "error" in answer:
-            raise DomError(answer["error"])
-        return answer["value"]
-
-    def _next(self) -> dict[str, Any]:
-        """Return the next line; what happened in a page is passed on to it."""
-        try:
-            line = self._lines.get(timeout=LATE)
-        except queue.Empty:
-            raise DomError(f"node did not answer for {LATE:.0f} s") from None
-        if not line:
-            raise DomError(f"node ended with {self._process.wait(LATE)}; see its words above")
-        said: dict[str, Any] = json.loads(line)
-        if "event" in said and said["page"] in self._pages:
-            self._pages[said["page"]].happened(said)
-        return said
-
-    def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Read lines until the condition holds."""
-        while not condition():
-            try:
-                self._next()
-            except DomError as error:
-                raise DomError(f"waited for {what} in vain: {error}") from None
-
-    def new_context(self) -> DomContext:
-        return DomContext(self)
-
-    def open(self, page: DomPage) -> None:
-        self._pages[page.id] = page
-
-    def close(self) -> None:
-        """End node; it must end well."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        assert self._process.wait(LATE) == 0
-
-
-class DomContext:
-    """Cookies and stored values of one person's browser, and its pages."""
-
-    def __init__(self, browser: DomBrowser) -> None:
-        self.browser = browser
-        self._id = browser.ask(None, "newContext")
-        self.pages: list[DomPage] = []
-        self.problems: list[PageError] = []
-        """Errors of scripts that no listener of a page has heard."""
-
-    def new_page(self) -> DomPage:
-        page = DomPage(self, self.browser.ask(None, "newPage", self._id))
-        self.pages.append(page)
-        self.browser.open(page)
-        return page
-
-    def add_cookies(self, cookies: list[dict[str, str]]) -> None:
-        self.browser.ask(None, "addCookies", self._id, cookies)
-
-    def clear_cookies(self) -> None:
-        self.browser.ask(None, "clearCookies", self._id)
-
-    def close(self) -> None:
-        for page in list(self.pages):
-            page.close()
-        self.browser.ask(None, "closeContext", self._id)
-        if self.problems:
-            raise DomError("\n".join(f"{one}\n{one.stack}" for one in self.problems))
 
 
 @dataclass(frozen=True)
@@ -150,6 +43,40 @@ class PageError:
         return self.text
 
 
+class DomContext:
+    """Cookies and stored values of one person's browser, and its pages."""
+
+    def __init__(self, driver: DomDriver) -> None:
+        self.driver = driver
+        self._id = driver.ask(None, "newContext")
+        self.pages: list[DomPage] = []
+        self.problems: list[PageError] = []
+        """Errors of scripts that no listener of a page has heard."""
+
+    def new_page(self) -> DomPage:
+        page = DomPage(self, self.driver.ask(None, "newPage", self._id))
+        self.pages.append(page)
+        self.driver.listen(page.id, page.happened)
+        return page
+
+    def another(self) -> DomContext:
+        """Return a context of somebody else, who is signed out."""
+        return DomContext(self.driver)
+
+    def add_cookies(self, cookies: list[dict[str, str]]) -> None:
+        self.driver.ask(None, "addCookies", self._id, cookies)
+
+    def clear_cookies(self) -> None:
+        self.driver.ask(None, "clearCookies", self._id)
+
+    def close(self) -> None:
+        for page in list(self.pages):
+            page.close()
+        self.driver.ask(None, "closeContext", self._id)
+        if self.problems:
+            raise DomError("\n".join(f"{one}\n{one.stack}" for one in self.problems))
+
+
 class DomPage:
     """Page with the part of Playwright's sync API that needs no browser."""
 
@@ -158,7 +85,7 @@ class DomPage:
         self._listeners: list[tuple[str, Callable[[Any], None]]] = []
 
     def _ask(self, call: str, *args: Any) -> Any:
-        return self.context.browser.ask(self.id, call, *args)
+        return self.context.driver.ask(self.id, call, *args)
 
     def on(self, event: str, listener: Callable[[Any], None]) -> None:
         """Call the listener with each `pageerror`, `request` or `response`."""
@@ -184,7 +111,7 @@ class DomPage:
         own = ("response", lambda one: seen.append(one) if wanted.match(one.url) else None)
         self._listeners.append(own)
         yield
-        self.context.browser.wait(lambda: bool(seen), f"an answer of {address}")
+        self.context.driver.wait(lambda: bool(seen), f"an answer of {address}")
         self._listeners.remove(own)
 
     def goto(self, url: str) -> DomRequest:
@@ -194,15 +121,12 @@ class DomPage:
         self._ask("reload")
 
     def close(self) -> None:
-        self.context.browser.ask(None, "closePage", self.id)
+        self.context.driver.ask(None, "closePage", self.id)
         self.context.pages.remove(self)
 
     @property
     def url(self) -> str:
         return str(self._ask("url"))
-
-    def title(self) -> str:
-        return str(self._ask("title"))
 
     def locator(self, selector: str) -> DomLocator:
         return DomLocator(self, selector)
@@ -211,9 +135,6 @@ class DomPage:
         self, selector: Selector, state: str = "visible", timeout: float = BOUND
     ) -> None:
         self._ask("waitFor", selector, state, timeout)
-
-    def wait_for_url(self, pattern: str) -> None:
-        self._ask("waitForUrl", translate(pattern), BOUND)
 
     def evaluate(self, script: str, argument: Any = None) -> Any:
         return self._ask("evaluate", script, argument)
@@ -257,6 +178,14 @@ class DomPage:
     def set_input_files(self, selector: Selector, file: Path) -> None:
         self._ask("setFile", selector, file.name, file.read_text(), BOUND)
 
+    def hover(self, selector: Selector) -> None:
+        """Rest the pointer on an element, so that it can be held there."""
+        self._ask("hover", selector, BOUND)
+
+    @property
+    def mouse(self) -> DomMouse:
+        return DomMouse(self)
+
     @property
     def keyboard(self) -> DomKeyboard:
         return DomKeyboard(self)
@@ -296,6 +225,19 @@ class DomPage:
             how["flags"] = "s" if wanted.flags & re.DOTALL else ""
             wanted = {"pattern": wanted.pattern}
         self._ask("expect", {"only": selector}, kind, wanted, how, BOUND)
+
+
+class DomMouse:
+    """Button of the pointer, on the element that `hover` named; there is no place to move it to."""
+
+    def __init__(self, page: DomPage) -> None:
+        self._page = page
+
+    def down(self) -> None:
+        self._page._ask("mouse", True)
+
+    def up(self) -> None:
+        self._page._ask("mouse", False)
 
 
 class DomKeyboard:
@@ -358,26 +300,25 @@ class DomLocator:
 
 
 OF_LOCATORS = frozenset(
-    "click dblclick fill press focus check uncheck select_option set_input_files inner_text "
-    "text_content input_value get_attribute is_enabled is_disabled is_checked is_visible "
-    "is_hidden".split()
+    {
+        "click",
+        "dblclick",
+        "fill",
+        "press",
+        "focus",
+        "check",
+        "uncheck",
+        "select_option",
+        "set_input_files",
+        "inner_text",
+        "text_content",
+        "input_value",
+        "get_attribute",
+        "is_enabled",
+        "is_disabled",
+        "is_checked",
+        "is_visible",
+        "is_hidden",
+    }
 )
-
-
-class DomLook:
-    """Checks of the page as `Look` in tests/web/browser; each waits until its condition holds."""
-
-    def __init__(self, page: DomPage) -> None:
-        self._page = page
-
-    def text(self, selector: str, pattern: str) -> None:
-        self._page.expect(selector, "text", re.compile(pattern))
-
-    def has_class(self, selector: str, name: str) -> None:
-        self._page.expect(selector, "class", re.compile(rf"\b({name})\b"))
-
-    def has_no_class(self, selector: str, name: str) -> None:
-        self._page.expect(selector, "class", re.compile(rf"\b({name})\b"), is_not=True)
-
-    def value(self, selector: str, value: Pattern) -> None:
-        self._page.expect(selector, "value", value)
+"""Methods of a page that take a selector first."""
