@@ -32,7 +32,7 @@ def program(folder: Path, name: str, body: str) -> None:
             "echo no libnss3 >&2; exit 127",
             "chromium-headless-shell does not work: status 127, no libnss3",
         ),
-        ("node", "node", "echo v12.22.12", "node v12.22.12 is older than 18.19"),
+        ("node", "node", "echo v12.22.12", "node v12.22.12 is older than 20.19"),
         ("node", "node", "echo soon", "node says 'soon' when asked for its version"),
         ("gcc", "gcc", "echo 'no cc1' >&2; exit 1", "gcc does not work: status 1, no cc1"),
         ("octave", "octave-cli", "echo no package >&2; exit 1", "octave-cli does not work"),

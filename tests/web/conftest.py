@@ -552,3 +552,23 @@ def operator(site: Site, admin: httpx.Client) -> Iterator[httpx.Client]:
 def viewer(site: Site, operator: httpx.Client) -> Iterator[httpx.Client]:
     with site.invited(operator, "viewer") as client:
         yield client
+
+
+@pytest.fixture
+def flying(station: ScriptedStation) -> Iterator[Callable[[bool], None]]:
+    """Yield a function that silences (False) or resumes a vehicle that publishes at 10 Hz."""
+    going, talking = threading.Event(), threading.Event()
+    going.set()
+    talking.set()
+
+    def fly() -> None:
+        while going.is_set():
+            if talking.is_set():
+                station.fly()
+            threading.Event().wait(0.1)
+
+    thread = threading.Thread(target=fly, daemon=True)
+    thread.start()
+    yield lambda on: talking.set() if on else talking.clear()
+    going.clear()
+    thread.join()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import re
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -170,26 +169,6 @@ def blank_view(request: pytest.FixtureRequest, serve: Any, usual_port: int) -> I
         serve.view = SCENE
     yield
     serve.view, serve.usual_port = None, 0
-
-
-@pytest.fixture
-def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
-    """Yield a function that silences (False) or resumes a vehicle that publishes at 10 Hz."""
-    going, talking = threading.Event(), threading.Event()
-    going.set()
-    talking.set()
-
-    def fly() -> None:
-        while going.is_set():
-            if talking.is_set():
-                station.fly()
-            threading.Event().wait(0.1)
-
-    thread = threading.Thread(target=fly, daemon=True)
-    thread.start()
-    yield lambda on: talking.set() if on else talking.clear()
-    going.clear()
-    thread.join()
 
 
 @pytest.fixture

@@ -12,18 +12,13 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 import pytest
 
-from console.catalogue.catalogue import Catalogue
 from console.trackers.camera_figures import Figures
 from estimation.tags.detector import marked_picture
-from tests.support.runs import run_entry
 from vehicle_link.messages import decode, new
 from vehicle_link.topics import PICTURE, encode_picture
 
-LAYOUT = "station.bearings.layout"
 COMPARED = "station.comparison.estimators"
-CELLS = "#beacons-layout tbody input"
 TWICE = "tag 3 is seen twice"
-FLIGHT = "20260130T093042Z_quad1"
 FOURTH = ".residual[data-id='4']"
 
 
@@ -53,10 +48,6 @@ def opened(page: Any) -> Any:
     return page
 
 
-def values(station: Any) -> dict[str, Any]:
-    return dict(station.store.values())
-
-
 def width_of(page: Any, selector: str) -> float:
     box = page.locator(selector).bounding_box()
     return float(box["width"]) if box else 0.0
@@ -80,62 +71,6 @@ def test_residual_bars_move_and_are_amber_beyond_three_deviations(
     look.text("#beacons-residuals .limit", r"^3σ = 4\.50°$")
 
 
-def test_a_beacon_that_is_not_seen_is_grey_and_keeps_its_last_value(
-    tab: Any, look: Any, station: Any
-) -> None:
-    station.residuals = {1: 0.01, 2: 0.02, 3: 0.03, 4: 0.03927}
-    look.text(f"{FOURTH} output", r"^2\.25°$")
-    station.residuals = {1: 0.01, 2: 0.02, 3: 0.03}
-    look.has_class(FOURTH, "stale")
-    look.text(f"{FOURTH} output", r"^2\.25°$")
-    look.has_no_class(".residual[data-id='1']", "stale")
-
-
-def test_a_beacon_whose_bearings_are_off_is_marked_with_its_mean_offset(
-    tab: Any, look: Any, station: Any
-) -> None:
-    look.has_no_class(".residual[data-id='2']", "off")
-    off = {"flags": ["on_bearings", "beacon_off"], "suspect_offset": 0.0733}
-    station.said = {**off, "suspect_beacon": 2, "suspect_left_out": True}
-    look.has_class(".residual[data-id='2']", "off")
-    look.has_no_class(".residual[data-id='1']", "off")
-    look.text("#beacons-residuals .offset", r"^Beacon 2 is 4\.2°.*left out")
-    station.said = {**off, "suspect_beacon": -1}
-    look.has_no_class(".residual[data-id='2']", "off")
-    look.text("#beacons-residuals .offset", r"^One beacon is 4\.2°")
-    station.said = {}
-    tab.wait_for_selector("#beacons-residuals .offset", state="hidden")
-
-
-def test_without_a_comparison_all_of_it_is_grey(tab: Any, look: Any, station: Any) -> None:
-    look.has_no_class("#beacons-errors table", "stale")
-    station.compared = False
-    look.has_class("#beacons-errors table", "stale")
-    look.has_class(FOURTH, "stale")
-    look.text("#beacons-errors tbody tr >> nth=0 >> td >> nth=2", "^20$")
-    station.compared = True
-    look.has_no_class("#beacons-errors table", "stale")
-
-
-def test_estimators_have_a_row_each_and_the_one_chosen_is_the_ghost(
-    tab: Any, look: Any, station: Any
-) -> None:
-    box = tab.locator("#beacons-errors input[data-name='error_state']")
-    box.click()
-    look.text("#beacons-errors tbody tr >> nth=1 >> td >> nth=2", "^21$")
-    assert values(station)[COMPARED] == "error_state"
-    tab.click(".estimate[data-name='error_state']")
-    look.text("#beacons-residuals h2", "of error-state")
-    look.value("#beacons-view .ghost select", "error_state")
-    look.text("#beacons-chart .legend", "vehicle.*error-state.*bound of one frame")
-    tab.locator("#beacons-errors input[data-name='complementary:paper']").click()
-    look.text("#beacons-errors tbody tr >> nth=2 >> td >> nth=0", "complementarypaper gains")
-    assert values(station)[COMPARED] == "error_state complementary:paper"
-    box.click()
-    look.text("#beacons-errors tbody tr >> nth=1 >> td >> nth=0", "complementarypaper gains")
-    assert values(station)[COMPARED] == "complementary:paper"
-
-
 def test_the_chart_draws_errors_and_bound_on_either_scale(
     tab: Any, look: Any, until: Callable[..., None]
 ) -> None:
@@ -147,61 +82,6 @@ def test_the_chart_draws_errors_and_bound_on_either_scale(
     assert tab.get_attribute("#beacons-chart button", "aria-pressed") == "true"
     until(lambda: tab.evaluate(drawn))
     tab.click("#beacons-chart button")
-
-
-def test_a_refused_estimator_says_why_and_stays_unchecked(
-    tab: Any, look: Any, station: Any
-) -> None:
-    station.refusal = "estimators: the station is too busy"
-    box = tab.locator("#beacons-errors input[data-name='error_state']")
-    box.click()
-    look.text("#beacons-errors .reason", "the station is too busy")
-    assert not box.is_checked()
-
-
-# ---------------------------------------------------------------------- the layout
-def test_a_refused_layout_says_why_and_the_table_shows_what_is_confirmed(
-    tab: Any, look: Any, station: Any
-) -> None:
-    look.value(f"{CELLS} >> nth=1", "1.000")
-    tab.fill(f"{CELLS} >> nth=1", "1.4")
-    look.has_class(f"{CELLS} >> nth=1", "draft")
-    station.refusal = f"{LAYOUT} not changed, refused by the vehicle: it flies on bearings"
-    tab.click("#beacons-layout button:has-text('Apply')")
-    look.text("#beacons-layout .reason", "refused by the vehicle: it flies on bearings")
-    look.value(f"{CELLS} >> nth=1", "1.000")
-    look.has_no_class(f"{CELLS} >> nth=1", "draft")
-    station.refusal = ""
-    tab.click("#beacons-layout button:has-text('Edit again')")
-    look.value(f"{CELLS} >> nth=1", "1.4")
-    tab.press(f"{CELLS} >> nth=1", "Enter")
-    look.value(f"{CELLS} >> nth=1", "1.400")
-    assert values(station)[LAYOUT].startswith("1 1.4 1.0 0.1;")
-
-
-def test_fewer_than_four_beacons_are_refused(tab: Any, look: Any, station: Any) -> None:
-    tab.click("#beacons-layout .remove >> nth=3")
-    tab.click("#beacons-layout button:has-text('Apply')")
-    look.text("#beacons-layout .reason", "3 beacons; allowed are 4 to 32: add 1")
-    assert tab.locator("#beacons-layout tbody tr").count() == 4
-    assert values(station)[LAYOUT] == "paper"
-
-
-def test_beacons_are_added_and_presets_chosen_on_every_page(
-    tab: Any, look: Any, station: Any, site: Any, open_page: Any, look_at: Any
-) -> None:
-    other = opened(open_page(site))
-    tab.click("#beacons-layout button:has-text('Add beacon')")
-    look.value(f"{CELLS} >> nth=16", "5")
-    look_at(other).value("#beacons-layout select", "paper")
-    tab.click("#beacons-layout button:has-text('Apply')")
-    look_at(other).value(f"{CELLS} >> nth=16", "5")
-    look_at(other).value("#beacons-layout select", "")
-    other.select_option("#beacons-layout select", "eight")
-    look.value("#beacons-layout select", "eight")
-    tab.wait_for_selector(".residual[data-id='8']")
-    assert values(station)[LAYOUT] == "eight"
-    other.close()
 
 
 def test_a_file_is_refused_with_line_and_column(
@@ -217,65 +97,6 @@ def test_a_file_is_refused_with_line_and_column(
     with tab.expect_download() as download:
         tab.click("#beacons-layout a")
     assert Path(download.value.path()).read_text().splitlines()[4] == "9,1.0,-1.0,0.0"
-
-
-# ---------------------------------------------------------------------- onto bearings
-def test_the_way_onto_bearings_and_back(tab: Any, look: Any, station: Any) -> None:
-    look.text("#beacons-session .flies", "^Flies on the tracker's poses$")
-    look.has_class("#beacons-session .steps li >> nth=0", "done")
-    tab.click("#beacons-session button:has-text('Run in parallel')")
-    look.has_class("#beacons-session .steps li >> nth=1", "done")
-    now = values(station)
-    assert now["estimation.shadow"] == "error_state"
-    assert now["estimation.shadow_source"] == "bearings"
-    station.refusal = "estimator error_state on bearings has not converged: 0.3 s of 2 s"
-    tab.click("#beacons-session button:has-text('Fly on bearings')")
-    look.text("#beacons-session .reason", "has not converged")
-    assert values(station)["estimation.source"] == "poses"
-    station.refusal = ""
-    tab.click("#beacons-session button:has-text('Fly on bearings')")
-    look.text("#beacons-session .flies", "^Flies on bearings to the beacons$")
-    look.text("#beacons-session .detail", "^error-state$")
-    tab.click("#beacons-session button:has-text('Back to tracker')")
-    look.text("#beacons-session .flies", "^Flies on the tracker's poses$")
-
-
-def test_a_preset_of_gains_goes_with_the_complementary_filter(
-    tab: Any, look: Any, station: Any
-) -> None:
-    tab.select_option("#beacons-session select >> nth=0", "complementary")
-    tab.select_option("#beacons-session select >> nth=1", "bearings")
-    tab.click("#beacons-session button:has-text('Run in parallel')")
-    look.text("#beacons-session .detail", "complementary · bearings gains")
-    assert values(station)["estimation.position_bandwidth"] == 2.5
-
-
-# ---------------------------------------------------------------------- sensor and view
-def test_the_sensors_rows_are_parameters_as_everywhere(tab: Any, look: Any, station: Any) -> None:
-    tab.click("#beacons-sensor summary >> nth=0")
-    cell = "#beacons-sensor input[aria-label='station.bearings.sigma, value']"
-    tab.fill(cell, "0.75")
-    tab.press(cell, "Enter")
-    look.text("#beacons-sensor summary >> nth=0", "1 modified")
-    assert values(station)["station.bearings.sigma"] == 0.75
-    tab.click("[data-tab=gains]")
-    tab.fill("#search", "bearings.sigma")
-    look.value("#gains input[aria-label='station.bearings.sigma, value']", "0.75")
-    tab.fill("#search", "")
-
-
-def test_the_view_is_shared(
-    tab: Any, site: Any, open_page: Any, until: Callable[..., None]
-) -> None:
-    other = opened(open_page(site))
-    box = "#beacons-view input[data-view='rays']"
-    before = tab.is_checked(box)
-    tab.click(box)
-    for one in (tab, other):
-        until(lambda one=one: one.is_checked(box) is not before)
-    other.click(box)
-    until(lambda: tab.is_checked(box) is before)
-    other.close()
 
 
 # ---------------------------------------------------------------------- roles and cost
@@ -376,21 +197,3 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
     look.has_class("#beacons-camera", "stale")
     tab.click("[data-tab=fly]")
     until(lambda: station.forwarded == set())
-
-
-# ---------------------------------------------------------------------- a survey
-def test_a_surveyed_layout_is_shown_with_its_residuals_and_set_when_accepted(
-    page: Any, site: Any, look: Any, station: Any
-) -> None:
-    (Path(site.data) / "runs" / f"{FLIGHT}.mcap").write_bytes(b"a log")
-    Catalogue(site.data).add(run_entry(FLIGHT, start_ns=1, bytes=5))
-    tab, rows = opened(page), "#beacons-survey tbody tr"
-    tab.select_option("#beacons-survey select", FLIGHT)
-    tab.click("#beacons-survey button >> text=Survey")
-    look.text(f"{rows} >> nth=0", "^1 *1.020 *0.980 *0.100 *20, -20, 0 *–$")
-    look.text("#beacons-survey .empty", "5.20 mrad rms with the flight's layout, 1.30 mrad")
-    assert values(station)[LAYOUT] == "paper"
-    tab.click("#beacons-survey button >> text=Accept")
-    look.text("#beacons-survey .said", "Accepted. It is the layout in use")
-    look.value(f"{CELLS} >> nth=1", "1.020")
-    assert tab.is_hidden("#beacons-survey button >> text=Accept")

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from vehicle_link.messages import header, new
-from web.live.latest import STALE
 
 MARK = "getComputedStyle(document.querySelector('{}'), '::before').content"
 
@@ -40,47 +39,6 @@ def test_what_is_old_has_a_sign_and_says_when_it_was_heard(
     flying(True)
     look.has_no_class("#battery", "stale")
     until(lambda: not page.get_attribute("#battery", "title"))
-
-
-def test_every_number_of_the_vehicle_has_a_deadline(page: Any) -> None:
-    page.click("[data-tab=link]")
-    topics = page.evaluate(
-        "[...document.querySelectorAll('[data-topic]')].map((one) => one.dataset.topic)"
-    )
-    assert set(topics) <= STALE.keys()
-    assert page.locator("#bar output:not([data-topic])").count() == 0
-    assert page.locator("#table tbody tr:not([data-topic])").count() == 0
-
-
-def test_a_row_of_two_messages_is_grey_when_one_of_them_is_missing(
-    page: Any, look: Any, station: Any, flying: Any
-) -> None:
-    error = "#table tbody tr >> nth=5"
-    look.text(f"{error} >> td >> nth=3", r"^0\.500$")
-    fly, put = station.fly, station.put
-    station.put = lambda topic, message: topic == "reference" or put(topic, message)
-    try:
-        look.has_class(f"{error} >> td >> nth=3", "stale")
-        look.text(f"{error} >> td >> nth=3", r"^0\.500$")
-    finally:
-        station.put = put
-    assert station.fly == fly
-    look.has_no_class(f"{error} >> td >> nth=3", "stale")
-
-
-def test_silence_of_the_vehicle_shows_before_the_station_says_so(
-    page: Any, look: Any, station: Any
-) -> None:
-    look.has_no_class("#link", "warn")
-    put = station.put
-    station.put = lambda topic, message: topic == "state" or put(topic, message)
-    try:
-        look.has_class("#link", "warn")  # the station's own status still arrives and is good
-        look.text("#flags", "^no telemetry for")
-    finally:
-        station.put = put
-    look.has_no_class("#link", "warn")
-    look.text("#flags", "^(?!no telemetry)")
 
 
 def contrast(one: str, other: str) -> float:
@@ -197,19 +155,3 @@ def test_a_link_is_plotted_while_the_tab_was_closed(
     until(lambda: page.evaluate(drawn))
     label = page.get_attribute("#tab-link canvas >> nth=0", "aria-label")
     assert label == "Round trip, last five minutes: 3.1 ms to 3.1 ms"
-
-
-def test_a_slow_page_is_told_from_a_bad_radio(page: Any, look: Any, link: Any) -> None:
-    page.click("[data-tab=link]")
-    look.text("#tab-link .strip:has-text('Frames') output", r"\d+ Hz")
-    page.evaluate(
-        """() => { const { parse } = JSON;
-        JSON.parse = (text, ...rest) => {
-          const read = parse(text, ...rest);
-          if (typeof read?.pong === 'number') read.pong -= 400;
-          return read;
-        }; }"""
-    )
-    look.text("#tab-link .verdict", "^The radio is good: it is this browser or its way .* ms")
-    link(state="degraded")
-    look.text("#tab-link .verdict", "^It is this browser")

@@ -1,4 +1,4 @@
-"""Sign-in with a password, the menu of the signed-in person, and sign-out, in Chromium."""
+"""Sign-in with a password, the menu of the signed-in person, and sign-out."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_signing_in_with_a_password_and_out_again(place: Any, tab: Any, look_at:
 
 def test_an_admin_sees_the_users_and_ends_sessions(place: Any, tab: Any, look_at: Any) -> None:
     look = look_at(tab)
-    other = tab.context.browser.new_context()
+    other = tab.context.another()
     theirs = other.new_page()
     log_in(theirs, place, "oleg")
     theirs.wait_for_selector("#behaviors button")

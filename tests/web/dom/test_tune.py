@@ -1,4 +1,4 @@
-"""Tune tab in Chromium: when a test may begin, its progress, chart, tables, delete and undo."""
+"""Tune tab: when a test may begin, its progress, chart, tables, delete and undo."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ RUN, BRAKE = "#tab-tune .act button >> nth=0", "#tab-tune .act button >> nth=1"
 LINE = "#tab-tune .line"
 BOXES = ".tests input[type=checkbox]"
 KP = "control.position.kp_xy"
-BOUND = 30_000  # ms, for a broken page only
 
 
 @pytest.fixture
@@ -35,14 +34,12 @@ def seen(tab: Any, look_at: Any) -> Any:
 
 def fly(tab: Any, **fields: Any) -> None:
     """Run one test on the page, to its end."""
-    from playwright.sync_api import expect
-
     for label, value in fields.items():
         tab.fill(f"#tab-tune input[aria-label^={label}]", str(value))
     before = tab.locator(BOXES).count()
-    expect(tab.locator(RUN)).to_be_enabled(timeout=BOUND)
+    tab.expect(RUN, "enabled", True)
     tab.click(RUN)
-    expect(tab.locator(BOXES)).to_have_count(before + 1, timeout=BOUND)
+    tab.expect(BOXES, "count", before + 1)
 
 
 def test_a_test_begins_in_hover_only_and_the_page_says_why_not(
@@ -118,15 +115,13 @@ def test_what_is_missing_is_said_with_the_test(tab: Any, seen: Any, tune_site: A
 
 
 def test_a_deleted_test_is_taken_back_by_undo(tab: Any, seen: Any) -> None:
-    from playwright.sync_api import expect
-
     fly(tab, duration="0.5")
     count = tab.locator(BOXES).count()
     tab.click(".tests .remove >> nth=0")
-    expect(tab.locator(BOXES)).to_have_count(count - 1, timeout=BOUND)
+    tab.expect(BOXES, "count", count - 1)
     seen.text(".undone", "Deleted: x step")
     tab.click(".undone button")
-    expect(tab.locator(BOXES)).to_have_count(count, timeout=BOUND)
+    tab.expect(BOXES, "count", count)
 
 
 def test_a_viewer_sees_tests_and_flies_none(

@@ -1,4 +1,4 @@
-"""Sliders in Chromium: they show only confirmed values, and never jump while dragged."""
+"""Sliders: they show only confirmed values, and never jump while dragged."""
 
 from __future__ import annotations
 
