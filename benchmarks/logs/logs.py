@@ -82,18 +82,18 @@ def run(size: Size = Size.FULL) -> Report:
             taken[command] = _taken(sys.executable, "-m", "quadlab", *words)
         words = [sys.executable, "-c", TABLE, str(log)]
         table = float(subprocess.run(words, cwd=ROOT, capture_output=True, check=True).stdout)
-        size = log.stat().st_size / 1e6
-    report = _report(taken, duration, size)
+        megabytes = log.stat().st_size / 1e6
+    report = _report(taken, duration, megabytes)
     report.targets.append(Target('quadlab.open(run)["state"]: s', table, MOST_TABLE_S))
     return report
 
 
-def _report(taken: dict[str, Taken], duration: float, size: float) -> Report:
+def _report(taken: dict[str, Taken], duration: float, megabytes: float) -> Report:
     report = Report(
         "logs",
         "A log of 20 minutes",
         [
-            f"{duration / 60:.0f} min as the station records them, {size:.0f} MB; each command in "
+            f"{duration / 60:.0f} min as the station records them, {megabytes:.0f} MB; each command in "
             "a process of its own, its start included",
             f"{PLAIN}: all messages, in the order of the file, nothing done with them",
             "report: page and PDF",

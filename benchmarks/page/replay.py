@@ -96,8 +96,8 @@ def run(size: Size = Size.FULL) -> Report:
         for k in range(2):
             made = MadeRun(duration, marks=marks, late=2.0 * k)
             write_run(data / "runs" / f"2026013{k}T093042Z_quad1.mcap", made, seed=k)
-        size = (data / "runs" / "20260130T093042Z_quad1.mcap").stat().st_size
-        report.conditions.append(f"{size / 1e6:.0f} MB a log")
+        written = (data / "runs" / "20260130T093042Z_quad1.mcap").stat().st_size
+        report.conditions.append(f"{written / 1e6:.0f} MB a log")
         server = subprocess.Popen(
             [sys.executable, "-c", SERVER, str(data), str(DEAD_PORT)],
             stdout=subprocess.PIPE,

@@ -270,7 +270,7 @@ def take_off(station: FakeStation) -> None:
     def is_armed() -> bool:  # not while a busy machine holds up the poses
         nonlocal arming
         arming = next(ids)
-        return station.command("arm", arming).accepted
+        return bool(station.command("arm", arming).accepted)
 
     wait_for(is_armed, what="arming")
     again = station.command("arm", arming)

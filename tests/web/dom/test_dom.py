@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -63,12 +64,13 @@ def test_what_only_a_layout_would_tell_is_refused(plain: Any) -> None:
 
 def test_nobody_clicks_or_fills_what_is_hidden_or_disabled(plain: Any) -> None:
     show(plain, "<button disabled>a</button><input hidden><button hidden id=b>b</button>")
-    for act, why in (
+    tries: list[tuple[Callable[[], object], str]] = [
         (lambda: plain.click("button >> nth=0"), "it is disabled"),
         (lambda: plain.click("#b"), "it is not visible"),
         (lambda: plain.fill("input", "x"), "it is not visible"),
         (lambda: plain.click("#c"), "there is none"),
-    ):
+    ]
+    for act, why in tries:
         with pytest.raises(DomError, match=why):
             act()
 
