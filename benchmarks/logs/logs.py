@@ -93,8 +93,8 @@ def _report(taken: dict[str, Taken], duration: float, megabytes: float) -> Repor
         "logs",
         "A log of 20 minutes",
         [
-            f"{duration / 60:.0f} min as the station records them, {megabytes:.0f} MB; each command "
-            "in a process of its own, its start included",
+            f"{duration / 60:.0f} min as the station records them, {megabytes:.0f} MB; each "
+            "command in a process of its own, its start included",
             f"{PLAIN}: all messages, in the order of the file, nothing done with them",
             "report: page and PDF",
         ],
