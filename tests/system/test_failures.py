@@ -91,7 +91,11 @@ def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recov
         return any(landed in event["text"] for event in lab.get("/api/events"))
 
     until("the reason of the landing on the page", told, 20)
-    assert any(line.startswith("station: quad1:") and landed in line for line in lab.lines)
+
+    def printed() -> bool:
+        return any(line.startswith("station: quad1:") and landed in line for line in lab.lines)
+
+    until("the reason of the landing in the terminal", printed, 20)
     until("the torn file's recovery", lambda: is_closed(torn), 30)
 
     def listed() -> bool:
