@@ -79,6 +79,7 @@ def _wanted(config: pytest.Config) -> frozenset[str]:
     return frozenset(named or (COUNTERPARTS if config.option.complete else ()))
 
 
+@pytest.hookimpl(trylast=True)  # behind the choice by -m and -k
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Keep the tests of this run; several processes begin with the files that take longest."""
     wanted, forbidden = _wanted(config), config.stash[FORBIDDEN]

@@ -54,7 +54,7 @@ def smoke(name: str) -> object:
 
 
 @pytest.mark.timeout(LONGEST + 15.0)
-@pytest.mark.parametrize("name", map(smoke, NAMES))
+@pytest.mark.parametrize("name", [smoke(name) for name in NAMES])
 def test_a_benchmark_in_its_shortest_form_has_figures_in_every_row(
     name: str, tmp_path: Path
 ) -> None:
