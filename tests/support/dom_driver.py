@@ -7,6 +7,7 @@ import queue
 import subprocess
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,26 @@ LATE = 60.0
 
 class DomError(AssertionError):
     """Error of a page, or of a test that asks for what only a browser has."""
+
+
+@dataclass(frozen=True)
+class DomRequest:
+    """Request or answer that a page's script has made or had."""
+
+    url: str
+    method: str
+    status: int = 0
+
+
+@dataclass(frozen=True)
+class PageError:
+    """Error that no script of a page has caught."""
+
+    text: str
+    stack: str
+
+    def __str__(self) -> str:
+        return self.text
 
 
 class DomDriver:

@@ -10,37 +10,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from fnmatch import translate
 from pathlib import Path
 from typing import Any
 
-from tests.support.dom_driver import DomDriver, DomError
+from tests.support.dom_driver import DomDriver, DomError, DomRequest, PageError
 
 BOUND = 20_000
 """Longest wait in a page, in ms, which only a broken page needs."""
 Selector = str | dict[str, str]
 """Playwright's selector; as {"only": selector} it may find only one element."""
-
-
-@dataclass(frozen=True)
-class DomRequest:
-    """Request or answer that a page's script has made or had."""
-
-    url: str
-    method: str
-    status: int = 0
-
-
-@dataclass(frozen=True)
-class PageError:
-    """Error that no script of a page has caught."""
-
-    text: str
-    stack: str
-
-    def __str__(self) -> str:
-        return self.text
 
 
 class DomContext:
@@ -140,10 +119,7 @@ class DomPage:
         return self._ask("evaluate", script, argument)
 
     def eval_on_selector(self, selector: Selector, script: str, argument: Any = None) -> Any:
-        return self._ask("evaluateOn", selector, script, False, argument)
-
-    def eval_on_selector_all(self, selector: Selector, script: str, argument: Any = None) -> Any:
-        return self._ask("evaluateOn", selector, script, True, argument)
+        return self._ask("evaluateOn", selector, script, argument)
 
     def click(self, selector: Selector) -> None:
         self._ask("click", selector, BOUND)
@@ -275,28 +251,11 @@ class DomLocator:
     def nth(self, index: int) -> DomLocator:
         return DomLocator(self._page, f"{self._selector} >> nth={index}")
 
-    @property
-    def first(self) -> DomLocator:
-        return self.nth(0)
-
-    @property
-    def last(self) -> DomLocator:
-        return self.nth(-1)
-
-    def all(self) -> list[DomLocator]:
-        return [self.nth(index) for index in range(self.count())]
-
     def count(self) -> int:
         return int(self._page._ask("count", self._selector))
 
-    def all_inner_texts(self) -> list[str]:
-        return list(self._page._ask("innerTexts", self._selector))
-
     def evaluate(self, script: str, argument: Any = None) -> Any:
         return self._page.eval_on_selector({"only": self._selector}, script, argument)
-
-    def evaluate_all(self, script: str, argument: Any = None) -> Any:
-        return self._page.eval_on_selector_all(self._selector, script, argument)
 
 
 OF_LOCATORS = frozenset(

@@ -126,8 +126,6 @@ export class Page {
     }[kind]();
   }
 
-  innerTexts(selector) { return this.all(selector).map((one) => (one.tagName === "OPTION" ? normal(one.textContent) : shownText(one))); }
-
   // ---------------------------------------------------------------- scripts
   evaluate(script, argument) { return this.run(script, argument ?? undefined); }
 
@@ -137,10 +135,10 @@ export class Page {
     return typeof found === "function" ? found(...given) : found;
   }
 
-  async evaluateOn(selector, script, isAll, argument) {
-    const found = isAll ? this.all(selector) : this.one(selector);
-    if (!found) throw new Error(`there is no ${nameOf(selector)}`);
-    return this.run(script, found, argument ?? undefined);
+  async evaluateOn(selector, script, argument) {
+    const one = this.one(selector);
+    if (!one) throw new Error(`there is no ${nameOf(selector)}`);
+    return this.run(script, one, argument ?? undefined);
   }
 
   // ---------------------------------------------------------------- acting

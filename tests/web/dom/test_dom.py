@@ -43,12 +43,12 @@ def test_an_element_is_hidden_by_the_pages_stylesheets(kept_page: Any) -> None:
         )
         assert kept_page.is_visible("#answer button") is visible
     kept_page.evaluate("document.getElementById('answer').hidden = true")
-    assert kept_page.is_hidden(".controls .rule ~ .none"), "nothing is not visible"
+    assert kept_page.is_hidden(".controls .rule ~ .none")
 
 
 def test_what_only_a_layout_would_tell_is_refused(plain: Any) -> None:
     show(plain, "<p id=empty></p><p id=both>a<b>b</b></p>")
-    with pytest.raises(DomError, match="cannot judge whether .*empty"):
+    with pytest.raises(DomError, match=r"cannot judge whether .*empty"):
         plain.is_visible("#empty")
     with pytest.raises(DomError, match="does not lay out"):
         plain.inner_text("#both")
