@@ -44,6 +44,6 @@ createInterface({ input: process.stdin }).on("line", async (line) => {
     const value = await (page ?? calls)[call](...args);
     say({ id, value: value ?? null });
   } catch (error) {
-    say({ id, error: error?.stack ?? String(error) });
+    say({ id, error: `${error?.stack ?? error}${error?.cause ? `\nbecause of ${error.cause.stack}` : ""}` });
   }
 }).on("close", () => process.exit(0));

@@ -34,9 +34,10 @@ export async function load(context, address, form, tell) {
   }
 }
 
+// A connection for each request: the server closes one that rests for 5 s, and node does not ask again as a browser does.
 async function headersFor(context, url, method) {
   const origin = method === "GET" || method === "HEAD" ? {} : { origin: new URL(url).origin };
-  return { cookie: await context.jar.getCookieString(url), ...origin };
+  return { cookie: await context.jar.getCookieString(url), connection: "close", ...origin };
 }
 
 async function keepCookies(context, url, answer) {
