@@ -73,7 +73,7 @@ def measure(flown: Pilot, size: Size) -> Figures:
     """Return the percentage of late ticks for each flight and page."""
     flown.take_off()
     figures: Figures = {}
-    for flight in ("hover", "8"):
+    for flight in size.some(("hover", "8")):
         if flight == "8":
             flown.start("follow_trajectory", "follow_trajectory", laps=100)
         pages: dict[str, AbstractContextManager[None]] = {

@@ -40,7 +40,7 @@ from console.runs.adoption import tidy_runs
 from web.process import run_web
 data = Path(sys.argv[1])
 tidy_runs(Catalogue(data))
-run_web(data, port=0, loopback_port=int(sys.argv[2]), token="benchmark-token")
+run_web(data, port=0, loopback_port=int(sys.argv[2]))
 """
 DEAD_PORT = 9  # discard: no station runs there, and the page does not need one
 LIMIT = 0.2  # s

@@ -34,6 +34,8 @@ ROUNDS = 3, 1, 1  # of each size
 SETTLED = 25_000, 25_000, 500  # ms of each size, until the automatic quality has found its level
 WANTED = 15.0  # Hz
 OPENED = 9, 3, 1  # times with a full cache
+WINDOW = {"width": 1440, "height": 900}
+SMALL = {"width": 800, "height": 500}
 SLOWEST = 2.0  # s
 HEAVIEST = 1.2  # MB
 USABLE = """(() => {
@@ -149,7 +151,7 @@ def drawn(browser: Any, page: Any, base: str, size: Size) -> Report:
         costs[name].append(1e3 * cores * seconds / max(frames, 1))
 
     for _ in range(size.of(*ROUNDS)):
-        page.set_viewport_size({"width": 1440, "height": 900})
+        page.set_viewport_size(size.of(WINDOW, WINDOW, SMALL))
         page.goto(base)
         page.locator("#tick", has_text="%").wait_for()
         page.wait_for_function(IS_DRAWN, timeout=1e3 * PATIENCE)
