@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +59,9 @@ def run(size: Size = Size.FULL) -> Report:
 
 
 def _measure(report: Report, folder: Path, rate: int, seconds: int, has_peer: bool) -> None:
-    peer = _cyclictest(1_000_000 // rate, seconds) if has_peer else nullcontext()
+    peer: AbstractContextManager[subprocess.Popen[str] | None] = (
+        _cyclictest(1_000_000 // rate, seconds) if has_peer else nullcontext()
+    )
     with FlightUnderTest(folder, rate) as flight:
         flight.take_off()
         rights = flight.rights
