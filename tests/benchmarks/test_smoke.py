@@ -14,7 +14,7 @@ from quadrotor.checkout import ROOT
 from tests.flight_log.foreign_flight import columns_of, make_flight, write_csv, write_mapping
 
 IN_REAL_TIME = {"late_ticks", "link", "starved", "up_cost", "view_rate"}
-"""Benchmarks that even in their shortest form fly whole laboratories in real time for up to a minute.
+"""Benchmarks that fly whole laboratories in real time for up to a minute in their shortest form.
 
 Run them by hand after a change of what they measure: `python -m benchmarks NAME --smoke`.
 """
