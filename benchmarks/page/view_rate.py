@@ -35,7 +35,6 @@ SETTLED = 25_000, 25_000, 500  # ms of each size, until the automatic quality ha
 WANTED = 15.0  # Hz
 OPENED = 9, 3, 1  # times with a full cache
 WINDOW = {"width": 1440, "height": 900}
-SMALL = {"width": 800, "height": 500}
 SLOWEST = 2.0  # s
 HEAVIEST = 1.2  # MB
 USABLE = """(() => {
@@ -151,7 +150,7 @@ def drawn(browser: Any, page: Any, base: str, size: Size) -> Report:
         costs[name].append(1e3 * cores * seconds / max(frames, 1))
 
     for _ in range(size.of(*ROUNDS)):
-        page.set_viewport_size(size.of(WINDOW, WINDOW, SMALL))
+        page.set_viewport_size(WINDOW)
         page.goto(base)
         page.locator("#tick", has_text="%").wait_for()
         page.wait_for_function(IS_DRAWN, timeout=1e3 * PATIENCE)

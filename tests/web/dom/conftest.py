@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from tests.support.dom_driver import DomDriver
-from tests.support.dom_look import DomLook
-from tests.support.dom_page import DomContext, DomPage
+from tests.web.dom.dom_driver import DomDriver
+from tests.web.dom.dom_look import DomLook
+from tests.web.dom.dom_page import DomContext, DomPage
 
 
 @pytest.fixture(scope="session")

@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from tests.support.dom_driver import DomError
+from tests.web.dom.dom_driver import DomError
 
 
 @pytest.fixture
 def plain(context: Any, site: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return a page without scripts, whose waits are short; `show` replaces its body."""
-    monkeypatch.setattr("tests.support.dom_page.BOUND", 200)
+    monkeypatch.setattr("tests.web.dom.dom_page.BOUND", 200)
     page = context.new_page()
     page.goto(f"{site.base}/login")
     return page

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from tests.support.dom_page import DomPage
+from tests.web.dom.dom_page import DomPage
 
 
 class DomLook:

@@ -14,7 +14,7 @@ from fnmatch import translate
 from pathlib import Path
 from typing import Any
 
-from tests.support.dom_driver import DomDriver, DomError, DomRequest, PageError
+from tests.web.dom.dom_driver import DomDriver, DomError, DomRequest, PageError
 
 BOUND = 20_000
 """Longest wait in a page, in ms, which only a broken page needs."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-SCRIPT = Path(__file__).parents[1] / "web" / "dom" / "driver.js"
+SCRIPT = Path(__file__).with_name("driver.js")
 LATE = 60.0
 """Longest wait for node itself, in s."""
 
