@@ -23,7 +23,7 @@ export async function load(context, address, form, tell) {
   let url = address, answer, body = form;
   for (let hops = 0; ; hops++) {
     if (hops > 10) throw new Error(`too many redirections from ${address}`);
-    answer = await fetch(url, { redirect: "manual", method: body ? "POST" : "GET", body, headers: { accept: "text/html", ...await headersFor(context, url, body ? "POST" : "GET") } });
+    answer = await request(url, { redirect: "manual", method: body ? "POST" : "GET", body, headers: { accept: "text/html", ...await headersFor(context, url, body ? "POST" : "GET") } });
     await keepCookies(context, url, answer);
     let next = answer.status >= 300 && answer.status < 400 ? answer.headers.get("location") : null;
     const text = next ? "" : await answer.text();
@@ -34,10 +34,19 @@ export async function load(context, address, form, tell) {
   }
 }
 
-// A connection for each request: the server closes one that rests for 5 s, and node does not ask again as a browser does.
+// The server closes a connection that rests for 5 s; a browser then asks again for what it only reads.
+async function request(url, how) {
+  try {
+    return await fetch(url, how);
+  } catch (error) {
+    if ((how.method ?? "GET") !== "GET" || !["ECONNRESET", "UND_ERR_SOCKET"].includes(error.cause?.code)) throw error;
+    return fetch(url, how);
+  }
+}
+
 async function headersFor(context, url, method) {
   const origin = method === "GET" || method === "HEAD" ? {} : { origin: new URL(url).origin };
-  return { cookie: await context.jar.getCookieString(url), connection: "close", ...origin };
+  return { cookie: await context.jar.getCookieString(url), ...origin };
 }
 
 async function keepCookies(context, url, answer) {
@@ -62,7 +71,7 @@ async function build(context, url, text, tell) {
 
 export async function textAt(context, url) {
   if (!kept.has(url)) {
-    const answer = await fetch(url, { headers: await headersFor(context, url, "GET") });
+    const answer = await request(url, { headers: await headersFor(context, url, "GET") });
     if (!answer.ok) throw new Error(`${url}: ${answer.status}`);
     const text = await answer.text();
     if (!/\/v-[0-9a-f]{16}\/|[?]v=/.test(url)) return text;
@@ -96,7 +105,7 @@ async function addMissing(window, context, tell) {
     const url = new URL(path, window.location.href).href, method = (how.method ?? "GET").toUpperCase();
     tell("request", { url, method });
     const headers = { ...how.headers, ...await headersFor(context, url, method) };
-    const answer = await fetch(url, { ...how, method, headers, body: await bodyOf(window, how.body), signal: signalOf(how.signal) });
+    const answer = await request(url, { ...how, method, headers, body: await bodyOf(window, how.body), signal: signalOf(how.signal) });
     await keepCookies(context, url, answer);
     tell("response", { url, method, status: answer.status });
     return answer;
