@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.waiting import wait_for
 from vehicle_link.messages import header, new
 from web.joined_files import join_modules
 from web.static_files import STATIC
@@ -46,6 +47,8 @@ def test_the_main_page_is_ready_after_few_requests(
     site: Any, context: Any, admin: Any, counted: Any, look_at: Any
 ) -> None:
     context.add_cookies(site.cookies_of(admin))
+    # The page reads the parameters again when the vehicle's have been read meanwhile.
+    wait_for(lambda: admin.get("/api/parameters").json()["parameters"])
     answered: list[Any] = []
     context.on("requestfinished", lambda one: answered.append(one))
     page, asked = counted(site.base)
