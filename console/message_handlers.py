@@ -145,10 +145,10 @@ class MessageHandlers:
         self._tracker.seen(frame)
 
     def _truth(self, received: Received) -> None:
-        pose = topics.decode_odometry_pose(received.payload, self._vehicle)
-        stamp_ns = pose[0]
-        self._comparison.truth(*pose)
-        self._tracker.truth(*pose)
+        stamp_ns, *pose = topics.decode_odometry_pose(received.payload, self._vehicle)
+        at_ns = self._link.stamp_of_simulator(stamp_ns)
+        self._comparison.truth(at_ns, *pose)
+        self._tracker.truth(at_ns, *pose)
         self._progress.truth(stamp_ns)
         if (
             self._progress.in_lockstep

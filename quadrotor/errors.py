@@ -54,6 +54,12 @@ class LinkError(QuadlabError):
     """The radio link, a service or a session failed or did not answer in time."""
 
 
+class ClockNotSetError(LinkError):
+    """Raised when the computer's clock is before the certificates of the link begin: once it is
+    set, the same call may succeed.
+    """
+
+
 class NoAnswerError(LinkError):
     """Raised when no answer arrived in time: the request may or may not have been executed.
 

@@ -1,8 +1,10 @@
 """The clock for everything about a flight: stamps, ages, time-outs and logs.
 
-It is the computer's own clock, under the same names as in `time`, unless the vehicle is simulated
-in lockstep: then it is the simulation's clock, which all processes of one `quadlab up` read from
-a page of shared memory. The simulation's clock runs at the computer's rate but never past the
+It is the computer's steady clock, counted from an epoch that is read once, when the first process
+starts, and handed on to the processes that it starts: setting the computer's clock, by seconds or
+by years, moves no stamp (`SetClock` reports it). Where the vehicle is simulated in lockstep, it is
+the simulation's clock, which all processes of one `quadlab up` read from a page of shared memory.
+The simulation's clock runs at the computer's rate but never past the
 instant that the simulation has reached, so it slows down when the machine is overloaded. When the
 simulation has not advanced for `DEAD_AFTER_NS` it counts as dead, and the clock runs on without it,
 so that time-outs still end.
@@ -22,6 +24,9 @@ from quadrotor.errors import StorageError
 
 VARIABLE = "QUADLAB_LOCKSTEP"
 """Environment variable with the page's path, for the processes of one `quadlab up`."""
+EPOCH_VARIABLE = "QUADLAB_EPOCH"
+"""Environment variable with the epoch time at which the steady clock was 0, in ns, for processes
+that this one starts."""
 DEAD_AFTER_NS = 5_000_000_000
 """Nanoseconds without progress after which a simulation counts as dead: longer than a busy machine
 delays a live one."""
@@ -34,6 +39,19 @@ HEADER = 8
 """Number of words before those of the vehicles."""
 FREE = (1 << 63) - 1
 """Value of LIMIT while no simulation controls the time."""
+
+
+_STEADY = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""The steady clock that goes on while the computer sleeps, where there is such a clock."""
+
+
+def _epoch_ns() -> int:
+    """Return the epoch that was handed on, else the one that this process hands on from now on."""
+    own = time.time_ns() - time.clock_gettime_ns(_STEADY)
+    return int(os.environ.setdefault(EPOCH_VARIABLE, str(own)))
+
+
+_EPOCH_NS = _epoch_ns()
 
 
 class _Followed:
@@ -82,14 +100,19 @@ def monotonic() -> float:
     return monotonic_ns() * 1e-9
 
 
+def host_time_ns() -> int:
+    """Return the computer's epoch time in ns, whatever its clock was set to since the start."""
+    return _EPOCH_NS + time.clock_gettime_ns(_STEADY)
+
+
 def time_ns() -> int:
-    """Return the epoch time in ns, as time.time_ns; under lockstep it follows simulated time."""
+    """Return the epoch time in ns, as `host_time_ns`; under lockstep it follows simulated time."""
     words = _followed.page
-    return time.time_ns() if words is None else monotonic_ns() + words[EPOCH]
+    return host_time_ns() if words is None else monotonic_ns() + words[EPOCH]
 
 
 def wall_time() -> float:
-    """Return the epoch time in s, as time.time."""
+    """Return the epoch time in s, as `time_ns`."""
     return time_ns() * 1e-9
 
 

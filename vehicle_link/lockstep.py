@@ -53,7 +53,7 @@ class Page:
         # Avoid a disk if possible: writing pages back may block the process that writes them.
         place = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else folder
         header = array("q", [0] * (clock.HEADER + WORDS * len(names)))
-        header[clock.EPOCH] = time.time_ns() - time.monotonic_ns()
+        header[clock.EPOCH] = clock.host_time_ns() - time.monotonic_ns()
         header[clock.LIMIT], header[clock.FACTOR] = clock.FREE, 1_000_000
         header[clock.VEHICLES] = len(names)
         content = header.tobytes()

@@ -18,6 +18,8 @@ from vehicle_link.transport.radio import Radio
 
 OLDEST_NS = 250_000_000
 """Age in ns; older telemetry is recorded but not shown."""
+CLOCK_SET_NS = 1_000_000_000
+"""Clocks of one computer differ by less, in ns, unless it was set."""
 
 
 class LinkMonitor:
@@ -129,6 +131,15 @@ class LinkMonitor:
         it is known.
         """
         return self._clock.to_server(time_ns() if station_ns is None else station_ns)
+
+    def stamp_of_simulator(self, stamp_ns: int) -> int:
+        """Return a stamp of the simulator as one of the vehicle's clock.
+
+        Both run on this computer, so that their clocks are the same unless its clock was set
+        between their starts.
+        """
+        offset_ns = self._clock.offset_ns
+        return stamp_ns if abs(offset_ns) < CLOCK_SET_NS else stamp_ns + offset_ns
 
     def deadline_ns(self, seconds: float) -> int:
         """Return the vehicle's time so many seconds from now; 0 while its clock is not known."""

@@ -10,6 +10,7 @@ from console.link.outbox import INFO, WARN
 from console.tracker_feed import TrackerFeed
 from vehicle_link.clock import real_time_factor, time_ns
 from vehicle_link.messages import header, new
+from vehicle_link.set_clock import SetClock
 from vehicle_link.transport.heartbeat import LinkState
 
 
@@ -23,6 +24,7 @@ class StatusSender:
         self._recorder, self._alarms = context.recorder, context.alarms
         self._tracker, self._on_link = tracker, on_link
         self._published_state = LinkState.LOST
+        self._set_clock = SetClock("base station", "quadlab station")
 
     @property
     def link_changed(self) -> bool:
@@ -38,6 +40,8 @@ class StatusSender:
         if state is not self._published_state:
             self._published_state = state
             self._outbox.say(INFO if state is LinkState.GOOD else WARN, f"link {state}")
+        if line := self._set_clock.report():
+            self._outbox.say(WARN, line)
         recorder = self._recorder.status()
         status = new(
             "quadlab_msgs/StationStatus",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -14,6 +15,7 @@ from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
 from vehicle_link import clock
 from vehicle_link.lockstep import PREFIX, SHARED_MEMORY, Page, ProcessProgress, page_at, words_of
+from vehicle_link.set_clock import SetClock
 
 SECOND = 1_000_000_000
 
@@ -191,3 +193,46 @@ def test_the_page_of_a_killed_laboratory_is_removed_at_the_next_start_and_no_liv
         assert not made.path.exists()
     finally:
         living.communicate()
+
+
+HOUR_NS = 3_600_000_000_000
+STARTED_AN_HOUR_BACK = f"""
+import time
+real = time.time_ns
+time.time_ns = lambda: real() - {HOUR_NS}
+from vehicle_link import clock
+print(clock.time_ns())
+"""
+
+
+def test_setting_the_computers_clock_moves_no_stamp(monkeypatch: pytest.MonkeyPatch) -> None:
+    before_ns, computer_ns = clock.time_ns(), time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: computer_ns() - HOUR_NS)
+    assert 0 <= clock.time_ns() - before_ns < HOUR_NS // 2
+    assert 0 <= clock.host_time_ns() - before_ns < HOUR_NS // 2
+
+
+@pytest.mark.parametrize(("is_handed_on", "behind_ns"), [(True, 0), (False, HOUR_NS)])
+def test_a_process_takes_the_epoch_of_the_one_that_starts_it(
+    is_handed_on: bool, behind_ns: int
+) -> None:
+    """A process that starts after the computer's clock was set agrees with those before it."""
+    environment = dict(os.environ)
+    if not is_handed_on:
+        del environment[clock.EPOCH_VARIABLE]
+    program = [sys.executable, "-c", STARTED_AN_HOUR_BACK]
+    told = subprocess.run(program, env=environment, stdout=subprocess.PIPE, check=True, text=True)
+    assert clock.time_ns() - int(told.stdout) - behind_ns == pytest.approx(0, abs=HOUR_NS / 2)
+
+
+def test_each_step_of_the_computers_clock_is_reported_once() -> None:
+    set_ns = [0]
+    detector = SetClock("vehicle", "quadlab vehicle", lambda: set_ns[0], lambda: 0)
+    lines = []
+    for step_ns in (0, -HOUR_NS, 0, HOUR_NS // 2, 0, 1_900_000_000, 0):
+        set_ns[0] += step_ns
+        lines.append(detector.report())
+    assert [bool(line) for line in lines] == [False, True, False, True, False, False, False]
+    assert "vehicle's computer was set back by 3600.0 s" in lines[1]
+    assert "set forward by 1800.0 s" in lines[3]
+    assert "until `quadlab vehicle` is started again" in lines[3]

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import msgspec
 
-from quadrotor.errors import QuadlabError
+from quadrotor.errors import ClockNotSetError, QuadlabError
 from vehicle.boards.kind import find_kind
 from vehicle.boards.offered import offer
 from vehicle.calibration.store import CalibrationStore
@@ -44,8 +44,9 @@ from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import COMMS_PROCESS, ProcessProgress
-from vehicle_link.security.authority import ensure_certificates, readable_keys
+from vehicle_link.security.authority import TlsFiles, ensure_certificates, readable_keys
 from vehicle_link.security.whoami import serve_whoami
+from vehicle_link.set_clock import SetClock
 from vehicle_link.termination_signal import Ending, EndSignal
 from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LINK_HEARTBEAT_EVERY
 from vehicle_link.transport.node import Node
@@ -54,6 +55,7 @@ from vehicle_link.transport.session import vehicle_session
 
 SHORTEST_WAIT_S = 0.001
 STATION_LOST_S = 1.0
+CLOCK_CHECK_S = 0.5
 FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5
 TICKS_KEPT = TICK_SLOTS // 2
@@ -118,6 +120,7 @@ class Comms:
         )
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0
+        self._set_clock = SetClock("vehicle", "quadlab vehicle")
         self._fetch_due_ns = 0
         serve(node, self._flight, self._parameters, self._calibrations, self._clock, self._say)
         serve_whoami(node, config.name, config.instance, identity)
@@ -179,6 +182,8 @@ class Comms:
         self._publisher.holder = self._inbound.holder
         self._publisher.heartbeat()
         self._watch_drops()
+        if line := self._set_clock.report():
+            self._say(mailbox.WARN, line)
 
     def close(self) -> None:
         """Close the log and send the last events; the caller closes the session."""
@@ -251,6 +256,23 @@ class Comms:
         return json.dumps(self._parameters.values(), indent=1).encode()
 
 
+def _certificates(folder: Path, stopping: Ending) -> TlsFiles | None:
+    """Return the certificates once the computer's clock allows them; None when stopped before.
+
+    A computer without a battery for its clock starts in 1970, and is set right later.
+    """
+    is_told = False
+    while True:
+        try:
+            return ensure_certificates(folder)
+        except ClockNotSetError as error:
+            if not is_told:
+                say(f"{error}; until then no base is connected and nothing flies")
+            is_told = True
+        if stopping.wait(CLOCK_CHECK_S):
+            return None
+
+
 def main(argument: str) -> int:
     """Run the process; return 0 after a signal, GIVEN_UP when it cannot start."""
     config = msgspec.json.decode(argument, type=VehicleConfig)
@@ -260,7 +282,8 @@ def main(argument: str) -> int:
     try:
         folder = Path(config.data) / "certificates"
         is_enrolled = (folder / "ca.pem").exists()
-        files = ensure_certificates(folder)
+        if (files := _certificates(folder, stopping)) is None:
+            return 0
         session = vehicle_session(config.link_port, files)
     except QuadlabError as error:
         say(str(error))

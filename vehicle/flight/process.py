@@ -169,7 +169,7 @@ def _connect(
     if robot is None:
         mcu = Microcontroller(ports, rate=rate, identity=config.identity)
         return mcu, PortPacer(mcu, period_ns)
-    robot.epoch_ns = time.time_ns() + SOON_NS
+    robot.epoch_ns = clock.time_ns() + SOON_NS
     start_ns = time.monotonic_ns() + SOON_NS
     mcu = Microcontroller(robot.ports, robot.epoch_ns, rate=rate)
     return mcu, MemoryPacer(robot, period_ns, start_ns)

@@ -124,7 +124,7 @@ def _lockstep(vehicles: Sequence[str], pace: Pace, is_asked: bool) -> LockstepPa
 
 def _loop(robots: Sequence[Robot], statistics: RunStatistics, stop: threading.Event) -> None:
     for robot in robots:
-        robot.begin(time.time_ns(), time.monotonic_ns())
+        robot.begin(clock.time_ns(), time.monotonic_ns())
     while not stop.is_set():
         due_ns = min(robot.due_ns for robot in robots)
         wait_ns = due_ns - time.monotonic_ns()

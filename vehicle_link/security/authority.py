@@ -18,8 +18,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from quadrotor.errors import LinkError, StorageError, os_errors
+from quadrotor.errors import ClockNotSetError, LinkError, StorageError, os_errors
 from vehicle_link.security.certificates import (
+    EARLIEST,
     certificate_builder,
     general_name,
     key_usage,
@@ -76,9 +77,15 @@ def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
 
     Raises:
         StorageError: the folder cannot be written.
+        ClockNotSetError: the computer's clock is from before the certificates are valid.
         LinkError: the authority of existing files is missing, or a file cannot be used.
     """
-    files = TlsFiles(folder)
+    now, files = datetime.datetime.now(datetime.UTC), TlsFiles(folder)
+    if now < EARLIEST:
+        raise ClockNotSetError(
+            f"the clock of this computer says {now:%Y-%m-%d %H:%M} UTC, and certificates of the "
+            f"link are valid from {EARLIEST:%Y-%m-%d} on; set the clock"
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with locked(folder):

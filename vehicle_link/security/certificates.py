@@ -12,14 +12,15 @@ if TYPE_CHECKING:  # cryptography costs 0.1 s to load
     from cryptography.x509 import Certificate, CertificateBuilder, GeneralName, KeyUsage
 
 YEARS = 10
+EARLIEST = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
+"""Begin of validity: a robot's clock may be behind the base's, by years when it has no battery."""
 
 
 def certificate_builder(
     subject: str,
     issuer: str,
     key: EllipticCurvePrivateKey,
-    # A robot's clock may be behind the base's, by years when it has no battery.
-    begin: datetime.datetime = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC),
+    begin: datetime.datetime = EARLIEST,
     end: datetime.datetime | None = None,
     owner: str = "",
 ) -> CertificateBuilder:

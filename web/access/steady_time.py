@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import time
-
 from itsdangerous import TimestampSigner
 
-_AHEAD_S = time.time() - time.monotonic()
+from vehicle_link.clock import host_time_ns
 
 
 def steady_time() -> float:
-    """Return the epoch time in s as of this process's start, continued by the steady clock."""
-    return _AHEAD_S + time.monotonic()
+    """Return the epoch time in s, which setting the computer's clock does not move."""
+    return host_time_ns() * 1e-9
 
 
 class SteadySigner(TimestampSigner):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import ParameterDescription, ParameterValue
+from vehicle_link.clock import host_time_ns
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameters.change import ParameterChange
@@ -186,7 +187,7 @@ class Station:
         """
         if self._stick is None:
             return 0
-        now = time.time_ns()
+        now = host_time_ns()
         message = new(JOY, header=header(now, requester), axes=axes, buttons=[int(enabled)])
         self._stick.put(encode(message), now)
         return now

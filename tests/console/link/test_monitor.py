@@ -28,6 +28,14 @@ def synchronised() -> LinkMonitor:
     return link
 
 
+def test_stamps_of_a_simulator_from_before_the_clock_was_set_become_the_vehicles() -> None:
+    link = LinkMonitor()
+    assert link.stamp_of_simulator(NOW) == NOW
+    link.exchanged(Exchange(NOW, NOW + MS, NOW + MS, NOW + MS // 2))  # the same clock, as measured
+    assert link.stamp_of_simulator(NOW) == NOW
+    assert synchronised().stamp_of_simulator(NOW) == NOW + AHEAD
+
+
 def test_telemetry_under_way_for_too_long_is_not_shown() -> None:
     link = synchronised()
     assert link.telemetry(1, NOW + AHEAD, NOW + 249 * MS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import multiprocessing
 import shutil
 import stat
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from quadrotor.errors import LinkError, StorageError
+from quadrotor.errors import ClockNotSetError, LinkError, StorageError
 from vehicle_link.security import authority
 from vehicle_link.security.authority import (
     ROLES,
@@ -33,6 +34,16 @@ def test_certificates_fit_both_roles_and_all_names(tls: TlsFiles) -> None:
     for role in ROLES:
         for host in ("", "localhost", "127.0.0.1", "quad1.local", "192.168.4.2"):
             check_certificate(tls, role, host)
+
+
+def test_a_clock_from_before_all_certificates_makes_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    future = datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=1)
+    monkeypatch.setattr(authority, "EARLIEST", future)
+    with pytest.raises(ClockNotSetError, match=r"valid from .* on; set the clock"):
+        ensure_certificates(tmp_path / "tls")
+    assert not (tmp_path / "tls").exists()
 
 
 def test_only_the_owner_may_read_the_files(tls: TlsFiles) -> None:

@@ -6,9 +6,8 @@ only arrive late, so the constant is the least (arrival - elapsed) over the firs
 time a frame takes on the line; these samples are used for nothing else. In simulated time the
 constant is given, usually 0.
 
-The host's clock may be set while the vehicle runs, by an hour or by years. Once the epoch is
-settled the host's time continues by its steady clock, so that stamps neither jump nor stop; each
-change of the host's clock is reported once.
+The host's clock may be set while the vehicle runs, by an hour or by years: the host's time is that
+of `vehicle_link.clock`, which continues by the steady clock, so that stamps neither jump nor stop.
 """
 
 from __future__ import annotations
@@ -38,8 +37,6 @@ AHEAD_NS = 5_000_000
 LATEST_NS = 2_000_000_000
 """The first samples are not later than this: a clock further ahead means a fast microcontroller,
 and setting it back would drop all samples for as long."""
-SET_NS = 2_000_000_000
-"""Smaller changes of the host's clock, as for a leap second, are not reported."""
 FRAME_NS = 34 * 1_000_000_000 // (BAUD_RATE // 10)
 """Time of a `D` frame of 34 bytes on the line."""
 
@@ -49,9 +46,9 @@ class MicrocontrollerClock:
 
     Args:
         epoch_ns: stamp of the first sample, for simulated time; None uses the host's time.
-        host_ns: the host's clock; gives the epoch, and is then only monitored for changes.
-        steady_ns: the host's steady clock, which distinguishes a gap from a very late sample and
-        shows changes of the host's clock; not read when the epoch is given.
+        host_ns: the host's clock, which gives the epoch.
+        steady_ns: the host's steady clock, which distinguishes a gap from a very late sample; not
+            read when the epoch is given.
     """
 
     def __init__(
@@ -63,8 +60,6 @@ class MicrocontrollerClock:
         self._host_ns = host_ns
         self._steady_ns = steady_ns if epoch_ns is None else None
         self._begun_ns = 0
-        self._ahead_of_steady_ns = 0  # the host's clock, when the epoch was settled
-        self._reported_ns = 0  # the same when last reported
         self._lead_ms = 0  # largest lead over the host's clock so far
         self._refused_ms: int | None = None  # the host's time at the first refusal
         self._epoch_ns = epoch_ns
@@ -123,10 +118,6 @@ class MicrocontrollerClock:
         self._settling += samples
         if self._settling >= SETTLING_SAMPLES and newest_elapsed_ns >= SETTLING_NS:
             self._epoch_ns = self._least_ns - FRAME_NS
-            if self._steady_ns is not None:
-                self._reported_ns = self._ahead_of_steady_ns = self._host_over_steady(
-                    self._steady_ns
-                )
 
     def correct(self, newest_elapsed_ns: int) -> float:
         """Set the clock back when it is ahead of the host's: all samples that set it were late.
@@ -135,33 +126,11 @@ class MicrocontrollerClock:
         """
         if self._steady_ns is None or self._epoch_ns is None:
             return 0.0
-        host_ns = self._steady_ns() + self._ahead_of_steady_ns
-        ahead_ns = self._epoch_ns + FRAME_NS + newest_elapsed_ns - host_ns
+        ahead_ns = self._epoch_ns + FRAME_NS + newest_elapsed_ns - self._host_ns()
         if not AHEAD_NS < ahead_ns <= LATEST_NS:
             return 0.0
         self._epoch_ns -= ahead_ns
         return ahead_ns * 1e-9
-
-    def host_set(self) -> float:
-        """Return by how much (s) the host's clock was set forward since the last report.
-
-        Negative when it was set back, 0 when it was not set. The vehicle's clock does not follow:
-        its stamps must not jump, least of all back.
-        """
-        if self._steady_ns is None or self._epoch_ns is None:
-            return 0.0
-        now_ns = -self._steady_ns() + self._host_ns()
-        set_ns = now_ns - self._reported_ns
-        if abs(set_ns) <= SET_NS:
-            return 0.0
-        self._reported_ns = now_ns
-        return set_ns * 1e-9
-
-    def _host_over_steady(self, steady_ns: Callable[[], int]) -> int:
-        """Return the host's clock minus the steady clock: the least of three readings, as a pause
-        between the two clocks only makes it larger.
-        """
-        return min(-steady_ns() + self._host_ns() for _ in range(3))
 
     def _confirmed(self, ms: int) -> bool:
         suspect = self._suspect_ms

@@ -265,12 +265,6 @@ class Microcontroller:
         ahead = self._clock.correct(newest_ns - self._clock.stamp_ns(0))
         if ahead:
             self.failures.append(f"the vehicle's clock was {ahead * 1e3:.0f} ms ahead; set back")
-        if moved := self._clock.host_set():
-            self.failures.append(
-                f"the clock of the vehicle's computer was set {'forward' if moved > 0 else 'back'} "
-                f"by {abs(moved):.1f} s; the vehicle's clock, and so the date of its logs, stays "
-                "as it was until `quadlab vehicle` is started again"
-            )
 
     def _take_reply(self, frame: Frame) -> None:
         reply = decode_reply(frame)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import random
 
-import pytest
-
 from vehicle.boards.mikrokopter.clock import (
     FRAME_NS,
     LATEST_NS,
@@ -67,9 +65,6 @@ def test_a_clock_set_by_late_samples_is_set_back_by_the_first_in_time() -> None:
     assert clock.correct(2 * MS * k + late + 4 * MS) == 0.0, "4 ms may be the clocks' drift"
 
 
-HOUR_NS = 3_600_000 * MS
-
-
 class Settled:
     """Clock settled at 0, on a host whose two clocks are moved by hand, ns."""
 
@@ -90,20 +85,8 @@ class Settled:
         self.steady_ns += passed_ns
 
 
-@pytest.mark.parametrize("set_ns", [-HOUR_NS, HOUR_NS, -1_500 * MS, 1_500 * MS, -300 * MS])
-def test_a_host_whose_clock_is_set_does_not_move_the_vehicles(set_ns: int) -> None:
-    host = Settled()
-    assert host.clock.stamp_ns(0) == 0
-    for at_once in (True, False):
-        host.host_ns += set_ns * at_once
-        assert host.clock.correct(host.elapsed_ns) == 0.0
-        host.pass_ns(2 * MS)
-    assert host.clock.stamp_ns(0) == 0
-
-
-def test_late_first_samples_are_put_right_on_a_host_whose_clock_was_set_as_well() -> None:
+def test_late_first_samples_are_put_right() -> None:
     host = Settled(late_ns=380 * MS)
-    host.host_ns -= HOUR_NS
     assert host.clock.correct(host.elapsed_ns + 380 * MS) == 0.380
     assert host.clock.stamp_ns(0) == 0
 
@@ -115,22 +98,13 @@ def test_a_clock_ahead_by_more_than_late_samples_explain_is_left() -> None:
     assert host.clock.correct(host.elapsed_ns + LATEST_NS) == LATEST_NS * 1e-9
 
 
-def test_that_the_hosts_clock_was_set_is_told_once_each_time() -> None:
-    host, told = Settled(), []
-    for set_ns in (0, -HOUR_NS, 0, HOUR_NS // 2, 0, 1_900 * MS, 0):
-        host.host_ns += set_ns
-        host.pass_ns(2 * MS)
-        told.append(host.clock.host_set())
-    assert told == [0.0, -3600.0, 0.0, 1800.0, 0.0, 0.0, 0.0]
-
-
 def test_a_given_epoch_needs_no_host_clock() -> None:
     def host_ns() -> int:
         raise AssertionError("the host's clock was read")
 
     clock = MicrocontrollerClock(42, host_ns)
     assert clock.settled
-    assert (clock.correct(8), clock.host_set()) == (0.0, 0.0)
+    assert clock.correct(8) == 0.0
     assert clock.stamp_ns(8) == 50
 
 

@@ -8,7 +8,6 @@ import pytest
 
 from quadrotor.errors import LinkError
 from vehicle.boards.board import RawSample
-from vehicle.boards.mikrokopter.clock import FRAME_NS, MicrocontrollerClock
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
@@ -156,27 +155,6 @@ def test_late_and_double_samples_are_dropped_and_counted() -> None:
     lines.far[1].write(data(102) + data(104) + data(106))
     assert stamps_ms(lines.mcu.receive()) == [6]
     assert lines.mcu.late == 2
-
-
-@pytest.mark.parametrize(("set_s", "how"), [(-3600, "back"), (3600, "forward")])
-def test_samples_go_on_when_the_clock_of_the_host_is_set_at_rest(set_s: int, how: str) -> None:
-    lines, now_ns, moved_ns = Lines(None), [0], [0]
-    lines.mcu._clock = MicrocontrollerClock(
-        host_ns=lambda: now_ns[0] + moved_ns[0], steady_ns=lambda: now_ns[0]
-    )
-    lines.confirm()
-    got: list[float] = []
-    for ms in range(0, 1000, 2):
-        now_ns[0] = ms * 1_000_000 + FRAME_NS
-        moved_ns[0] = set_s * 10**9 * (ms >= 600)
-        lines.far[0].write(data(ms, state=MotorState.OFF))
-        got += stamps_ms(lines.mcu.receive())
-    assert got == [2.0 * k for k in range(201, 500)], "all but those the clock was set by"
-    assert lines.mcu.late == 0
-    assert lines.mcu.failures == [
-        f"the clock of the vehicle's computer was set {how} by 3600.0 s; the vehicle's clock, and "
-        "so the date of its logs, stays as it was until `quadlab vehicle` is started again"
-    ]
 
 
 def test_a_jump_of_the_clock_is_believed_when_confirmed() -> None:
