@@ -25,7 +25,7 @@ from vehicle.comms.vehicle_clock import WINDOW_NS, VehicleClock
 from vehicle.flight.modes import Flag, Mode
 from vehicle.processes import mailbox
 from vehicle.processes.config import create_rings, open_rings
-from vehicle_link import messages, telemetry, topics
+from vehicle_link import clock, messages, telemetry, topics
 from vehicle_link.parameters.change import ParameterChange
 
 MS = 1_000_000
@@ -38,7 +38,7 @@ class FakeTime:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.monotonic = 5 * SECOND
         monkeypatch.setattr(time, "monotonic_ns", lambda: self.monotonic)
-        monkeypatch.setattr(time, "time_ns", lambda: START_NS)
+        monkeypatch.setattr(clock, "time_ns", lambda: START_NS)
 
 
 @pytest.fixture
