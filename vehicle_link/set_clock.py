@@ -16,7 +16,6 @@ class SetClock:
 
     Args:
         owner: what this computer carries, for the report ("vehicle", "base station").
-        command: what to start again for stamps that follow the clock.
         computer_ns: the computer's clock as it is set now.
         steady_ns: the same clock as it would be without having been set.
     """
@@ -24,12 +23,10 @@ class SetClock:
     def __init__(
         self,
         owner: str,
-        command: str,
         computer_ns: Callable[[], int] = time.time_ns,
         steady_ns: Callable[[], int] = host_time_ns,
     ) -> None:
-        self._owner, self._command = owner, command
-        self._computer_ns, self._steady_ns = computer_ns, steady_ns
+        self._owner, self._computer_ns, self._steady_ns = owner, computer_ns, steady_ns
         self._reported_s = 0.0
 
     def report(self) -> str:
@@ -42,6 +39,5 @@ class SetClock:
         return (
             f"the clock of the {self._owner}'s computer was set "
             f"{'forward' if moved_s > 0 else 'back'} by {abs(moved_s):.1f} s; everything goes on, "
-            f"and stamps and the dates of logs stay as they were until `{self._command}` is "
-            "started again"
+            "and stamps and the dates of logs stay as they were until quadlab is started again there"
         )

@@ -24,7 +24,7 @@ class StatusSender:
         self._recorder, self._alarms = context.recorder, context.alarms
         self._tracker, self._on_link = tracker, on_link
         self._published_state = LinkState.LOST
-        self._set_clock = SetClock("base station", "quadlab station")
+        self._set_clock = SetClock("base station")
 
     @property
     def link_changed(self) -> bool:

@@ -120,7 +120,7 @@ class Comms:
         )
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0
-        self._set_clock = SetClock("vehicle", "quadlab vehicle")
+        self._set_clock = SetClock("vehicle")
         self._fetch_due_ns = 0
         serve(node, self._flight, self._parameters, self._calibrations, self._clock, self._say)
         serve_whoami(node, config.name, config.instance, identity)
