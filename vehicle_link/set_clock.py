@@ -39,5 +39,5 @@ class SetClock:
         return (
             f"the clock of the {self._owner}'s computer was set "
             f"{'forward' if moved_s > 0 else 'back'} by {abs(moved_s):.1f} s; everything goes on, "
-            "and stamps and the dates of logs stay as they were until quadlab is started again there"
+            "and stamps and the dates of logs stay as they were until quadlab is started again"
         )

@@ -235,4 +235,4 @@ def test_each_step_of_the_computers_clock_is_reported_once() -> None:
     assert [bool(line) for line in lines] == [False, True, False, True, False, False, False]
     assert "vehicle's computer was set back by 3600.0 s" in lines[1]
     assert "set forward by 1800.0 s" in lines[3]
-    assert "until quadlab is started again there" in lines[3]
+    assert "until quadlab is started again" in lines[3]
