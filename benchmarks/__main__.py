@@ -40,6 +40,7 @@ FOLDERS = {
         "onboard_log",
         "board_links",
         "trajectories",
+        "landings",
     ),
     "estimation": ("pose", "filters", "comparison", "tags"),
     "firmware": ("firmware",),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import os
+import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -274,6 +275,8 @@ def in_a_copy(call: Callable[[], Any]) -> Any:
     if not child:
         try:
             os.write(writer, msgspec.json.encode(call()))
+        except BaseException:
+            traceback.print_exc()  # the reader finds no answer
         finally:
             os._exit(0)
     os.close(writer)

@@ -54,6 +54,8 @@ BEHAVIORS: dict[BehaviorName, type[Behavior]] = {
     BehaviorName.EXTERNAL: External,
 }
 """Behaviors that can be requested: all except GROUND."""
+_ACCELERATION_Z = 8
+"""Index of the vertical acceleration among the numbers of a REFERENCE."""
 
 
 def describe_arguments(name: str) -> tuple[ParameterDescription, ...]:
@@ -77,6 +79,9 @@ class BehaviorMachine:
         name: the active behavior's.
         level: what the microcontroller has to hold, in a behavior that it flies itself, else None.
         control: gains in use, with which steps are checked.
+        landed: whether a landing looks complete: little thrust, and yet a steady velocity.
+        unloading: share of the weight by which the reference lets the thrust fall, to test for the
+            ground.
         aborted: why a behavior ended by itself early, until `pop_aborted`.
         outside: the newest reference of another program; written between ticks.
     """
@@ -95,6 +100,7 @@ class BehaviorMachine:
         self.trajectories: Mapping[str, Polynomial] = trajectories or {}
         self.control = ControlParameters()
         self.landed = False
+        self.unloading = 0.0
         self.aborted = ""
         self.outside = ExternalReference()
         self._inputs = TickInputs()
@@ -138,7 +144,7 @@ class BehaviorMachine:
     def reset(self) -> None:
         """Return to the ground state at once, when the motors are disarmed or cut."""
         self._change(Ground())
-        self.landed = False
+        self.landed, self.unloading = False, 0.0
 
     def request(
         self,
@@ -187,18 +193,19 @@ class BehaviorMachine:
         """
         tick = self._inputs
         tick.stamp_ns, tick.dt, tick.state, tick.joy, tick.thrust = stamp_ns, dt, state, joy, thrust
-        if self._behavior.step(tick, self._reference):
+        is_done = self._behavior.step(tick, self._reference)
+        if self.name is BehaviorName.LAND:
+            self.landed = is_done
+        elif is_done:
             self._finish()
         # As floats, through a view made once: copying a structured record takes 2.5 µs.
         if reference is not self._target:
             self._target, self._target_floats = reference, _floats(reference)
         self._target_floats[:] = self._floats
+        if self.unloading:
+            self._target_floats[_ACCELERATION_Z] -= self.unloading * GRAVITY
 
     def _finish(self) -> None:
-        if self.name is BehaviorName.LAND:
-            self._change(Ground())
-            self.landed = True
-            return
         context = self._context()
         ended = self._behavior
         aborted = ended.aborted if isinstance(ended, Excite | External) else ""

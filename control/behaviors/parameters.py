@@ -93,7 +93,7 @@ class BehaviorParameters(Parameters):
     """external: largest step from where the last reference leads"""
     landing_thrust_share: float = parameter(0.6, ge=0.35, le=0.9, step=0.05)
     """touch-down: thrust below this share of the weight"""
-    landing_dwell: float = parameter(0.3, unit="s", ge=0.1, le=2.0, step=0.05)
+    landing_dwell: float = parameter(0.1, unit="s", ge=0.05, le=2.0, step=0.05)
     """touch-down: for this long"""
     landing_velocity_change: float = parameter(0.2, unit="m/s", ge=0.02, le=1.0, step=0.01)
     """touch-down: while the velocity changes by less than this"""

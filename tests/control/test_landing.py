@@ -58,7 +58,7 @@ def test_take_off_hover_and_land_by_themselves() -> None:
     s.request("land")
     before = len(s.heights)
     s.run(12.0)
-    assert s.flies(BehaviorName.GROUND)
+    assert s.flies(BehaviorName.LAND)  # until the vehicle has tested the ground
     assert s.machine.landed
     descent = np.diff(s.heights[before:]) / DT
     assert descent.min() > -0.5  # no fall

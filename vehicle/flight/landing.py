@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from control.behaviors.ground import rest_reference
 from control.behaviors.machine import BehaviorMachine
+from quadrotor.vehicle_model import GRAVITY
+from vehicle.estimators.barometric_height import BarometricHeight
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import LANDING
@@ -13,6 +15,15 @@ from vehicle.flight.modes import Mode
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.parameters import VehicleParameters
 from vehicle.safety.ground_contact import GroundContact
+from vehicle.safety.unloading import Unloading, Verdict
+
+STOPPED, STOPPED_LONGER = 0.3, 0.05
+"""A descent at less than this share of the commanded speed is not flown; time, in s, for which it
+must show beyond that of the other witnesses, as a touch-down slows the vehicle first."""
+LEAST_DESCENT = 0.1
+"""Commanded descent, in m/s, from which on this shows."""
+AGAIN = 0.5
+"""Time, in s, from the start and from a test that found the air, in which this shows nothing."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -26,25 +37,73 @@ class Landing:
     ground: GroundContact
     behaviors: BehaviorMachine
     law: ControlLaw
+    altitude: BarometricHeight
+    unloading: Unloading = field(default_factory=Unloading)
+    stopped: float = 0.0
+    """Time, in s, for which a commanded descent has not been flown."""
 
     def watch(self, dt: float) -> None:
         """Detect lift-off and touch-down, after a tick of dt (s) in which the behavior flew."""
-        ground, tick, p = self.ground, self.tick, self.parameters
-        landing = self.behaviors.name in LANDING
-        if ground.airborne:
-            lift, thrust = tick.specific_force_b.item(2), tick.wrench.item(0)
-            ground.observe(lift, thrust, p.safety.landing_support, dt)
-        elif not landing:
-            ground.rise(float(tick.state["position_w"][0, 2]))
-        carried = landing and ground.carried >= p.behavior.landing_dwell
-        if (carried or self.behaviors.landed) and ground.touch_down(tick.stamp_ns):
-            self.behaviors.reset()
+        ground, tick, behaviors = self.ground, self.tick, self.behaviors
+        landing = behaviors.name in LANDING
+        if not ground.airborne:
+            if not landing:
+                ground.rise(float(tick.state["position_w"][0, 2]))
+            is_down = behaviors.landed
+        else:
+            is_down = self._is_down(landing, dt)
+        if is_down and ground.touch_down(tick.stamp_ns):
+            behaviors.reset()
             self.law.controller.reset()
             self.outbox.say("touched down")
+
+    def _is_down(self, landing: bool, dt: float) -> bool:
+        """Return whether a vehicle that was in the air is on the ground: a touch-down that one
+        witness shows is tested by taking thrust away.
+        """
+        ground, test, p = self.ground, self.unloading, self.parameters
+        lift, thrust = self.tick.specific_force_b.item(2), self.tick.wrench.item(0)
+        per_newton = ground.lift_per_newton or GRAVITY / self.behaviors.hover_thrust
+        test.observe(lift, per_newton * thrust, dt)
+        if not test.is_running:
+            ground.observe(lift, thrust, p.safety.landing_support, dt)
+            if not landing:
+                self.stopped = -AGAIN
+                return False
+            if not self._is_presumed(dt):
+                return False
+        verdict = test.step(dt) if landing else Verdict.AIR
+        if verdict is not Verdict.OPEN:
+            test.end()
+        self.behaviors.unloading = test.share
+        if verdict is Verdict.AIR and landing:
+            ground.refute()
+            self.stopped = -AGAIN
+            self.outbox.say("not the ground: it falls with less thrust; descending on")
+        return verdict is Verdict.GROUND
+
+    def _is_presumed(self, dt: float) -> bool:
+        """Return whether one witness shows the ground: little thrust and yet a steady velocity,
+        more lift than the thrust gives, or a descent that is commanded and not flown.
+        """
+        tick, dwell = self.tick, self.parameters.behavior.landing_dwell
+        if (level := self.behaviors.level) is None:
+            wanted, flown = (s["velocity_w"].item(2) for s in (tick.reference, tick.state))
+        else:
+            wanted, flown = level.climb or 0.0, self.altitude.climb
+        is_stopped = wanted < -LEAST_DESCENT and flown > STOPPED * wanted
+        waits = self.stopped < 0.0 or is_stopped
+        self.stopped = self.stopped + dt if waits else 0.0
+        return (
+            self.behaviors.landed
+            or self.ground.carried >= dwell
+            or self.stopped >= dwell + STOPPED_LONGER
+        )
 
     def idle(self) -> None:
         """Idle while armed on the ground: motors turn slowly, the reference follows the state."""
         tick = self.tick
+        self.unloading.end()
         rest_reference(tick.state, tick.reference)
         self.law.controller.idle(tick.actuators)
         delay = self.parameters.safety.disarm_after_landing

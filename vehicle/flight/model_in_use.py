@@ -49,8 +49,7 @@ class ModelInUse:
         if not law.observer.idle:
             # Disturbances are relative to the law's own command; ground reaction is not one.
             flying = airborne and self._direct and self.modes.mode in FLYING
-            carried = self.ground.carried > 0.0 and self.behaviors.name in LANDING
-            law.observe(tick.state, tick.actuators, flying, carried, dt)
+            law.observe(tick.state, tick.actuators, flying, self._is_carried, dt)
         if law.follow_battery(sample.battery_voltage, dt):
             self.behaviors.set_model(law.model)
 
@@ -66,5 +65,10 @@ class ModelInUse:
         """
         if not self.mass.used:
             return airborne
-        landed = self.ground.carried and self.behaviors.name in LANDING
-        return self._direct and airborne and not landed
+        return self._direct and airborne and not self._is_carried
+
+    @property
+    def _is_carried(self) -> bool:
+        """Return whether the ground may carry a part of the weight."""
+        is_presumed = self.ground.carried > 0.0 or self.behaviors.unloading > 0.0
+        return is_presumed and self.behaviors.name in LANDING

@@ -54,11 +54,14 @@ class NearHovering:
         self._share += min(1.0, dt / AVERAGE) * (share - self._share)
         self._lift = None
 
-    def command(self, level: Level, law: ControlLaw, dt: float) -> AttitudeCommand:
+    def command(
+        self, level: Level, law: ControlLaw, dt: float, unloading: float = 0.0
+    ) -> AttitudeCommand:
         """Return the command for the board.
 
         Args:
             law: provides the mass and the motors' law.
+            unloading: share of the hover thrust to take away, to test for the ground.
         """
         p = self.parameters
         if self._lift is None:
@@ -71,10 +74,11 @@ class NearHovering:
                 wanted = -p.flare_speed
             error = wanted - self.altitude.climb
             per_acceleration = law.mass / p.stick_thrust
-            lift = self._lift + p.lift_gain * per_acceleration * error * dt
-            self._lift = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, lift))
+            if not unloading:
+                lift = self._lift + p.lift_gain * per_acceleration * error * dt
+                self._lift = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, lift))
             share = self._lift + p.climb_gain * per_acceleration * error
-        share = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, share))
+        share = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, share - unloading * self._hover))
         thrust = share * p.stick_thrust
         throttle = law.throttle(thrust)
         return AttitudeCommand(level.roll, level.pitch, level.yaw_rate, share, thrust, throttle)

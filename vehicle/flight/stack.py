@@ -185,6 +185,7 @@ class FlightStack:
             ground=self.ground,
             behaviors=self.behaviors,
             law=self.law,
+            altitude=self.near_hovering.altitude,
         )
         self.handle = commands.handle
         self._make_command = command_maker(board, self._tick, self.law)
@@ -274,7 +275,7 @@ class FlightStack:
         else:  # the board holds the angles itself
             self.modes.set_control_mode(ControlMode.NEAR_HOVERING)
             tick.motors_off()
-            attitude = self.near_hovering.command(level, self.law, dt)
+            attitude = self.near_hovering.command(level, self.law, dt, behaviors.unloading)
             tick.wrench[0] = attitude.thrust
             command = attitude
         if behaviors.aborted:

@@ -24,13 +24,21 @@ class GroundContact:
         self.carried = 0.0
         """Time, in s, for which the ground has carried its share of the weight."""
         self._landed_ns: int | None = None
-        self._flown = 0.0
+        self._flown = self._lift = self._thrust = 0.0
         self._lift_per_newton = 0.0
+
+    @property
+    def lift_per_newton(self) -> float:
+        """Return the average lift per newton of commanded thrust in the air, 1/kg; 0 before the
+        first second of flight.
+        """
+        return self._lift_per_newton if self._flown > LEAST else 0.0
 
     def arm(self, z: float) -> None:
         """Set the height of the ground to this height (m) of the vehicle."""
         self.ground_z = z
         self.carried = self._flown = self._lift_per_newton = 0.0
+        self._lift = self._thrust = 0.0
 
     def disarm(self) -> None:
         self.airborne = False
@@ -53,10 +61,19 @@ class GroundContact:
         ratio, learnt = lift / thrust, self._lift_per_newton
         if self._flown > LEAST and ratio > (1.0 + share) * learnt:
             self.carried += dt
+            self._lift += lift * dt
+            self._thrust += thrust * dt
             return  # no learning on the ground
-        self.carried = 0.0
+        self.carried = self._lift = self._thrust = 0.0
         self._flown += dt
         self._lift_per_newton = learnt + (ratio - learnt) * dt / min(LEARN, self._flown)
+
+    def refute(self) -> None:
+        """Learn that what looked like the ground was the air, which carries more than before."""
+        if self._thrust > 0.0:
+            self._lift_per_newton = self._lift / self._thrust
+        self._flown = min(self._flown, LEAST + LEAST)
+        self.carried = self._lift = self._thrust = 0.0
 
     def touch_down(self, stamp_ns: int) -> bool:
         """Note that the vehicle has landed; return whether that is new."""

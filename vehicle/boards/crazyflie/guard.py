@@ -30,6 +30,7 @@ from vehicle.boards.crazyflie.messages import (
 )
 from vehicle.estimators.barometric_height import BarometricHeight
 from vehicle.safety.ground_contact import GroundContact
+from vehicle.safety.unloading import MOST, Unloading, Verdict
 from vehicle_link.crtp.packets import CrtpPort, Packet
 
 SILENT_S = 0.25
@@ -44,8 +45,9 @@ CLIMB_GAIN, LIFT_GAIN = 3.0, 2.0
 """Gains of the climb rate control: 1/s, and of its integral 1/s²."""
 THRUST_LEAST, THRUST_MOST = 0.4, 1.5
 """Limits of the thrust, as shares of that in hover."""
-SUPPORT, DWELL_S = 0.1, 0.3
-"""The ground carries it once it has carried this share of its weight for this time, in s."""
+SUPPORT, DWELL_S = 0.1, 0.1
+"""The ground is presumed, and tested, once it has carried this share of the weight for this time,
+in s."""
 AIRBORNE = 0.3
 """Height, in m by the barometer, above which the thrust carries it."""
 LONGEST_S = 30.0
@@ -70,6 +72,7 @@ class Guard:
         self._name, self._say = name, say
         self.lands = self._is_barred = False
         self._altitude, self._ground = BarometricHeight(), GroundContact()
+        self._unloading = Unloading()
         self._pressure = self._climb_wanted = self._lift = self._hover = 0.0
         self._thrust = 0  # of the newest set-point
         self._setpoint_s = self._began_s = 0.0
@@ -121,6 +124,7 @@ class Guard:
             self._say(f"{self._name}: no set-point for {SILENT_S:g} s in flight; landing it")
             self._lift, self._climb_wanted = self._hover, self._altitude.climb
             self._ground.carried = 0.0
+            self._unloading.end()
         due, self._due = self._due, []
         return due
 
@@ -130,6 +134,8 @@ class Guard:
             self._hover = 0.0
             return
         self._altitude.step(self._pressure, lift, dt)
+        per_thrust = self._ground.lift_per_newton or GRAVITY / max(1.0, self._hover)
+        self._unloading.observe(lift, per_thrust * self._thrust, dt)
         if self.lands:
             self._descend(dt, now_s)
         else:
@@ -137,11 +143,24 @@ class Guard:
             self._hover += share * (self._thrust - self._hover)
             if self._altitude.height < AIRBORNE:
                 self._ground.arm(0.0)  # the ground still carries it
-        self._ground.observe(lift, float(self._thrust), SUPPORT, dt)
+        if not self._unloading.is_running:
+            self._ground.observe(lift, float(self._thrust), SUPPORT, dt)
+
+    def _is_down(self, dt: float) -> bool:
+        """Return whether it stands on the ground, which is presumed first and tested then."""
+        test = self._unloading
+        if not test.is_running and self._ground.carried <= DWELL_S:
+            return False
+        verdict = test.step(dt)
+        if verdict is Verdict.AIR:
+            test.end()
+            self._ground.refute()
+        return verdict is Verdict.GROUND
 
     def _descend(self, dt: float, now_s: float) -> None:
-        is_over = self._ground.carried > DWELL_S or now_s - self._began_s > LONGEST_S
+        is_over = self._is_down(dt) or now_s - self._began_s > LONGEST_S
         if is_over or not self._is_flying:
+            self._unloading.end()
             self.lands, self._thrust = False, 0
             self._due += [STOPPED, arm(False)]
             self._say(f"{self._name}: landed, motors off")
@@ -151,8 +170,10 @@ class Guard:
         self._climb_wanted += min(SLOWING * dt, max(-SLOWING * dt, change))
         error = self._hover / GRAVITY * (self._climb_wanted - self._altitude.climb)
         least, most = THRUST_LEAST * self._hover, THRUST_MOST * self._hover
-        self._lift = min(most, max(least, self._lift + LIFT_GAIN * error * dt))
+        if not self._unloading.is_running:
+            self._lift = min(most, max(least, self._lift + LIFT_GAIN * error * dt))
         thrust = min(most, max(least, self._lift + CLIMB_GAIN * error))
+        thrust = max((1.0 - MOST) * self._hover, thrust - self._unloading.share * self._hover)
         self._thrust = round(min(thrust, THRUST_FULL))
         level = SETPOINT.pack(MANUAL, 0.0, 0.0, 0.0, self._thrust, 0)
         self._due.append(Packet(CrtpPort.SETPOINT, 0, level))

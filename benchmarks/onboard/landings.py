@@ -1,0 +1,239 @@
+"""Simulate landings that are disturbed, and look for touch-downs that were none.
+
+    python -m benchmarks landings [--quick]
+    python -m benchmarks.onboard.landings [--count 1000] [--board crazyflie] [--behavior land]
+
+One flight hovers, and forks once for each landing: the copy lands with a disturbance of its own,
+drawn from the seed, at any moment of the descent. A disturbance is stated for the paper's vehicle
+of 1.308 kg, and is as much smaller for a lighter one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.flights.faults import in_a_copy
+from benchmarks.flights.watched_flight import TOUCHING, WatchedFlight
+from benchmarks.harness import Report, Row, Size, Target
+from quadrotor.parameters import ParameterValue
+from vehicle.boards.kind import CRAZYFLIE, MIKROKOPTER
+
+KINDS = ("none", "push", "step", "payload off", "payload on", "updraught", "thrust", "wind")
+"""A force for some 0.4 s or from then on, a released or added payload, moving air, and a change of
+what the motors give."""
+LAND, EMERGENCY_LANDING = "land", "emergency_landing"
+DRAG = 0.25
+"""N s/m, of the paper's vehicle, with which moving air carries it."""
+MASS, CRAZYFLIE_MASS = 1.308, 0.034
+DOWN = 0.03
+"""Largest height, in m, at which motors may be switched off."""
+RECOGNISED, HARD = 0.6, 1.0
+"""Longest time, in s, from contact to recognition, and largest impact, in m/s, to reach."""
+LAST = 3.5
+"""Latest start of a disturbance, in s after the command to land from 1 m."""
+ON = 30.0
+"""Duration, in s, of a disturbance that lasts beyond the landing."""
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """One change of the simulated world in a landing.
+
+    Attributes:
+        kind: of KINDS.
+        change: parameters of the simulator from `at` on.
+        at, lasting: s after the command, and s.
+        before: parameters of the simulator from before the landing on.
+    """
+
+    kind: str
+    change: dict[str, float]
+    at: float = 0.0
+    lasting: float = ON
+    before: dict[str, float] | None = None
+
+
+@dataclass
+class Landing:
+    """What became of one landing; times in s after the command, None for never.
+
+    Attributes:
+        contact: first contact with the ground. told: end of the landing by the vehicle itself.
+        height: m, at that moment. impact: m/s, the hardest.
+        refuted: number of presumed touch-downs that were found to be none.
+    """
+
+    kind: str
+    contact: float | None = None
+    told: float | None = None
+    height: float = 0.0
+    impact: float = 0.0
+    refuted: int = 0
+
+    @property
+    def is_in_the_air(self) -> bool:
+        """Return whether the vehicle took the air for the ground."""
+        return self.height > DOWN
+
+
+def disturbance(kind: str, chance: np.random.Generator, scale: float = 1.0) -> Disturbance:
+    """Return a random disturbance of a kind; forces and masses are multiplied by `scale`."""
+    at = float(chance.uniform(0.0, LAST))
+    lasting = float(chance.choice([0.3, 0.5, 1.0, 2.0, ON]))
+    force, payload = scale * chance.uniform(-3.0, 3.0), scale * chance.uniform(0.05, 0.4)
+    if kind == "push":
+        return Disturbance(kind, {"push_z": force}, at, float(chance.uniform(0.2, 0.6)))
+    if kind == "step":
+        return Disturbance(kind, {"push_z": force}, at)
+    if kind == "payload off":
+        return Disturbance(kind, {"payload": 0.0}, at, before={"payload": payload})
+    if kind == "payload on":
+        return Disturbance(kind, {"payload": payload}, at)
+    if kind == "updraught":
+        return Disturbance(kind, {"wind_z": float(chance.uniform(1.0, 8.0))}, at, lasting)
+    if kind == "thrust":
+        return Disturbance(kind, {"thrust_efficiency": float(chance.uniform(0.85, 1.15))}, at)
+    if kind == "wind":
+        along, up = chance.uniform(-4.0, 4.0), chance.uniform(-8.0, 8.0)
+        return Disturbance(kind, {"wind_x": float(along), "wind_z": float(up)}, at, lasting)
+    return Disturbance(kind, {}, at)
+
+
+def hovering(
+    seed: int, board: str = MIKROKOPTER, settings: dict[str, ParameterValue] | None = None
+) -> WatchedFlight:
+    """Return a flight that hovers at 1 m."""
+    drag = DRAG * _scale(board)
+    return WatchedFlight(seed, {"simulator.drag": drag, **(settings or {})}, board=board).hover()
+
+
+def land(flight: WatchedFlight, disturbed: Disturbance, behavior: str = LAND) -> Landing:
+    """Land with a disturbance, in a copy of the flight, which itself is unchanged."""
+    return Landing(**in_a_copy(lambda: vars(_land(flight, disturbed, behavior))))
+
+
+def _land(flight: WatchedFlight, disturbed: Disturbance, behavior: str) -> Landing:
+    if disturbed.before:
+        flight.disturb(**disturbed.before)
+        flight.wait(1.5)
+    calm: dict[str, Any] = {
+        name: getattr(flight.parameters.simulator, name) for name in disturbed.change
+    }
+    found, begun_ns = Landing(disturbed.kind), flight.robot.stamp_ns
+    due = [(disturbed.at, disturbed.change), (disturbed.at + disturbed.lasting, calm)]
+    flight.forget()
+    flight.start(behavior)
+    told = len(flight.events.texts)
+    while (now := (flight.robot.stamp_ns - begun_ns) * 1e-9) < ON:
+        if due and now >= due[0][0]:
+            flight.disturb(**due.pop(0)[1])
+        flight.advance()
+        if found.contact is None and flight.height < TOUCHING:
+            found.contact = now
+        for text in flight.events.texts[told:]:
+            found.refuted += text.startswith("not the ground")
+            if text == "touched down":
+                found.told, found.height = now, flight.height
+        told = len(flight.events.texts)
+        if found.told is not None and now > found.told + 1.0:
+            break
+    found.impact = flight.hardest
+    return found
+
+
+def _scale(board: str) -> float:
+    return CRAZYFLIE_MASS / MASS if board == CRAZYFLIE else 1.0
+
+
+def fly_all(seed: int, count: int, board: str, behaviors: Sequence[str]) -> list[Landing]:
+    """Return `count` landings from one flight, of all kinds and behaviors in turns."""
+    chance, flight = np.random.default_rng(seed), hovering(seed, board)
+    return [
+        land(
+            flight,
+            disturbance(KINDS[k % len(KINDS)], chance, _scale(board)),
+            behaviors[k // len(KINDS) % len(behaviors)],
+        )
+        for k in range(count)
+    ]
+
+
+def run(size: Size = Size.FULL) -> Report:
+    """Run the benchmark for `python -m benchmarks`."""
+    flights, count = size.of((8, 96), (2, 48), (1, len(KINDS)))
+    behaviors = size.some((LAND, EMERGENCY_LANDING))
+    landings = [
+        one
+        for seed in range(1, flights + 1)
+        for one in fly_all(seed, count, MIKROKOPTER, behaviors)
+    ]
+    return report(landings, MIKROKOPTER, behaviors)
+
+
+def report(landings: Sequence[Landing], board: str, behaviors: Sequence[str]) -> Report:
+    """Return the table: one row for each kind of disturbance."""
+    found = Report(
+        "landings",
+        "Landings with disturbances",
+        [
+            f"{len(landings)} landings from 1 m, {' and '.join(behaviors)}, {board}",
+            f"a touch-down told above {DOWN:g} m is one in the air",
+            "recognised: from the first contact, bounces included",
+        ],
+    )
+    for kind in KINDS:
+        of_kind = [one for one in landings if one.kind == kind]
+        if of_kind:
+            found.rows.append(Row(kind, _figures(of_kind)))
+    found.targets = [
+        Target("touch-downs in the air", sum(one.is_in_the_air for one in landings), 0),
+        Target("landings without an end", sum(one.told is None for one in landings), 0),
+        Target("hardest touch-down, m/s", max(one.impact for one in landings), HARD),
+        Target("recognised, s, median", statistics.median(_times(landings)), RECOGNISED),
+    ]
+    return found
+
+
+def _figures(landings: Sequence[Landing]) -> dict[str, float | str]:
+    times = _times(landings)
+    return {
+        "landings": len(landings),
+        "in the air": sum(one.is_in_the_air for one in landings),
+        "refuted": sum(one.refuted for one in landings),
+        "impact, m/s, median": statistics.median(one.impact for one in landings),
+        "hardest": max(one.impact for one in landings),
+        "recognised, s, median": statistics.median(times),
+        "95 %": float(np.quantile(times, 0.95)),
+    }
+
+
+def _times(landings: Sequence[Landing]) -> list[float]:
+    """Return the times from contact to recognition; NaN alone when there is none."""
+    times = [
+        one.told - one.contact
+        for one in landings
+        if one.told is not None and one.contact is not None and not one.is_in_the_air
+    ]
+    return times or [float("nan")]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--board", default=MIKROKOPTER, choices=(MIKROKOPTER, CRAZYFLIE))
+    parser.add_argument("--behavior", action="append")
+    words = parser.parse_args()
+    behaviors = words.behavior or [LAND]
+    landings = fly_all(words.seed, words.count, words.board, behaviors)
+    print(report(landings, words.board, behaviors).as_markdown())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""A presumed touch-down, tested by taking thrust away: on the ground, and in moving air."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from benchmarks.onboard.landings import Disturbance, hovering, land
+from quadrotor.vehicle_model import GRAVITY
+from vehicle.safety.unloading import LAG, MOST, Unloading, Verdict
+
+DT = 0.002
+
+
+def judged(carried: float, *, ground: bool) -> tuple[Verdict, float]:
+    """Return the verdict on a vehicle, and after how many seconds it came.
+
+    Args:
+        carried: share of the weight that something else than the motors carries at first.
+        ground: whether that is the ground, which carries what the motors no longer do.
+    """
+    test, thrust = Unloading(), 1.0 - carried
+    for _ in range(500):
+        test.observe(GRAVITY, GRAVITY * thrust, DT)
+    given = thrust
+    for k in range(1000):
+        given += DT / 0.04 * (max(0.3, thrust - test.share) - given)  # the motors follow
+        lift = 1.0 if ground else given + carried
+        test.observe(GRAVITY * lift, GRAVITY * max(0.3, thrust - test.share), DT)
+        if (verdict := test.step(DT)) is not Verdict.OPEN:
+            return verdict, k * DT
+    raise AssertionError("no verdict")
+
+
+@pytest.mark.parametrize("carried", [0.0, 0.1, 0.4, 0.69])
+def test_the_ground_carries_what_the_motors_no_longer_give(carried: float) -> None:
+    verdict, time = judged(carried, ground=True)
+    assert verdict is Verdict.GROUND
+    assert time < 0.35
+
+
+@pytest.mark.parametrize("carried", [-0.3, 0.0, 0.1, 0.25, 0.45])
+def test_the_air_does_not_however_strong_the_updraught(carried: float) -> None:
+    verdict, time = judged(carried, ground=False)
+    assert verdict is Verdict.AIR
+    assert time <= 0.4
+
+
+def test_all_thrust_comes_back_at_the_end() -> None:
+    test = Unloading()
+    for _ in range(200):
+        test.observe(GRAVITY, GRAVITY, DT)
+        test.step(DT)
+    assert test.share == MOST
+    assert test.is_running
+    test.end()
+    assert test.share == 0.0
+    assert not test.is_running
+
+
+def test_readings_that_are_no_numbers_end_a_test_as_in_the_air() -> None:
+    test = Unloading()
+    for _ in range(round(1.0 / DT)):
+        test.observe(math.nan, GRAVITY * LAG, DT)
+        if test.step(DT) is Verdict.AIR:
+            return
+    raise AssertionError("no end")
+
+
+CASES = {
+    "a push of 11 % of the weight": Disturbance("push", {"push_z": 1.4}, 1.5, 0.3),
+    "a released payload": Disturbance(
+        "payload off", {"payload": 0.0}, 1.0, before={"payload": 0.15}
+    ),
+    "an updraught": Disturbance("updraught", {"wind_z": 5.0}, 1.0),
+    "a stronger updraught": Disturbance("updraught", {"wind_z": 8.0}, 1.5),
+    "12 % more thrust": Disturbance("thrust", {"thrust_efficiency": 1.12}, 1.0),
+    "a lasting force": Disturbance("step", {"push_z": 3.0}, 1.2),
+}
+
+
+def test_what_lifts_a_landing_vehicle_is_not_taken_for_the_ground() -> None:
+    flight = hovering(1)
+    descents = [(name, "land") for name in CASES] + [("a released payload", "emergency_landing")]
+    for name, behavior in descents:
+        found = land(flight, CASES[name], behavior)
+        assert not found.is_in_the_air, (name, behavior, found)
+        assert found.impact < 0.7, (name, behavior, found)
+        assert found.told is not None, (name, behavior, found)
+
+
+def test_a_calm_touch_down_is_recognised_at_once() -> None:
+    found = land(hovering(2), Disturbance("none", {}))
+    assert found.refuted == 0
+    assert found.told is not None
+    assert found.contact is not None
+    assert found.told - found.contact < 0.6

@@ -1,0 +1,84 @@
+"""Test of a presumed touch-down: thrust is taken away, and what the accelerometer then shows tells
+the ground from the air.
+
+On the ground the specific force stays that of rest, however little the motors give, because the
+ground carries the difference. In the air it falls with the thrust, whatever gust, updraught or
+released load first looked like the ground.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from quadrotor.vehicle_model import GRAVITY
+
+RAMP = 4.0
+"""Shares of the weight by which the thrust falls in a second."""
+MOST = 0.7
+"""Largest share of the weight that is taken off the thrust."""
+LAG = 0.06
+"""Time constant, in s, with which the thrust in the air follows its command, at most."""
+SMOOTHING = 0.02
+"""Time constant, in s, of the mean specific force."""
+LIFTED, CARRIED = 0.45, 0.85
+"""On the ground the thrust gives less than the first share of g while the specific force is more
+than the second."""
+DWELL = 0.03
+"""Time, in s, for which the one or the other must show."""
+LONGEST = 0.4
+"""Time, in s, after which a test that shows neither ends as in the air."""
+
+
+class Verdict(Enum):
+    """What a test has shown so far."""
+
+    OPEN = auto()
+    GROUND = auto()
+    AIR = auto()
+
+
+class Unloading:
+    """The test, which may be repeated.
+
+    Attributes:
+        share: share of the weight that is taken off the commanded thrust now; 0 without a test.
+    """
+
+    def __init__(self) -> None:
+        self.share = 0.0
+        self._lift = self._thrust_lift = GRAVITY
+        self._lasted = self._carried = self._falling = 0.0
+
+    @property
+    def is_running(self) -> bool:
+        """Return whether thrust is being taken away."""
+        return self.share > 0.0
+
+    def end(self) -> None:
+        """Give all thrust back."""
+        self.share = self._lasted = self._carried = self._falling = 0.0
+
+    def observe(self, lift: float, thrust_lift: float, dt: float) -> None:
+        """Follow one sample, in a test and before it.
+
+        Args:
+            lift: m/s², specific force along z_B.
+            thrust_lift: m/s², the part of it that the commanded thrust gives in the air.
+        """
+        self._lift += min(1.0, dt / SMOOTHING) * (lift - self._lift)
+        self._thrust_lift += min(1.0, dt / LAG) * (thrust_lift - self._thrust_lift)
+
+    def step(self, dt: float) -> Verdict:
+        """Take more thrust away, and judge what the samples have shown."""
+        self.share = min(MOST, self.share + RAMP * dt)
+        self._lasted += dt
+        # Half-way between a thrust that carries all and a ground that carries the rest.
+        falls = self._lift < 0.5 * (GRAVITY + min(GRAVITY, self._thrust_lift)) - 0.05 * GRAVITY
+        carries = self._thrust_lift < LIFTED * GRAVITY and self._lift > CARRIED * GRAVITY
+        self._falling = self._falling + dt if falls else 0.0
+        self._carried = self._carried + dt if carries else 0.0
+        if self._carried >= DWELL:
+            return Verdict.GROUND
+        if self._falling >= DWELL or self._lasted > LONGEST:
+            return Verdict.AIR
+        return Verdict.OPEN
