@@ -33,6 +33,8 @@ ACCELERATION, BASE = 30.0, 0.1
 """… With a known velocity over the last BASE (s) it is ACCELERATION (m/s²), …"""
 TURN_RATE, TURN = 20.0, math.radians(45)
 """… and the largest turn is TURN_RATE (rad/s) and TURN (rad)."""
+FROZEN = 0.1
+"""Speed in m/s above which a pose does not repeat itself."""
 LIKE = 0.1
 """Largest distance in m between a position and one that would explain it."""
 ON_ITS_SIDE = math.radians(60)
@@ -67,7 +69,7 @@ class BodyHealth:
         self.jumps = 0
         self.withheld = ""
         self._last: Body | None = None
-        self._at = self._still_since = -math.inf
+        self._at = self._seen = self._still_since = -math.inf
         self._rest: Array | None = None
         self._track: deque[tuple[float, Array]] = deque()  # of the last BASE, without a jump
         self._moved = ""  # the jump that made the positions wrong
@@ -85,17 +87,19 @@ class BodyHealth:
             now: its time, s, steady.
             others: positions of the other bodies in the previous frame, m.
         """
-        if now - self._at > FORGOTTEN:
+        if now - self._seen > FORGOTTEN:
             self._last, self._moved, self._turn, self._rest = None, "", np.eye(3), None
             self._track.clear()
         self.withheld = _invalid(body)
         if not self.withheld:
-            if self._last is not None:
-                self._compare(self._last, body, now, others)
-            self._last, self._at = body, now
-            self._track.append((now, body.position_w))
-            while now - self._track[0][0] > BASE:
-                self._track.popleft()
+            self._seen = now
+            if not self._is_frozen(body):  # then nothing is known of the motion
+                if self._last is not None:
+                    self._compare(self._last, body, now, others)
+                self._last, self._at = body, now
+                self._track.append((now, body.position_w))
+                while now - self._track[0][0] > BASE:
+                    self._track.popleft()
             self.withheld = self._moved or self._flipped(body) or self._lying(body, now)
         return not self.withheld
 
@@ -114,6 +118,17 @@ class BodyHealth:
             if (angle := _angle(turn)) > TURN + TURN_RATE * past:
                 self._turn = self._turn @ turn
                 self._jumped(f"{body.name} turned by {math.degrees(angle):.0f}° at once", now)
+
+    def _is_frozen(self, body: Body) -> bool:
+        """Return whether a body that was moving has the same pose again, to the last bit."""
+        last, velocity = self._last, self._velocity()
+        return (
+            last is not None
+            and velocity is not None
+            and float(np.linalg.norm(velocity)) > FROZEN
+            and np.array_equal(last.position_w, body.position_w)
+            and np.array_equal(last.quaternion_wb, body.quaternion_wb)  # type: ignore[arg-type]
+        )
 
     def _velocity(self) -> Array | None:
         """Return the velocity over the last BASE, (3,) m/s, or None when too little is known."""

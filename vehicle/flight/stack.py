@@ -16,7 +16,7 @@ from bearing_sim.beacons import parse_layout
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from estimation.estimator import Estimator
-from quadrotor.records import Record
+from quadrotor.records import POSE_SAMPLE, Record
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.boards.board import Command, CommandKind, RawSample, Traits
 from vehicle.boards.mikrokopter.microcontroller import TRAITS
@@ -24,6 +24,7 @@ from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.estimators import Estimators
 from vehicle.estimators.navigation import Navigation
+from vehicle.estimators.repeated_poses import RepeatedPoses
 from vehicle.estimators.rescue import Rescue
 from vehicle.flight.automatic_changes import AutomaticChanges
 from vehicle.flight.commands import CommandHandler
@@ -101,6 +102,7 @@ class FlightStack:
         self.navigation = Navigation(
             p.estimation, outbox.say, estimator, beacons, p.fallback, estimators
         )
+        self._repeats = RepeatedPoses(outbox.say)
         self.guard = BearingsGuard(p, tick.state, self.navigation, self.behaviors, self.ground)
         self.rescue = Rescue(p.estimation, self.navigation, tick.state)
         self.modes = ModeMachine(
@@ -290,7 +292,9 @@ class FlightStack:
     def measure(self, measurement: mailbox.Measurement | Record) -> None:
         """Process one message, POSE_SAMPLE or BEARINGS_SAMPLE (1,), which acts at the next tick."""
         if isinstance(measurement, np.ndarray):
-            self.navigation.measure(measurement)
+            is_pose, airborne = measurement.dtype == POSE_SAMPLE, self.ground.airborne
+            if not is_pose or self._repeats.takes(measurement, self.state, airborne):
+                self.navigation.measure(measurement)
         elif isinstance(measurement, mailbox.Joy):
             self._joy = (measurement.stamp_ns, measurement.axes, measurement.enabled)
         elif isinstance(measurement, mailbox.ExternalReference):

@@ -50,6 +50,17 @@ def test_a_fast_flight_is_passed_on_whole() -> None:
     assert (health.jumps, health.problem(9.99)) == (0, "")
 
 
+@pytest.mark.parametrize("frozen", [0.3, 1.0, 1.9, 10.0])
+def test_a_body_that_was_frozen_is_passed_on_when_it_moves_again(frozen: float) -> None:
+    """The place to which it has moved meanwhile may look mirrored, and its axes flipped."""
+    health, frames = BodyHealth(), round(frozen / PERIOD)
+    assert all(fly(health, 100))
+    still = circle(0.99)
+    assert all(health.judge(still, k * PERIOD, {}) for k in range(100, 100 + frames))
+    assert all(fly(health, 100, begin=100 + frames))
+    assert health.problem((199 + frames) * PERIOD) == ""
+
+
 def times(turn: tuple[float, float, float]) -> Callable[[Body], Body]:
     """Return a function that turns the body's axes, like a changed definition of the body."""
 
