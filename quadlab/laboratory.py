@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 import httpx
 from websockets.exceptions import ConnectionClosed, WebSocketException
@@ -91,7 +91,7 @@ class Laboratory:
             if name:
                 self._ask("POST", "/login", data={"name": name, "password": password})
             elif parts.query:
-                self._ask("GET", f"/?{parts.query}")
+                self._ask("POST", "/login", data=dict(parse_qsl(parts.query)))
             session = self._json("GET", "/api/session")
         except RefusedError as error:
             self._client.close()

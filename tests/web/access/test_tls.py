@@ -53,7 +53,7 @@ def test_who_does_not_trust_the_authority_gets_nothing(tls_site: Any) -> None:
 
 def test_under_tls_the_cookie_is_for_tls_only(tls_site: Any) -> None:
     with tls_site.browser() as client:
-        cookie = client.get("/", params={"token": tls_site.token}).headers["set-cookie"]
+        cookie = client.post("/login", data={"token": tls_site.token}).headers["set-cookie"]
     assert cookie.startswith(f"__Host-quadlab_{tls_site.host.split(':')[1]}=")
     for flag in ("Secure", "HttpOnly", "SameSite=strict", "Path=/"):
         assert flag in cookie
