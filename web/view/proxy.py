@@ -95,7 +95,7 @@ def _read(frame: bytes | None) -> _Upward:
         raise HostileError(f"{len(frame)} bytes; the view takes at most {LARGEST_UPWARD}")
     try:
         return _decode(frame)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError) as error:
         raise HostileError("this is not a message of viser") from error
 
 
