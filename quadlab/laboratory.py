@@ -2,7 +2,7 @@
 
 with quadlab.connect("http://127.0.0.1:8080/?token=…") as lab:
     lab.parameters["control.position.kp_xy"]
-    run = lab.fly("figure_eight", laps=2)              # the station flies, judges and records it
+    run = lab.fly("figure_eight", yaw_amplitude=0.5)   # the station flies, judges and records it
     run.result.verdict, run["state"].pandas()
 """
 
