@@ -116,7 +116,7 @@ def _permitting(names: Iterable[str]) -> NameConstraints:
         except ValueError:
             domains |= {name} if name and not name.endswith(".arpa") else set()
             continue
-        if not any(network.version == one.version and network.subnet_of(one) for one in networks):
+        if not any(network.network_address in one for one in networks):
             networks.append(network)
     return x509.NameConstraints(
         [*map(x509.DNSName, sorted(domains)), *map(x509.IPAddress, networks)], None
