@@ -107,6 +107,7 @@ def test_experiments_take_the_options_that_documents_give_them() -> None:
     for call in calls:
         experiment = find(ast.literal_eval(call.args[0]))
         options = {str(one.arg): ast.literal_eval(one.value) for one in call.keywords}
+        assert experiment.parameters is not None
         assert ParameterStore(experiment.parameters).set(options) == options
 
 

@@ -149,8 +149,8 @@ def test_the_certificate_is_one_that_browsers_take(tmp_path: Path) -> None:
 def verified(authority: Path, certificate: Path, host: str) -> str:
     """Return why OpenSSL would not accept a server of this name, "" if it does."""
     kind = "-verify_ip" if host[0].isdigit() or ":" in host else "-verify_hostname"
-    words = ["openssl", "verify", "-x509_strict", "-CAfile", authority, kind, host, certificate]
-    ran = subprocess.run(words, capture_output=True, text=True, check=False)
+    words = ["openssl", "verify", "-x509_strict", "-CAfile", str(authority), kind, host]
+    ran = subprocess.run([*words, str(certificate)], capture_output=True, text=True, check=False)
     return "" if ran.returncode == 0 else ran.stderr
 
 
