@@ -66,7 +66,8 @@ def map_bytes(words: Mapping[str, str]) -> int:
 
 @contextmanager
 def bounded_reader(name: str) -> Iterator[None]:
-    """Limit memory and files of a reader that checks no sizes itself. Raises LogFormatError.
+    """Limit memory and files of a reader that checks neither sizes nor nesting itself. Raises
+    LogFormatError.
 
     The limits are the kernel's and apply to the whole process, so only a command that does nothing
     else may use them.
@@ -87,6 +88,8 @@ def bounded_reader(name: str) -> Iterator[None]:
             f"{name} needs more than {MAX_FOREIGN // 10**6} MB of memory to be read; cut it into "
             "flights, or write it with smaller chunks"
         ) from None
+    except RecursionError:
+        raise LogFormatError(f"{name} describes itself in too deep a nest to be read") from None
     finally:
         for kind, limits in before.items():
             resource.setrlimit(kind, limits)

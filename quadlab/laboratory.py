@@ -2,7 +2,7 @@
 
 with quadlab.connect("http://127.0.0.1:8080/?token=…") as lab:
     lab.parameters["control.position.kp_xy"]
-    run = lab.fly("figure_eight", laps=2)              # the station flies, judges and records it
+    run = lab.fly("figure_eight", yaw_amplitude=0.5)   # the station flies, judges and records it
     run.result.verdict, run["state"].pandas()
 """
 
@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 import httpx
 from websockets.exceptions import ConnectionClosed, WebSocketException
@@ -91,7 +91,7 @@ class Laboratory:
             if name:
                 self._ask("POST", "/login", data={"name": name, "password": password})
             elif parts.query:
-                self._ask("GET", f"/?{parts.query}")
+                self._ask("POST", "/login", data=dict(parse_qsl(parts.query)))
             session = self._json("GET", "/api/session")
         except RefusedError as error:
             self._client.close()

@@ -147,7 +147,7 @@ def await_session(loopback_port: int, stopping: Ending, say: Callable[[str], Non
             if stopping.wait(1.0):
                 return None
     if clock.page() is None:  # the simulation may have begun after this process
-        clock.follow(page_at(loopback_port))
+        clock.follow(page_at(loopback_port, say))
     return session
 
 

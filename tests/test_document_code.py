@@ -3,18 +3,23 @@ quick runs."""
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import importlib
 import io
 import re
 import shlex
+import textwrap
 from pathlib import Path
 
 import pytest
 
+from console.experiments.catalogue import find
 from documentation.reference import PAGES
+from quadlab import laboratory
 from quadlab.__main__ import main, parse
 from quadrotor.checkout import ROOT
+from quadrotor.parameters import ParameterStore
 from web.signals.expression import parse as parse_signal
 
 DOCUMENTS = sorted(
@@ -87,6 +92,23 @@ def test_python_of_the_documents_runs(
         compiled = compile(code, str(document), "exec")
         if name(document) not in SHOWN:
             exec(compiled, known)
+
+
+def test_experiments_take_the_options_that_documents_give_them() -> None:
+    texts = [code for document in DOCUMENTS for code in python(document)]
+    texts.append(str(laboratory.__doc__).partition(":\n")[2])
+    calls = [
+        node
+        for text in texts
+        for node in ast.walk(ast.parse(textwrap.dedent(text)))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "lab.fly"
+    ]
+    assert len(calls) >= 2
+    for call in calls:
+        experiment = find(ast.literal_eval(call.args[0]))
+        options = {str(one.arg): ast.literal_eval(one.value) for one in call.keywords}
+        assert experiment.parameters is not None
+        assert ParameterStore(experiment.parameters).set(options) == options
 
 
 def test_every_message_of_the_troubleshooting_page_is_one_of_ours() -> None:

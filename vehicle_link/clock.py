@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import mmap
 import os
+import stat
 import time
 from pathlib import Path
 
@@ -67,15 +68,24 @@ def follow(path: str | Path | None) -> None:
 
 
 def open_page(path: str | Path) -> memoryview:
-    """Open the page's 8-byte words. Raises StorageError."""
+    """Open the page's 8-byte words. Raises StorageError, also for a page that others can write."""
     try:
-        with open(path, "r+b") as file:
+        # No link: anybody can put one into the shared folder.
+        with open(os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC), "r+b") as file:
+            if not is_own(file.fileno()):
+                raise ValueError("it is another user's, or others may write it")
             return memoryview(mmap.mmap(file.fileno(), 0)).cast("q")
     except (OSError, ValueError) as error:
         raise StorageError(
             f"the simulation's clock cannot be read from {path} ({error}); unset {VARIABLE}, "
             "which only `quadlab up` sets for its own processes"
         ) from None
+
+
+def is_own(descriptor: int) -> bool:
+    """Return whether an open file is one of this user that no other user may write."""
+    found = os.fstat(descriptor)
+    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def page() -> memoryview | None:

@@ -12,7 +12,7 @@ import os
 import tempfile
 import time
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -106,13 +106,19 @@ def one_clock(names: Sequence[str], folder: Path, port: int) -> Iterator[None]:
         page.close()
 
 
-def page_at(port: int) -> Path | None:
+def page_at(port: int, say: Callable[[str], None] = lambda line: None) -> Path | None:
     """Return the page of the simulation whose station serves this loopback port; None when that
     station follows the computer's clock.
+
+    Args:
+        say: is told of a page that is passed over, because it is another user's.
     """
     for path in SHARED_MEMORY.glob(f"{PREFIX}{port}-*"):
         try:
-            with path.open("rb") as file:
+            with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
+                if not clock.is_own(file.fileno()):
+                    say(f"{path} is another user's; its clock is not followed")
+                    continue
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # works if its owner was killed
         except BlockingIOError:
             return path

@@ -103,7 +103,8 @@ class Laboratory:
         self.link = self.until(lambda: re.findall(r"http://\S+token=\S+", "".join(self.lines)))[-1]
         base = self.link.split("/?")[0]
         self._browser = httpx.Client(base_url=base, headers={"origin": base}, timeout=30)
-        self._browser.get(self.link, follow_redirects=True).raise_for_status()
+        token = {"token": self.link.partition("token=")[2]}
+        self._browser.post("/login", data=token).raise_for_status()
         self.until(lambda: self.status().get("mode") == "ready")
 
     def until(self, look: Any) -> Any:

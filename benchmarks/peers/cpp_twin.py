@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import os
 import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import platformdirs
 
 from quadrotor.checkout import ROOT
 from quadrotor.records import Record
@@ -19,6 +20,8 @@ from vehicle.closed_loop.onboard import ONBOARD, SETTINGS
 from vehicle.simulator.plant import PLANT
 
 SOURCES = ROOT / "benchmarks" / "cpp"
+BUILT = platformdirs.user_cache_path("quadlab") / "twin"
+"""Folder of the compiled twins: this user's own, because they are loaded."""
 PORTABLE = ("-O3",)
 NATIVE = ("-O3", "-march=native")
 TUNED = ("-O3", "-fno-math-errno", "-fno-tree-slp-vectorize")
@@ -85,9 +88,10 @@ def _built(flags: tuple[str, ...]) -> Path:
         raise FileNotFoundError("g++ is not installed: the C++ twin is left out")
     text = b"".join(path.read_bytes() for path in sorted(SOURCES.iterdir()))
     name = hashlib.sha256(text + " ".join(flags).encode()).hexdigest()[:16]
-    library = Path(tempfile.gettempdir()) / f"quadlab-twin-{name}.so"
+    library = BUILT / f"{name}.so"
     if not library.exists():
-        part = library.with_suffix(".part")
+        BUILT.mkdir(parents=True, exist_ok=True, mode=0o700)
+        part = library.with_suffix(f".{os.getpid()}")  # unique: another process may compile it too
         command = [compiler, "-std=c++17", "-shared", "-fPIC", *flags]
         subprocess.run([*command, str(SOURCES / "twin.cpp"), "-o", str(part)], check=True)
         part.replace(library)

@@ -51,7 +51,14 @@ class KnownVehicles:
             }
             for one in found.values():
                 parse_endpoint(one.address)
-        except (tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError, UsageError) as error:
+        except (
+            ValueError,
+            KeyError,
+            TypeError,
+            AttributeError,
+            UsageError,
+            RecursionError,
+        ) as error:
             raise StorageError(
                 f"{self.path} cannot be read ({error}); correct it, or delete it and enrol the "
                 "vehicles again"

@@ -39,7 +39,7 @@ def read_result(log: Path) -> dict[str, Any]:
         raise StorageError(
             f"run {log.stem} has no report: no experiment was judged on it"
         ) from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise StorageError(f"the report of run {log.stem} cannot be read: {error}") from None
     return result
 

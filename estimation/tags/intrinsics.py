@@ -102,7 +102,7 @@ def read_yaml(path: Path, needed: str) -> Any:
         return YAML(typ="safe").load(path)
     except OSError as error:
         raise StorageError(f"{path}: {error.strerror}; {needed}") from None
-    except (YAMLError, UnicodeDecodeError) as error:
+    except (YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise MeasurementError(
             f"{path} is not YAML: {str(error).splitlines()[0]:.80}; {needed}"
         ) from None

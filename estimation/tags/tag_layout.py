@@ -160,5 +160,5 @@ def read_tags(path: Path, kind: type[Told]) -> Told:
         first = error.errors()[0]
         where = "".join(f"{part}." for part in first["loc"])[:-1]
         raise MeasurementError(f"tags {path}: {where} {first['msg']}".replace("  ", " ")) from None
-    except ValueError as error:  # invalid TOML, or not a text
+    except (ValueError, RecursionError) as error:  # invalid TOML, or not a text
         raise MeasurementError(f"tags {path}: {error}") from None

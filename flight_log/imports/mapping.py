@@ -109,7 +109,7 @@ def load_mapping(chosen: str) -> Mapping:
         raise UsageError(f"no mapping {chosen!r}: give a TOML file, or one of {', '.join(names())}")
     try:
         found = Mapping.model_validate(tomllib.loads(path.read_text()))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise UsageError(f"mapping {path.name} cannot be read: {error}") from None
     except ValidationError as error:
         raise UsageError(f"mapping {path.name}: {_first(error)}") from None

@@ -105,7 +105,15 @@ def read_stations(path: Path) -> tuple[int, dict[int, Record]]:
                 plane["gib_phase"] = numbers["gibphase"] + (0.0 if make == 1 else math.pi / 2)
                 plane["curve"] = numbers["curve"] if make == 1 else 0.0
                 planes[2 * int(station) + sweep] = plane
-    except (OSError, YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
+    except (
+        OSError,
+        YAMLError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        RecursionError,
+    ) as error:
         raise LogFormatError(
             f"{path.name} next to the log is not a configuration of base stations: {error!r:.80}"
         ) from None

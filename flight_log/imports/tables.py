@@ -199,10 +199,9 @@ class NumpyTable(FileTables):
         super().__init__(path)
         try:
             found = np.load(path, mmap_mode="r", allow_pickle=False)
-        except (ValueError, OSError, EOFError) as error:
-            raise LogFormatError(
-                f"{path.name} is not a complete NumPy file: {error!s:.120}"
-            ) from None
+        except (ValueError, OSError, EOFError, RecursionError, MemoryError) as error:
+            why = str(error) or "its head is nested too deep"
+            raise LogFormatError(f"{path.name} is not a complete NumPy file: {why:.120}") from None
         if found.dtype.names:
             self._columns = {name: found[name] for name in found.dtype.names}
         elif found.ndim == 2:

@@ -70,6 +70,7 @@ EXAMPLES: dict[str, dict[str, str]] = {
     "mavlink": {
         "quadlab mavlink": "fly with QGroundControl or MAVSDK on this computer",
         "quadlab mavlink udpin:127.0.0.1:14550 --viewers": "listen, and send telemetry only",
+        "quadlab mavlink tcpin:127.0.0.1:5760 --passphrase words.txt": "fly with signed messages",
     },
     "tracker": {
         "quadlab tracker natnet --host 192.168.1.5 --body quad1=cf7": "track with OptiTrack",

@@ -39,7 +39,7 @@ class Mavlink:
     passphrase: File = None
     """a file with the passphrase of signed messages; others are refused"""
     unsigned: Flag = False
-    """accept unsigned messages from other computers, too: anybody in the network can fly"""
+    """accept unsigned commands where it listens, and from other computers, too: anybody can fly"""
     origin: Annotated[str, tyro.conf.arg(metavar="LAT,LON,ALT")] = "47.397742,8.545594,0"
     """where on Earth the world's origin is said to be"""
     data: Folder = None
@@ -55,7 +55,7 @@ class Mavlink:
             raise UsageError(
                 f"MAVLink needs the package {LIBRARY}; install it with `scripts/setup mavlink`"
             )
-        from quadlab.mavlink.link import check_reach, parse_endpoint
+        from quadlab.mavlink.link import check_reach, is_open, parse_endpoint
 
         endpoints = [parse_endpoint(word) for word in self.connection or USUAL]
         secret = "" if self.passphrase is None else _passphrase(self.passphrase)
@@ -72,7 +72,7 @@ class Mavlink:
             return 0
 
         def open_link(has_left: Callable[[Peer], None]) -> Link:
-            return Link(endpoints, secret, say, has_left)
+            return Link(endpoints, secret, say, has_left, unsigned=self.unsigned)
 
         client = StationClient(session, self.name, "mavlink")
         try:
@@ -80,6 +80,8 @@ class Mavlink:
                 client, lambda who: StationClient(session, self.name, who), open_link, origin
             )
             say(f"{self.name} at {', '.join(self.connection or USUAL)}")
+            if is_open(endpoints) and not (secret or self.unsigned or self.viewers):
+                say("who sends unsigned where it listens may watch, not fly; --unsigned allows it")
             gateway.run(stopping)
         finally:
             client.close()

@@ -62,7 +62,9 @@ class Vehicle:
     in_process: Flag = False
     """instead of --serial: fly a simulated vehicle inside the flight process, at any rate"""
     link_port: int = 7447
-    """UDP port of the radio link to listen on"""
+    """UDP port of the radio link to listen on; the port after it carries the fast lane"""
+    link_host: str = "0.0.0.0"
+    """address of the radio link to listen on; the usual one is every one of this computer"""
     telemetry: Annotated[int, tyro.conf.arg(metavar="HZ")] = 100
     """telemetry packets a second, 12 to 100; each holds the ticks since the previous one"""
     name: str = THE_VEHICLE
@@ -104,6 +106,7 @@ class Vehicle:
             ports,
             data=data,
             link_port=self.link_port,
+            link_host=self.link_host,
             name=self.name,
             settings=settings,
             rate=rate,

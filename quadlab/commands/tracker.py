@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 UDP_PORT = 5005
 CAMERAS = ("camera", "onboard_camera")
-ANYWHERE, HERE = "0.0.0.0", "127.0.0.1"
+HERE = "127.0.0.1"
 
 
 @dataclass
@@ -40,7 +40,8 @@ class Tracker:
     """the body's name in the system, with ros2 its topic (default: the vehicle's name); repeat it
     for several vehicles; with onboard_camera, the vehicle that carries the camera"""
     host: str = ""
-    """address of the system; with udp, the address to listen on"""
+    """address of the system; with udp, the address to listen on (default: this computer only; for
+    everybody in the network 0.0.0.0)"""
     port: Annotated[int | None, optional("PORT")] = None
     """port, if it is not the system's usual one (udp: 5005)"""
     unit: Literal["m", "mm"] = "m"
@@ -144,7 +145,7 @@ class Tracker:
         from vehicle_link.termination_signal import EndSignal
 
         stopping = EndSignal()
-        host = self.host or (ANYWHERE if self.system == "udp" else HERE)
+        host = self.host or HERE
         usual = SYSTEMS[self.system][1] if self.system in SYSTEMS else UDP_PORT
         port = usual if self.port is None else self.port
         where = f" at {host}:{port}"

@@ -254,6 +254,8 @@ class Up(PageOptions):
                 str(self._rate(fleet)),
                 "--data",
                 str(fleet.folder(data, name, files)),
+                "--link-host",
+                "127.0.0.1",
                 "--link-port",
                 str(port),
                 "--name",

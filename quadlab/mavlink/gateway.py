@@ -39,6 +39,11 @@ NOT_FLOWN = {
     "LOG_ERASE": "runs are deleted on the Runs page alone",
 }
 VIEWER = "ground stations are viewers here; start quadlab mavlink without --viewers to let them fly"
+UNNAMED = (
+    "unsigned messages may not command at a port where any program can send; start quadlab mavlink "
+    "with udpout:ADDRESS:PORT where the ground station listens, with --passphrase FILE and sign, "
+    "or with --unsigned to let everybody fly who reaches the port"
+)
 
 
 class Gateway:
@@ -173,8 +178,8 @@ class Gateway:
             if is_known:
                 then("")
             return is_known
-        if self._viewers and fields.get("action") != "land":
-            raise RefusedError(VIEWER)
+        if fields.get("action") != "land" and (reason := self._refusal(peer)):
+            raise RefusedError(reason)
         if service == "mission":
             self._fly_mission(peer, then)
         elif service == "external":
@@ -185,6 +190,12 @@ class Gateway:
             self._operator(peer.name).ask(lambda _, reason: then(reason), service, **fields)
         return True
 
+    def _refusal(self, peer: Peer) -> str:
+        """Return why a ground station may not command, "" if it may."""
+        if self._viewers:
+            return VIEWER
+        return "" if peer.may_command else UNNAMED
+
     def _operator(self, name: str) -> Operator:
         if name not in self._operators:
             if len(self._operators) >= MOST:
@@ -194,8 +205,8 @@ class Gateway:
 
     # ------------------------------------------------------------------ flights
     def _steer(self, peer: Peer, message: Any) -> None:
-        if self._viewers:
-            raise RefusedError(VIEWER)
+        if reason := self._refusal(peer):
+            raise RefusedError(reason)
         if message.get_type() == "MANUAL_CONTROL":
             self._sticks.take(peer, message)
         else:
@@ -244,9 +255,9 @@ class Gateway:
         self._flight.begin(then)
 
     def _may_upload(self, peer: Peer) -> str:
+        if reason := self._refusal(peer):
+            return reason
         holder = self._vehicle.holder
-        if self._viewers:
-            return VIEWER
         return "" if holder in ("", peer.name) else f"{holder} has control"
 
     def _left(self, peer: Peer) -> None:
@@ -286,8 +297,8 @@ class Gateway:
         self._with_parameters(peer, partial(self._parameters.read, peer, message))
 
     def _set_parameter(self, peer: Peer, message: Any) -> None:
-        if self._viewers:
-            self._parameters.refuse(peer, message.param_id, VIEWER)
+        if reason := self._refusal(peer):
+            self._parameters.refuse(peer, message.param_id, reason)
             return
         operator = self._operator(peer.name)
         self._with_parameters(peer, partial(self._parameters.set, peer, operator, message))

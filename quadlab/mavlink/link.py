@@ -52,6 +52,11 @@ def parse_endpoint(word: str) -> Endpoint:
     return Endpoint(kind, str(address), int(port))
 
 
+def is_open(endpoints: Sequence[Endpoint]) -> bool:
+    """Return whether other programs than those named can send to an endpoint."""
+    return any(one.kind != UDP_OUT for one in endpoints)
+
+
 def check_reach(endpoints: Sequence[Endpoint], is_protected: bool) -> None:
     """Raise UsageError for an endpoint beyond this computer, unless `is_protected`."""
     for one in endpoints:
@@ -68,6 +73,7 @@ class Link:
 
     Args:
         passphrase: of signed messages; "" accepts all.
+        unsigned: whether everybody who reaches a port that is listened on may command unsigned.
         say: prints a line.
         has_left: called with a ground station that has fallen silent.
     """
@@ -78,7 +84,10 @@ class Link:
         passphrase: str,
         say: Callable[[str], None],
         has_left: Callable[[Peer], None],
+        *,
+        unsigned: bool,
     ) -> None:
+        self._unsigned = unsigned
         self._key = hashlib.sha256(passphrase.encode()).digest() if passphrase else b""
         self._say, self._has_left = say, has_left
         self._timestamps: dict[Any, int] = {}  # of signatures, by stream
@@ -192,6 +201,7 @@ class Link:
 
     def _add(self, sock: socket.socket, address: Address, *, is_fixed: bool = False) -> Peer:
         peer = Peer(sock, address, self._key, is_fixed)
+        peer.may_command = peer.may_command or self._unsigned
         peer.mav.signing.stream_timestamps = self._timestamps
         self._peers[sock.fileno(), address] = peer
         return peer
@@ -206,6 +216,15 @@ class Link:
         if not peer.may_parse(len(data), now):
             line = f"{at} sends more than {BYTES_A_SECOND // 1000} kB/s; the rest is dropped"
             self.complain(peer, "flood", line)
+            return
+        if data and not peer.begins(data):
+            line = (
+                f"{at} does not begin as MAVLink does (0xfe or 0xfd) but with {data[:16]!r}; it is "
+                f"{'closed' if peer.is_stream else 'dropped'}"
+            )
+            self.complain(self._stranger, "BAD_DATA", line)
+            if peer.is_stream:
+                self._forget(peer)
             return
         for message in peer.parse(data):
             kind, system = message.get_type(), message.get_srcSystem()

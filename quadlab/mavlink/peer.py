@@ -20,6 +20,8 @@ AT_ONCE = 20
 """Messages of a list or a log that are sent in one turn."""
 UNSENT_MOST = 1 << 16
 """Bytes that wait for a ground station on TCP that reads too slowly; messages beyond are lost."""
+MARKERS = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
+"""First bytes of a message."""
 GONE = 5.0
 """Seconds of silence after which a ground station has left."""
 SAID_AGAIN = 60.0
@@ -49,6 +51,8 @@ class Peer:
 
     Attributes:
         is_stream: whether it has a connection of its own (TCP).
+        may_command: whether it signs, is named on the command line, or everybody may command.
+        has_begun: whether something that begins as MAVLink has come.
         system: source system of its first message, which it keeps; 0 before that.
         heard: when its newest message came, s of the computer's steady clock.
         due: when each message is due that is sent periodically, by its id; `period` in s.
@@ -59,6 +63,7 @@ class Peer:
     def __init__(self, sock: socket.socket, address: Address, key: bytes, is_fixed: bool) -> None:
         self.socket, self.address, self.is_fixed = sock, address, is_fixed
         self.is_stream = sock.type == socket.SOCK_STREAM
+        self.may_command, self.has_begun = is_fixed or bool(key), False
         self._unsent = bytearray()
         self.mav = _Signed(self, SYSTEM, COMPONENT)
         self.mav.robust_parsing = True
@@ -115,6 +120,15 @@ class Peer:
             return False
         self._budget -= max(size, AT_LEAST)
         return True
+
+    def begins(self, data: bytes) -> bool:
+        """Return whether the first bytes of a connection, or each datagram, begin as MAVLink does.
+
+        The parser would also find a message behind the head of a browser's request.
+        """
+        if not (self.is_stream and self.has_begun):
+            self.has_begun = data[0] in MARKERS
+        return self.has_begun
 
     def parse(self, data: bytes) -> list[Any]:
         """Return the messages in some bytes; of a datagram, nothing is kept for the next one."""

@@ -22,7 +22,7 @@ class PageOptions:
     host: Annotated[str, tyro.conf.arg(metavar="ADDRESS")] = "127.0.0.1"
     """address to listen on; others than loopback need TLS and an account"""
     tls: Flag = False
-    """serve https, with a certificate of the data folder's own authority"""
+    """serve https, with a certificate of the page's own authority"""
     tls_certificate: File = None
     """serve https with this certificate (PEM)"""
     tls_key: File = None
@@ -68,8 +68,9 @@ def say_authority(tls: Tls) -> None:
     """Print where the authority's certificate is and what to do with it, once at the start."""
     if tls.authority is not None:
         print(
-            f"https with a certificate of this data folder's own authority. Trust it once in each "
+            f"https with a certificate of the page's own authority. Trust it once in each "
             f"browser (settings, certificates, authorities, import):\n  {tls.authority}\n"
-            "It may be passed on; ca.key next to it must not.",
+            "It may be passed on; ca.key next to it must not. It permits private networks and "
+            "this computer's names alone; for a new public name or address it is made again.",
             flush=True,
         )

@@ -145,6 +145,30 @@ def test_a_page_is_found_by_its_port_while_its_owner_lives(tmp_path: Path) -> No
         left.unlink(missing_ok=True)  # another laboratory that starts removes it too
 
 
+def test_the_page_of_another_user_is_never_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port, said = 60_002, list[str]()
+    made = Page(["quad1"], SHARED_MEMORY, port)
+    link = tmp_path / "link"
+    link.symlink_to(made.path)
+    with pytest.raises(StorageError, match=clock.VARIABLE):
+        clock.open_page(link)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "getuid", lambda: os.geteuid() + 1)
+        assert page_at(port, said.append) is None
+        with pytest.raises(StorageError, match="it is another user's"):
+            clock.open_page(made.path)
+    assert said == [f"{made.path} is another user's; its clock is not followed"]
+    made.path.chmod(0o666)
+    with pytest.raises(StorageError, match="others may write it"):
+        clock.open_page(made.path)
+    assert page_at(port, said.append) is None
+    made.path.chmod(0o600)
+    assert page_at(port) == made.path
+    made.close()
+
+
 def test_nothing_is_left_behind(tmp_path: Path) -> None:
     made = Page(["quad1"], tmp_path)
     assert made.path.exists()

@@ -305,7 +305,7 @@ class Site:
     def sign_in(self, token: str | None = None) -> httpx.Client:
         """Return a signed-in client."""
         with self.browser() as first:
-            answer = first.get("/", params={"token": token or self.token})
+            answer = first.post("/login", data={"token": token or self.token})
         assert answer.status_code == 200, answer.text
         client = self.browser()
         client.cookies.update(answer.cookies)

@@ -120,8 +120,8 @@ def test_the_process_serves_without_a_station_and_ends_in_order(tmp_path: Path) 
         url = said.split()[-1]
         assert re.search(r"/\?token=[\w-]+$", url)
         with httpx.Client() as client:
-            client.get(url)
-            base = url.split("/?")[0]
+            base, _, token = url.partition("/?token=")
+            client.post(f"{base}/login", data={"token": token})
             summary = client.get(f"{base}/api/summary").json()
             assert summary["status"] is None
             assert set(summary["age"].values()) == {None}

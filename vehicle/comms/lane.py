@@ -17,6 +17,7 @@ from functools import partial
 from quadrotor.errors import LinkError
 from vehicle_link.clock import monotonic
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
+from vehicle_link.lane.lane_socket import EVERYWHERE
 from vehicle_link.lane.replay_window import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
@@ -48,6 +49,7 @@ class CommsLane:
         node: Node,
         port: int,
         on_message: Callable[[str, Received], None] = lambda topic, received: None,
+        host: str = EVERYWHERE,
     ) -> None:
         self._node = node
         self._newest = NewestOnly()
@@ -59,7 +61,7 @@ class CommsLane:
         self._thread = threading.Thread(
             target=self._keep_subscriptions, name="lane keeper", daemon=True
         )
-        self._lane = VehicleLane(port, self._by_lane)
+        self._lane = VehicleLane(port, self._by_lane, host)
         for service, topics in ((PILOT_LANE, TO_VEHICLE), (LANE, (HELLO,))):
             node.serve(service, SERVICES[LANE], self._granting(topics))
 

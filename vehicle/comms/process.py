@@ -131,7 +131,7 @@ class Comms:
         OnboardFiles(
             self._log.folder, self._log.files, fetched, repair=lambda: self._log.repair.state
         ).serve(node)
-        self._lane = CommsLane(node, config.link_port + 1, self._received_by_lane)
+        self._lane = CommsLane(node, config.link_port + 1, self._received_by_lane, config.link_host)
         beats_every = LINK_HEARTBEAT_EVERY if config.packets < HEARTBEAT_RATE else 1
         self._lane.send(self._radio.publishers, beats_every)
         for topic in self._inbound.handlers:
@@ -284,7 +284,7 @@ def main(argument: str) -> int:
         is_enrolled = (folder / "ca.pem").exists()
         if (files := _certificates(folder, stopping)) is None:
             return 0
-        session = vehicle_session(config.link_port, files)
+        session = vehicle_session(config.link_port, files, config.link_host)
     except QuadlabError as error:
         say(str(error))
         return GIVEN_UP

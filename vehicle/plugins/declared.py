@@ -19,7 +19,7 @@ from pydantic import create_model
 from quadrotor.errors import StorageError, UsageError
 from quadrotor.packaged_files import packaged_files
 from quadrotor.parameters import Parameters, ParameterStore, parameter
-from quadrotor.python_file import line_of, read_source
+from quadrotor.python_file import call_user_code, read_source
 from vehicle.plugins.contract import FMU, KINDS
 from vehicle.plugins.fmu_parameters import declared_by
 
@@ -68,10 +68,7 @@ def declared(path: Path) -> Parameters | None:
     source = read_source(path)
     if "Parameters" not in source:
         return None
-    try:
-        body = ast.parse(source, str(path)).body
-    except SyntaxError as error:
-        raise UsageError(line_of(path, error)) from None
+    body = call_user_code(path, lambda: ast.parse(source, str(path)), UsageError).body
     for node in body:
         if isinstance(node, ast.ClassDef) and "Parameters" in map(ast.unparse, node.bases):
             return _model(path, node)
@@ -93,7 +90,7 @@ def _model(path: Path, node: ast.ClassDef) -> Parameters:
             fields[ast.unparse(one.target)] = (TYPES[ast.unparse(one.annotation)], default)
         made: Parameters = create_model(node.name, __base__=Parameters, **fields)()
         ParameterStore(made)
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise UsageError(
             f"{path.name} line {line}: parameters of a plugin are written as NAME: float = "
             f"parameter(0.5, unit='m', ge=0.0, le=1.0) with literals and a docstring ({error})"

@@ -18,7 +18,7 @@ import numpy as np
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, ParameterValue
 from vehicle.plugins.contract import Array, Contract, Field, names_of
-from vehicle.plugins.fmu_parameters import declared_by
+from vehicle.plugins.fmu_parameters import check_size, declared_by
 
 EXTRA = "scripts/setup fmu, or pip install 'quadlab[fmu]'"
 
@@ -38,6 +38,7 @@ class FmuPlugin:
         except ImportError:
             raise UsageError(f"{path.name}: FMUs need the package fmpy; run {EXTRA}") from None
         self._name = path.name
+        check_size(path)
         try:
             self._description = fmpy.read_model_description(str(path))
             self._folder = str(path.with_name(f".{path.stem}.unpacked"))

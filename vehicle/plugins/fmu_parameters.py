@@ -19,6 +19,8 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 DESCRIPTION, LARGEST = "modelDescription.xml", 1 << 24
 """File in the archive, and its largest size in bytes."""
 UNREADABLE = (OSError, KeyError, ValueError, zipfile.BadZipFile, ElementTree.ParseError)
+UNPACKED, ENTRIES = 1 << 28, 10_000
+"""Most bytes and files that an FMU may be unpacked to."""
 MOST = 100
 """Parameters that are shown of one FMU."""
 TYPES = {
@@ -63,6 +65,24 @@ def declared_by(path: Path) -> tuple[Parameters | None, dict[str, Tunable]]:
     except UNREADABLE as error:
         raise UsageError(f"{path.name}: its parameters cannot be read ({error})") from None
     return own, places
+
+
+def check_size(path: Path) -> None:
+    """Check what an FMU takes unpacked; zipfile writes no more than the sizes that are stated.
+
+    Raises UsageError.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+    except UNREADABLE as error:
+        raise UsageError(f"{path.name} is not an FMU that fmpy can read: {error}") from None
+    size = sum(one.file_size for one in entries)
+    if size > UNPACKED or len(entries) > ENTRIES:
+        raise UsageError(
+            f"{path.name} is {size / 1e6:.0f} MB in {len(entries)} files unpacked; allowed are "
+            f"{UNPACKED / 1e6:.0f} MB in {ENTRIES}: leave out sources and other resources"
+        )
 
 
 def kind_of(path: Path) -> str:

@@ -19,6 +19,7 @@ UDP = "udp"
 PATIENCE, START = 1.0, 10.0
 """s of waiting for an answer, and for the first word of a process, where simulated time waits."""
 LARGEST = 4096
+HERE = "127.0.0.1"
 
 
 class Link(Protocol):
@@ -137,14 +138,22 @@ class UdpLink:
             # Numbers alone: to look a name up may take seconds, which no tick has.
             address = (str(IPv4Address(host)), int(number))
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self._socket.bind(("", port))
-            self._socket.connect(address)  # packets from elsewhere are not received
+            self._socket.bind((HERE if IPv4Address(host).is_loopback else "", port))
+            self._socket.connect(address)  # packets from elsewhere are not received from now on
+            self._drop_received()
         except (OSError, ValueError, OverflowError) as error:
             raise RefusedError(
                 f"{group}.udp_peer = {peer!r} with udp_port = {port} cannot be used "
                 f"({error}); give ADDRESS:PORT of the program, as 127.0.0.1:9101, and a free port"
             ) from None
         self._socket.settimeout(PATIENCE if waits else 0.0)
+
+    def _drop_received(self) -> None:
+        """Drop what came from anywhere before the socket was connected."""
+        self._socket.setblocking(False)
+        with suppress(OSError):
+            while True:
+                self._socket.recv(LARGEST)
 
     def ready(self) -> bool:
         return True

@@ -10,6 +10,7 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.records import BEARINGS_SAMPLE, JUDGED_READING, POSE_SAMPLE, TICK
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle.processes.rings import ByteRing, RecordRing, create
+from vehicle_link.lane.lane_socket import EVERYWHERE
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.ids import THE_ONE, Identity
 
@@ -54,6 +55,7 @@ class VehicleConfig(msgspec.Struct, frozen=True, kw_only=True):
     board: str = MIKROKOPTER
     board_options: dict[str, ParameterValue] = {}  # of this kind of board, set before the start
     # Of the comms process:
+    link_host: str = EVERYWHERE  # address to listen on for the station
     link_port: int = 0
     started_ns: int = 0  # start of the vehicle; comms may be restarted later
     refused_calibrations: list[int] = []  # stamps (ns) of records that do not apply

@@ -29,6 +29,7 @@ from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
 from vehicle_link.forked import Process, share, start
 from vehicle_link.jobs import how_it_ended
+from vehicle_link.lane.lane_socket import EVERYWHERE
 from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.ids import THE_ONE, Identity
@@ -143,6 +144,7 @@ def run_vehicle(
     packets: int = PACKETS_A_SECOND,
     board: str = MIKROKOPTER,
     board_options: Mapping[str, ParameterValue] | None = None,
+    link_host: str = EVERYWHERE,
 ) -> int:
     """Run until SIGTERM or SIGINT (returns 0), or until the flight process ends by itself (1).
 
@@ -159,6 +161,7 @@ def run_vehicle(
         packets: telemetry packets a second, FEWEST_PACKETS to PACKETS_A_SECOND.
         board: name of the kind of board.
         board_options: values of the options of that kind.
+        link_host: address at which the station connects, of this computer.
     """
     speak_for(name)
     rings = create_rings()
@@ -176,6 +179,7 @@ def run_vehicle(
         rate=rate,
         board=board,
         board_options=dict(board_options or {}),
+        link_host=link_host,
         link_port=link_port,
         started_ns=started_ns,
         refused_calibrations=refused,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import logging
 import math
 import socket
@@ -23,7 +24,7 @@ from vehicle_link.lane.datagram import (
     Sealer,
     key_id_of,
 )
-from vehicle_link.lane.lane_socket import Address, LaneSocket
+from vehicle_link.lane.lane_socket import EVERYWHERE, Address, LaneSocket
 from vehicle_link.messages import Message
 from vehicle_link.transport.publisher import Received
 
@@ -150,7 +151,7 @@ class StationLane:
         found = socket.getaddrinfo(self._host, int(answer.port), type=socket.SOCK_DGRAM)
         family, _, _, _, address = found[0]
         if self._socket is None:
-            self._socket = LaneSocket(family, "::" if family == socket.AF_INET6 else "0.0.0.0", 0)
+            self._socket = LaneSocket(family, _own_address(str(address[0])), 0)
             self._socket.start(self._handle)
         key_id = int(answer.key_id)
         sealer = Sealer(key_id, to_vehicle)
@@ -173,3 +174,11 @@ class StationLane:
             self._changed(is_up)
         except LinkError as error:  # the session is closing
             log.info("lane of %s: %s", self._host, error)
+
+
+def _own_address(vehicle: str) -> str:
+    """Return the address to bind for a vehicle at this address: the same on this computer."""
+    found = ipaddress.ip_address(vehicle.partition("%")[0])
+    if found.is_loopback:
+        return vehicle
+    return "::" if found.version == 6 else EVERYWHERE

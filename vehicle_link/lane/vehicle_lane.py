@@ -20,7 +20,7 @@ from vehicle_link.lane.datagram import (
     Sealer,
     key_id_of,
 )
-from vehicle_link.lane.lane_socket import Address, LaneSocket
+from vehicle_link.lane.lane_socket import EVERYWHERE, Address, LaneSocket
 from vehicle_link.messages import Message, new
 from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.publisher import Received
@@ -72,7 +72,7 @@ class VehicleLane:
             return soon.
     """
 
-    def __init__(self, port: int, deliver: Deliver, host: str = "0.0.0.0") -> None:
+    def __init__(self, port: int, deliver: Deliver, host: str = EVERYWHERE) -> None:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._socket = _bound(family, host, port)
         self._deliver = deliver

@@ -124,7 +124,7 @@ def from_descriptor(message: Message) -> ParameterDescription:
             read_only=bool(message.read_only),
             **{name: constraints[name] for name in CONSTRAINTS},
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise LinkError(
             f"the description of {message.name!r} cannot be read ({error!r}); "
             "do both ends run the same version of quadlab?"

@@ -3,8 +3,8 @@ certificate that it issued (mutual TLS).
 
 The vehicle needs `ca.pem`, `vehicle.pem`, `vehicle.key`; the station `ca.pem`, `station.pem`,
 `station.key`; `ca.key` stays on the base. When the vehicle gets a new host name or address, its
-certificate is made again, for the existing key. `web.pem` is the page's, made when the page is
-to use TLS.
+certificate is made again, for the existing key. The page has an authority of its own
+(`page_authority`).
 
 A base that loses its authority is a stranger to all machines that it has enrolled. So an authority
 is made only in an empty folder, and no existing file is overwritten except a certificate that is
@@ -47,24 +47,23 @@ from vehicle_link.security.tls_files import (
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+    from cryptography.x509 import NameConstraints
 
 __all__ = [
     "LOCAL_NAMES",
     "ROLES",
-    "WEB_DAYS",
-    "WEB_RENEWED",
     "Role",
     "TlsFiles",
     "check_certificate",
     "ensure_certificates",
-    "ensure_web_certificate",
     "issue",
+    "make_authority",
+    "make_certificate",
     "readable_keys",
 ]
 
 LOCAL_NAMES = ("localhost", "127.0.0.1")
-WEB_DAYS = 397  # browsers refuse a server's certificate for more than 398 (some 825) days
-WEB_RENEWED = 60  # days before its end
+NAME = "quadlab private authority"
 
 
 def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
@@ -95,26 +94,6 @@ def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
             f"cannot make the certificates in {folder}: {error.strerror or error}; "
             "choose another data folder with --data"
         ) from error
-    return files
-
-
-def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
-    """Return the files of `ensure_certificates`, with a certificate of the page for these names.
-
-    It is a server's certificate only: the link, where both ends present one, does not accept it
-    from a client. It is made again for a new name and when it ends within `WEB_RENEWED` days.
-
-    Raises StorageError or LinkError.
-    """
-    files = ensure_certificates(folder)
-    if not is_there(files.authority_key):
-        raise LinkError(
-            f"{folder} has no authority's key (it is a vehicle's copy), so no certificate of the "
-            "page can be made; give one with --tls-certificate and --tls-key"
-        )
-    what = f"cannot make the certificate of the page in {folder}"
-    with os_errors(lambda why: f"{what}: {why}"), locked(folder):
-        _ensure_web(files, {*LOCAL_NAMES, "::1", *names})
     return files
 
 
@@ -186,13 +165,13 @@ def issue(
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         write_secret(files.authority, authority.authority.read_bytes())
         files.key(role).unlink(missing_ok=True)
-        _make_certificate(files, role, sorted(names), signer, subject, owner)
+        make_certificate(files, role, sorted(names), signer, subject, owner)
     return files
 
 
 def _ensure(files: TlsFiles, names: Sequence[str]) -> None:
     if not is_there(files.authority):
-        _make_authority(files)
+        make_authority(files)
     if not is_there(files.authority_key) or is_of_another_authority(files):
         return  # a vehicle's or station's copy: nothing can be issued here
     for role in ROLES:
@@ -203,27 +182,21 @@ def _ensure(files: TlsFiles, names: Sequence[str]) -> None:
             if wanted <= held:
                 continue
             wanted |= held
-        _make_certificate(files, role, sorted(wanted), signing_key(files))
-
-
-def _ensure_web(files: TlsFiles, wanted: set[str]) -> None:
-    if is_there(files.certificate("web")):
-        held = read_certificate(files.certificate("web"), remedy_of_pair(files, "web"))
-        left = held.not_valid_after_utc - datetime.datetime.now(datetime.UTC)
-        if left > datetime.timedelta(days=WEB_RENEWED):
-            check_certificate(files, "web")
-            if wanted <= names_of(held):
-                return
-        wanted |= names_of(held)
-    _make_certificate(files, "web", sorted(wanted), signing_key(files))
+        make_certificate(files, role, sorted(wanted), signing_key(files))
 
 
 def _names(files: TlsFiles, role: Role) -> set[str]:
     return names_of(read_certificate(files.certificate(role), remedy_of_pair(files, role)))
 
 
-def _make_authority(files: TlsFiles) -> None:
-    """Make an authority in a folder that is empty or has only the key of an interrupted start."""
+def make_authority(
+    files: TlsFiles, name: str = NAME, constraints: NameConstraints | None = None
+) -> None:
+    """Make an authority in a folder that is empty or has only the key of an interrupted start.
+
+    Args:
+        constraints: what it may issue certificates for; anything if None.
+    """
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
 
@@ -238,22 +211,30 @@ def _make_authority(files: TlsFiles) -> None:
     else:
         key = ec.generate_private_key(ec.SECP256R1())
         write_secret(files.authority_key, pem_of_key(key))
-    builder = certificate_builder("quadlab private authority", "quadlab private authority", key)
+    builder = certificate_builder(name, name, key)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
     builder = builder.add_extension(key_usage(signs_certificates=True), critical=True)
+    if constraints is not None:
+        builder = builder.add_extension(constraints, critical=True)
     write_secret(files.authority, signed(builder, key))
 
 
-def _make_certificate(
+def make_certificate(
     files: TlsFiles,
     role: Role,
     names: Sequence[str],
     signer: EllipticCurvePrivateKey,
     subject: str = "",
     owner: str = "",
+    *,
+    issuer: str = NAME,
+    valid: tuple[datetime.datetime, datetime.datetime] | None = None,
 ) -> None:
     """Make a certificate for the key if it exists already, so that no interruption leaves a pair
     that does not fit.
+
+    Args:
+        valid: begin and end of its validity; the usual ones if None.
     """
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
@@ -268,18 +249,11 @@ def _make_certificate(
         key = ec.generate_private_key(ec.SECP256R1())
         write_secret(files.key(role), pem_of_key(key))
     subject = subject or f"quadlab {role}"
-    builder = certificate_builder(subject, "quadlab private authority", key, owner=owner)
+    limits = {} if valid is None else {"begin": valid[0], "end": valid[1]}
+    builder = certificate_builder(subject, issuer, key, owner=owner, **limits)
     extended = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
     if role == "web":
-        now = datetime.datetime.now(datetime.UTC)
         extended.pop()
-        builder = certificate_builder(
-            subject,
-            "quadlab private authority",
-            key,
-            now - datetime.timedelta(days=1),
-            now + datetime.timedelta(days=WEB_DAYS - 1),
-        )
     builder = (
         builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(key_usage(signs_certificates=False), critical=True)

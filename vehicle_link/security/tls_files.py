@@ -32,6 +32,8 @@ class TlsFiles:
     """The files of one authority, all in one folder."""
 
     folder: Path
+    is_page: bool = False
+    """Whether they are the page's, in whose folder everything can be made again."""
 
     @property
     def authority(self) -> Path:
@@ -55,6 +57,11 @@ class TlsFiles:
         return [path for path in files if is_there(path)]
 
 
+def page_files(folder: Path) -> TlsFiles:
+    """Return the files of the page's authority, in a folder of their own beside the link's."""
+    return TlsFiles(folder / "page", is_page=True)
+
+
 def is_there(path: Path) -> bool:
     """Return whether the path exists, even as a link without a target, for instance on a disk that
     is not mounted.
@@ -67,7 +74,7 @@ def readable_keys(files: TlsFiles) -> list[str]:
     start of a process.
     """
     lines = []
-    for path in files.present():
+    for path in (*files.present(), *page_files(files.folder).present()):
         try:
             mode = stat.S_IMODE(path.stat().st_mode)
         except OSError:  # reported where the file is needed
@@ -182,7 +189,7 @@ def authority_key(files: TlsFiles) -> EllipticCurvePrivateKey:
     """Read the authority's key. Raises LinkError when it cannot be used."""
     from cryptography.hazmat.primitives.asymmetric import ec
 
-    remedy = (
+    remedy = _remedy_of_page(files) or (
         f"copy it back from where you keep a second one, or move {files.folder} away to start "
         "over, and then enrol every vehicle again"
     )
@@ -203,8 +210,15 @@ def is_of_another_authority(files: TlsFiles) -> bool:
         return False
 
 
+def _remedy_of_page(files: TlsFiles) -> str:
+    """Return the remedy for any of the page's files, "" for the link's."""
+    if not files.is_page:
+        return ""
+    return f"delete {files.folder} to have it made again, and trust its new ca.pem in each browser"
+
+
 def remedy_of_authority(files: TlsFiles) -> str:
-    return (
+    return _remedy_of_page(files) or (
         "copy it back from a machine that has it (the base and every vehicle enrolled there have "
         f"the same certificates/{files.authority.name}), or move {files.folder} away to start "
         "over, and then enrol every vehicle again"

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
+from vehicle_link.lane.lane_socket import EVERYWHERE
 from vehicle_link.security.access import access_control
 from vehicle_link.security.authority import Role, TlsFiles, check_certificate
 from vehicle_link.transport.unused_memory import map_large_buffers
@@ -58,7 +59,7 @@ _QUEUES = {
 }
 
 
-def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Session:
+def vehicle_session(port: int, tls: TlsFiles, host: str = EVERYWHERE) -> zenoh.Session:
     """Open a session that listens for the station on UDP `port`, and never dials.
 
     Raises:
@@ -100,7 +101,10 @@ def radio_session(
     """
     map_large_buffers()
     config = link_config("router", tls, "station")
-    endpoints = [quic(*parse_endpoint(vehicle_endpoint))]
+    host, port = parse_endpoint(vehicle_endpoint)
+    endpoints = [quic(host, port)]
+    if host == LOOPBACK:  # a vehicle of this computer is reached by no other network
+        endpoints[0] += f"#bind={LOOPBACK}:0"
     if loopback_port is not None:
         endpoints.append(f"tcp/{LOOPBACK}:{loopback_port}")
     config["connect"] = {"endpoints": endpoints, **RETRY}

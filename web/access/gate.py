@@ -14,7 +14,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from quadrotor.errors import StorageError
-from web.access.pages import page_response, sign_in_page, signed_in_page
+from web.access.pages import link_page, page_response, replace_page, sign_in_page, signed_in_page
 from web.access.people import People
 from web.access.roles import Session
 from web.access.sign_in import Refusal, address_of, read_form
@@ -26,6 +26,8 @@ PAGE_POLICY = (
     "default-src 'self'; img-src 'self' data:; "
     "frame-ancestors 'self'; base-uri 'none'; form-action 'self'"
 )
+OURS = "same-origin"
+"""What browsers say of a request of our own pages."""
 NO_STORE = {"cache-control": "no-store"}
 
 
@@ -85,10 +87,10 @@ class Gate:
         if scope["type"] == "http":
             request = Request(scope, receive)
             if scope["path"] == "/login":
-                return await self._login(request)
+                return await self._login(request, session)
             token = came.query_params.get("token")
             if token and scope["path"] == "/" and request.method == "GET":
-                return await self._by_link(request, token, session)
+                return self._link(request, token, session)
             if session is None and _wants_page(request):
                 return self._sign_in_page(401, "You are not signed in here.")
         if session is None:
@@ -108,18 +110,21 @@ class Gate:
         # Programs send no Origin; browsers always do on a POST, a PUT and a websocket.
         if guarded and origin is not None and origin.lower() != f"{self._scheme}://{host}":
             return f"refused: the request comes from another site ({origin:.80})"
+        if guarded and came.headers.get("sec-fetch-site", OURS) != OURS:
+            return "refused: the request comes from another site"
         return None
 
-    async def _by_link(self, request: Request, token: str, session: Session | None) -> Response:
-        if session is not None:
+    def _link(self, request: Request, token: str, session: Session | None) -> Response:
+        role = self._people.tokens.role(token)
+        if session is not None and role in (None, session.role):
             # This is a bookmark or a second click: leave the token to someone else.
             return page_response(signed_in_page())
-        outcome = await self._people.sign_in.by_link(token, address_of(request))
-        if isinstance(outcome, Refusal):
-            return self._sign_in_page(outcome.status, outcome.line)
-        return self._people.signed_in(page_response(signed_in_page()), outcome)
+        if role is None:
+            refusal = self._people.sign_in.refuse_link(token, address_of(request))
+            return self._sign_in_page(refusal.status, refusal.line)
+        return link_page(token)
 
-    async def _login(self, request: Request) -> Response:
+    async def _login(self, request: Request, session: Session | None) -> Response:
         if request.method in ("GET", "HEAD"):
             return self._sign_in_page(200, "Sign in to quadlab.")
         if request.method != "POST":
@@ -128,8 +133,22 @@ class Gate:
             form = await read_form(request)
         except ValueError as error:
             return _error(400, str(error))
-        name, password = form.get("name", ""), form.get("password", "")
-        outcome = await self._people.sign_in.by_password(name, password, address_of(request))
+        if "token" not in form:
+            name, password = form.get("name", ""), form.get("password", "")
+            outcome = await self._people.sign_in.by_password(name, password, address_of(request))
+            return self._answer(request, outcome, name)
+        role = self._people.tokens.role(form["token"])
+        if session is None or (role is not None and "replace" in form):
+            outcome = await self._people.sign_in.by_link(form["token"], address_of(request))
+            return self._answer(request, outcome)
+        if role in (None, session.role):
+            return self._answer(request, session)
+        if _wants_page(request):
+            return page_response(replace_page(form["token"], session, role))
+        return _error(409, f"signed in as {session.label}; sign out first, or send replace=1")
+
+    def _answer(self, request: Request, outcome: Session | Refusal, name: str = "") -> Response:
+        """Answer a form with the session that it opened, or why it opened none."""
         answer: Response
         if isinstance(outcome, Refusal):
             if _wants_page(request):

@@ -1,17 +1,23 @@
-"""The two small pages of the sign-in, and their style; all other pages are in `static/`."""
+"""The small pages of the sign-in, and their style; all other pages are in `static/`."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from html import escape
 
 from starlette.responses import HTMLResponse
 
+from web.access.roles import Role, Session
 from web.theme import TOKENS, html_tag
 
 POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; "
     "frame-ancestors 'none'; base-uri 'none'"
 )
+_SUBMIT = "document.getElementById('by_link').submit()"
+_SCRIPT = base64.b64encode(hashlib.sha256(_SUBMIT.encode()).digest()).decode()
+LINK_POLICY = f"{POLICY}; script-src 'sha256-{_SCRIPT}'"
 _STYLE = """
 body{margin:0;min-height:100vh;display:grid;place-items:center;
 background:var(--ground);color:var(--text);font:var(--body)/1.55 var(--sans)}
@@ -57,9 +63,41 @@ def sign_in_page(line: str, name: str, base_url: str, *, with_password: bool) ->
 <code>{escape(base_url)}/?token=…</code>.</p>
 <p>When a link has been used, a fresh one for the next browser is printed below it. No terminal
 at hand? Ask someone who is signed in for an invitation: <em>Invite</em> on the page.</p>
-<form action="/"><input name="token" aria-label="token" placeholder="or paste the token here"
+<form method="post" action="/login"><input name="token" aria-label="token"
+placeholder="or paste the token here"
 autocomplete="off"{focus}><button>Sign in</button></form>""",
     )
+
+
+def link_page(token: str) -> HTMLResponse:
+    """Return the page of a sign-in link, which posts the token by itself, or by its button where
+    scripts are off.
+
+    Opening a link changes nothing, because any page can make a browser open one.
+    """
+    page = small_page(
+        "quadlab: sign in",
+        f"""<form id="by_link" method="post" action="/login">{_hidden(token)}
+<button>Sign in</button></form><script>{_SUBMIT}</script>""",
+    )
+    return page_response(page, headers={"content-security-policy": LINK_POLICY})
+
+
+def replace_page(token: str, session: Session, role: Role) -> str:
+    """Return the page that asks whether a link shall replace the session of this browser."""
+    who = f"{session.label} ({session.role})" if session.has_account else session.label
+    return small_page(
+        "quadlab: sign in",
+        f"""<h1>You are signed in as {escape(who)}.</h1>
+<p>The link that was opened would sign this browser in as {escape(role)} instead.</p>
+<form action="/"><button autofocus>Stay {escape(session.label)}</button></form>
+<form method="post" action="/login">{_hidden(token)}<input type="hidden" name="replace" value="1">
+<button>Sign in as {escape(role)}</button></form>""",
+    )
+
+
+def _hidden(token: str) -> str:
+    return f'<input type="hidden" name="token" value="{escape(token)}">'
 
 
 def signed_in_page() -> str:
@@ -85,7 +123,7 @@ def page_response(
 
 
 def small_page(title: str, body: str) -> str:
-    """Return a complete page without scripts; `body` is HTML."""
+    """Return a complete page; `body` is HTML."""
     return (
         f'<!doctype html>{html_tag()}<meta charset="utf-8"><title>{title}</title>'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'

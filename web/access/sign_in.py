@@ -65,6 +65,10 @@ class SignIn:
             self.report("info", f"{session.label} signed in by a link from {address}")
             self._on_link(session.label)
             return session
+        return self.refuse_link(token, address)
+
+    def refuse_link(self, token: str, address: str) -> Refusal:
+        """Report a link that opens nothing, and return why."""
         was_used = self._tokens.was_used(token)
         if self._link_limiter.begin(address, address) == 0.0:
             what = "used" if was_used else "wrong"

@@ -77,17 +77,21 @@ class SignInTokens:
     def consume(self, token: str) -> Session | None:
         """Return the session that the token opens, or None if it is wrong or used."""
         with self._lock:
-            sent = token.encode()
-            tokens = self._state["tokens"]
-            known = [t for t in tokens if secrets.compare_digest(t.encode(), sent)]
-            if not known:
+            known = self._known(token)
+            if known is None:
                 return None
-            role = Role(self._state["tokens"].pop(known[0]))
+            role = Role(self._state["tokens"].pop(known))
             self._state["used"] = [*self._state["used"], _digest(token)][-REMEMBERED:]
             self._state["seats"][role.value] = seat = self._state["seats"].get(role.value, 0) + 1
             self._ensure_one()
             self._save()
         return self._sessions.open(f"{role.value} {seat}", role)
+
+    def role(self, token: str) -> Role | None:
+        """Return the role that an unused token opens, or None if it is wrong or used."""
+        with self._lock:
+            known = self._known(token)
+            return Role(self._state["tokens"][known]) if known else None
 
     def was_used(self, token: str) -> bool:
         return _digest(token) in self._state["used"]
@@ -126,6 +130,11 @@ class SignInTokens:
         except (BadSignature, TypeError, ValueError):
             return None
         return session if self._sessions.is_open(session) else None
+
+    def _known(self, token: str) -> str | None:
+        sent = token.encode()
+        known = [t for t in self._state["tokens"] if secrets.compare_digest(t.encode(), sent)]
+        return known[0] if known else None
 
     def _admin_tokens(self) -> list[str]:
         return [t for t, role in self._state["tokens"].items() if role == Role.ADMIN]

@@ -37,7 +37,8 @@ def private_tls(data: Path, names: tuple[str, ...]) -> Tls:
 
     Raises StorageError or LinkError.
     """
-    from vehicle_link.security.authority import check_certificate, ensure_web_certificate
+    from vehicle_link.security.authority import check_certificate
+    from vehicle_link.security.page_authority import ensure_web_certificate
 
     files = ensure_web_certificate(data / "certificates", names)
     check_certificate(files, "web")

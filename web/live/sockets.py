@@ -23,13 +23,28 @@ from quadrotor.errors import LinkError, UsageError
 
 SEND_BUFFER = 16 * 1024  # bytes; the kernel doubles it
 UNSENT = 8 * 1024  # bytes
+RATE, BURST = 200.0, 400.0
+"""Frames a second of one page, and at once. A page sends its sticks and the camera of its view 50
+times a second each, on sockets of their own."""
+SLICE = 2048
+"""Bytes parsed before the number of frames is looked at: a frame may have 6."""
+FLOODED = f"more than {RATE:.0f} messages a second"
+POLICY_VIOLATION = 1008  # close code
+LINGERING = 1.0
+"""Time, in s, in which a flood is dropped unread, so that its sender gets the reason."""
 
 
 class LiveWebSocket(WebSocketsSansIOProtocol):
-    """The websocket of uvicorn with small send buffers."""
+    """The websocket of uvicorn with small send buffers, which ends where a page floods it.
+
+    Frames are counted before they reach an application, those without one (pings) too.
+    """
+
+    _is_flooded = False
 
     def connection_made(self, transport: BaseTransport) -> None:
         super().connection_made(transport)
+        self._left, self._counted = BURST, self.loop.time()
         connection = transport.get_extra_info("socket")
         if connection is not None:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
@@ -39,6 +54,32 @@ class LiveWebSocket(WebSocketsSansIOProtocol):
         self.transport.set_write_buffer_limits(high=UNSENT)
         if (below := plain_transport(self.transport)) is not None:
             below.set_write_buffer_limits(high=UNSENT)
+
+    def data_received(self, data: bytes) -> None:
+        for start in range(0, len(data), SLICE):
+            if self._is_flooded or self.transport.is_closing():
+                return
+            super().data_received(data[start : start + SLICE])
+
+    def handle_events(self) -> None:
+        """Limit the rate by a bucket that RATE fills and each frame empties by one."""
+        now = self.loop.time()
+        self._left = min(BURST, self._left + RATE * (now - self._counted))
+        self._left, self._counted = self._left - len(self.conn.events), now
+        if self._left >= 0.0:
+            super().handle_events()
+            return
+        self._is_flooded = self.close_sent = True
+        self.stop_keepalive()
+        self.conn.fail(POLICY_VIOLATION, FLOODED)
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.queue.put_nowait(
+            {"type": "websocket.disconnect", "code": POLICY_VIOLATION, "reason": FLOODED}
+        )
+        if self.read_paused:
+            self.read_paused = False
+            self.transport.resume_reading()
+        self.close_timer = self.loop.call_later(LINGERING, self.transport.close)
 
     async def send(self, message: ASGISendEvent) -> None:
         if message["type"] == "websocket.send":

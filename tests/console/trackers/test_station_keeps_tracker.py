@@ -58,6 +58,8 @@ def test_a_tracker_process_that_dies_is_started_again_and_ends_with_its_station(
         [tracker] = trackers(station.pid)
         page.close()
         session.close()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(("127.0.0.2", udp))  # it listens at 127.0.0.1, not everywhere
     finally:
         station.terminate()
         station.wait(30)

@@ -141,6 +141,55 @@ def test_a_viewer_gets_telemetry_and_may_only_land_in_an_emergency(
     assert ground.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1) == ACCEPTED
 
 
+@pytest.mark.parametrize("kind", ["udpin", "tcpin"])
+def test_unsigned_messages_at_an_open_port_may_only_land_in_an_emergency(
+    wire: Callable[..., Wired], kind: str
+) -> None:
+    wired = wire(kind=kind, unsigned=False)
+    ground = wired.ground()
+    for command in ((ARM, 1.0), (ARM, 0, 21196), (TAKE_OFF, 0, 0, 0, 0, 0, 0, 1)):
+        assert ground.command(*command) == DENIED
+    said = ground.text("may not command")
+    for remedy in ("udpout:", "--passphrase", "--unsigned"):
+        assert remedy in said
+    ground.mav.set_position_target_local_ned_send(
+        0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, 0b110111111000, 3, 1, -0.5, *[0] * 8
+    )
+    ground.mav.manual_control_send(1, 0, 0, 500, 0, 1)
+    ground.mav.mission_count_send(1, 1, 2)
+    assert ground.until("MISSION_ACK").type == mavlink.MAV_MISSION_DENIED
+    ground.mav.param_set_send(1, 1, GAIN, 5.0, mavlink.MAV_PARAM_TYPE_REAL32)
+    ground.until("PARAM_ERROR")
+    assert (asked(wired), wired.station.references, wired.station.sticks) == ([], [], [])
+    assert ground.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1) == ACCEPTED
+
+
+def test_the_ground_station_named_on_the_command_line_may_command_unsigned(
+    wire: Callable[..., Wired],
+) -> None:
+    wired = wire(kind="udpout", unsigned=False)
+    ground = wired.ground()
+    ground.until("HEARTBEAT")
+    assert ground.command(ARM, 1.0) == ACCEPTED
+
+
+@pytest.mark.parametrize("kind", ["udpin", "tcpin"])
+def test_what_does_not_begin_as_mavlink_is_not_searched_for_messages(
+    wire: Callable[..., Wired], kind: str
+) -> None:
+    """A page of any web site can send MAVLink behind the head of a request."""
+    wired = wire(kind=kind)
+    ground = wired.ground()
+    arm = ground.mav.command_long_encode(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0).pack(ground.mav)
+    ground.write(b"POST / HTTP/1.1\r\nHost: 127.0.0.1:5760\r\n\r\n" + arm)
+    for _ in range(5):
+        ground.turn()
+    assert asked(wired) == []
+    assert wired.link.peers == []
+    assert len(wired.lines) == 1
+    assert "does not begin as MAVLink does" in wired.lines[0]
+
+
 def test_a_command_that_is_not_known_is_unsupported(wire: Callable[..., Wired]) -> None:
     ground = wire().ground()
     assert ground.command(mavlink.MAV_CMD_DO_ORBIT) == mavlink.MAV_RESULT_UNSUPPORTED

@@ -130,6 +130,7 @@ class Wired:
         *,
         viewers: bool = False,
         passphrase: str = "",
+        unsigned: bool = True,
         station: Station | None = None,
         kind: str = "udpin",
     ) -> None:
@@ -146,7 +147,7 @@ class Wired:
 
         def open_link(has_left: Callable[[Peer], None]) -> Link:
             endpoints = [parse_endpoint(f"{kind}:127.0.0.1:{self.port}")]
-            self.link = Link(endpoints, passphrase, self.lines.append, has_left)
+            self.link = Link(endpoints, passphrase, self.lines.append, has_left, unsigned=unsigned)
             return self.link
 
         self.logs = Logs(Catalogue(data), "quad1")
@@ -178,7 +179,11 @@ class Ground:
 
         self._wired = wired
         self.socket = socket.socket(socket.AF_INET, wired.kind)
-        self.socket.connect(("127.0.0.1", wired.port))
+        if wired.link.peers and wired.link.peers[0].is_fixed:  # it is sent to
+            self.socket.bind(wired.link.peers[0].address)
+            self.socket.connect(wired.link.peers[0].socket.getsockname())
+        else:
+            self.socket.connect(("127.0.0.1", wired.port))
         self.socket.setblocking(False)
         self.mav = mavlink.MAVLink(self, system, 190)
         self.mav.robust_parsing = True

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
 from benchmarks.onboard.compiled_step import onboard_steps
 from benchmarks.onboard.onboard import PERIOD, recorded, started
-from benchmarks.peers.cpp_twin import CppTwin
+from benchmarks.peers.cpp_twin import BUILT, CppTwin
 from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.parameters import EstimationParameters
@@ -54,3 +56,10 @@ def test_a_closed_loop_ends_where_the_twins_does(twin: CppTwin) -> None:
     np.testing.assert_allclose(plants["x"][0, :3], flight.final["position_w"][0], atol=1e-9)
     np.testing.assert_allclose(plants["x"][0, 6:10], flight.final["quaternion_wb"][0], atol=1e-9)
     assert error == pytest.approx(flight.outcome["position_rms"][0], rel=0.01)
+
+
+def test_it_is_loaded_from_a_folder_that_no_other_user_writes(twin: CppTwin) -> None:
+    found = BUILT.stat()
+    assert found.st_uid == os.getuid()
+    assert not found.st_mode & 0o022
+    assert str(twin._library._name).startswith(f"{BUILT}/")

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -107,6 +108,35 @@ def test_packets_of_another_length_and_stale_ones_end_the_law_and_are_never_flow
             assert bench.flies_built_in
         assert why in law.failure
         law.close()
+
+
+def test_what_came_before_the_link_was_connected_is_from_anybody_and_is_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    packet = struct.pack("<5d", 0.0, 12.8, 0.0, 0.0, 0.0)
+
+    class Early(socket.socket):
+        """A socket to which a stranger sends as soon as it is bound."""
+
+        def connect(self, address: Any) -> None:
+            with plain(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+                stranger.sendto(packet, ("127.0.0.1", self.getsockname()[1]))
+            assert self.recv(1024, socket.MSG_PEEK) == packet
+            super().connect(address)
+
+    plain = socket.socket
+    with plain(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        monkeypatch.setattr(socket, "socket", Early)
+        peer = f"127.0.0.1:{other.getsockname()[1]}"
+        link = UdpLink(LAW, "control.plugin", peer, 0, waits=False)
+        assert link.receive() is None
+        link.send(b"x")
+        own = other.recvfrom(1024)[1]
+        other.sendto(packet, own)
+        assert link.receive() == packet
+        assert link._socket.getsockname() == own, "it listens to this computer alone"
+        link.close()
 
 
 def test_in_real_time_a_silent_law_costs_no_tick_and_is_disengaged_after_25() -> None:

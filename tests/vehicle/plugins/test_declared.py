@@ -8,11 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from quadrotor.errors import UsageError
 from quadrotor.parameters import ParameterDescription, ParameterStore
 from tests.support.installed import install
+from vehicle.laws.contract import LAW
 from vehicle.parameters import new_parameters
 from vehicle.plugins import declared
-from vehicle.plugins.fmu_parameters import MOST
+from vehicle.plugins.fmu_parameters import ENTRIES, MOST, UNPACKED
+from vehicle.plugins.host import load
 
 OPTIONS = """
 from quadrotor.parameters import Parameters, parameter
@@ -120,3 +123,22 @@ def test_of_very_many_the_first_are_shown(tmp_path: Path) -> None:
     written(tmp_path / "many.fmu", FMI3.replace(one, many))
     declared.offer(tmp_path)
     assert len(described()) == MOST
+
+
+@pytest.mark.parametrize(
+    ("sizes", "why"),
+    [([UNPACKED // 2] * 3, "403 MB in 4 files"), ([0] * ENTRIES, "0 MB in 10001 files")],
+)
+def test_an_fmu_that_would_fill_the_disk_is_not_unpacked(
+    tmp_path: Path, sizes: list[int], why: str
+) -> None:
+    path = written(tmp_path / "bomb.fmu", FMI2)
+    zeros = bytes(1 << 20)
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
+        for k, size in enumerate(sizes):
+            with file.open(f"resources/{k}", "w") as entry:
+                for _ in range(size // len(zeros)):
+                    entry.write(zeros)
+    with pytest.raises(UsageError, match=f"bomb.fmu is {why} unpacked; allowed are 268 MB"):
+        load(LAW, path)
+    assert [one.name for one in tmp_path.iterdir()] == ["bomb.fmu"]

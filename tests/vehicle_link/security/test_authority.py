@@ -14,14 +14,9 @@ import pytest
 
 from quadrotor.errors import ClockNotSetError, LinkError, StorageError
 from vehicle_link.security import authority
-from vehicle_link.security.authority import (
-    ROLES,
-    TlsFiles,
-    check_certificate,
-    ensure_certificates,
-    ensure_web_certificate,
-)
+from vehicle_link.security.authority import ROLES, TlsFiles, check_certificate, ensure_certificates
 from vehicle_link.security.enrolment import issue_station, issue_vehicle
+from vehicle_link.security.page_authority import ensure_web_certificate
 from vehicle_link.security.tls_files import write_secret
 
 
@@ -99,8 +94,13 @@ PAIRS = ("station.pem", "station.key", "vehicle.pem", "vehicle.key", "web.pem", 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a base's folder with every file."""
-    return ensure_web_certificate(tmp_path_factory.mktemp("whole"), []).folder
+    """Return a base's folder with every file, those of a page as older versions had them there."""
+    folder = tmp_path_factory.mktemp("whole")
+    ensure_certificates(folder)
+    page = ensure_web_certificate(folder, []).folder
+    for name in ("web.pem", "web.key"):
+        shutil.move(page / name, folder / name)
+    return folder
 
 
 def _copy(whole: Path, folder: Path, names: Sequence[str]) -> TlsFiles:

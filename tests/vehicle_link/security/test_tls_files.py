@@ -13,10 +13,10 @@ from vehicle_link.security.authority import (
     TlsFiles,
     check_certificate,
     ensure_certificates,
-    ensure_web_certificate,
     readable_keys,
 )
 from vehicle_link.security.enrolment import issue_station, issue_vehicle
+from vehicle_link.security.page_authority import ensure_web_certificate
 
 FROM_A_BASE = "copy vehicle.pem and vehicle.key again from the base that issued ca.pem"
 HAVE_MADE = "copy vehicle.pem and vehicle.key again from the base, or delete them to have them made"
@@ -135,14 +135,12 @@ def test_a_damaged_key_of_the_authority_stops_only_what_needs_it(
     ensure_certificates(tls.folder)
     attempts: list[Callable[[], object]] = [
         lambda: ensure_certificates(tls.folder, ["new.local"]),
-        lambda: ensure_web_certificate(tls.folder, []),
         lambda: issue_vehicle(tls.folder, tmp_path / "out", "quad1", []),
     ]
     for making in attempts:
         with pytest.raises(LinkError, match=r"ca\.key holds no private key .*; copy it back from"):
             making()
     assert not (tmp_path / "out").exists()
-    assert not tls.certificate("web").exists()
 
 
 def test_a_damaged_certificate_of_the_page_is_named(tls: TlsFiles) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 import httpx
 import pytest
@@ -37,6 +41,7 @@ WRITE = [
     ("POST", "/api/invitations", {}),
     ("PUT", "/api/runs/20260131T093042Z_quad1/notes", {"notes": ""}),
 ]
+PAGE = {"Accept": "text/html,*/*"}
 SOCKETS = ["/ws/telemetry", "/ws/events", "/ws/stick", "/viser?view=a"]
 
 
@@ -128,9 +133,51 @@ def test_a_link_works_once_and_the_next_one_is_shown(site: Any) -> None:
     assert site.token != first
     with site.browser() as late:
         answer = late.get("/", params={"token": first})
+        assert late.post("/login", data={"token": first}).status_code == 401
     assert answer.status_code == 401
     assert "has been used" in answer.text
     assert "terminal" in answer.text
+
+
+def test_opening_a_link_signs_nobody_in_and_its_page_posts_the_token(site: Any) -> None:
+    """A page of another site can make a browser open a link, but not post from here."""
+    token = site.token
+    with site.browser() as stranger:
+        opened = stranger.get("/", params={"token": token}, headers=PAGE)
+        assert (opened.status_code, dict(opened.cookies)) == (200, {})
+        script = re.search(r"<script>(.*)</script>", opened.text)
+        assert script is not None
+        digest = base64.b64encode(hashlib.sha256(script[1].encode()).digest()).decode()
+        policy = opened.headers["content-security-policy"]
+        assert f"script-src 'sha256-{digest}'" in policy
+        assert "frame-ancestors 'none'" in policy
+        for headers in (
+            {"Origin": "http://evil.example"},
+            {"Origin": "null"},
+            {"Sec-Fetch-Site": "cross-site"},
+        ):
+            answer = stranger.post("/login", data={"token": token}, headers=headers)
+            assert (answer.status_code, dict(answer.cookies)) == (403, {})
+        assert site.token == token
+        ours = {**PAGE, "Origin": site.base, "Sec-Fetch-Site": "same-origin"}
+        answer = stranger.post("/login", data={"token": token}, headers=ours)
+        assert (answer.status_code, answer.headers["location"]) == (303, "/")
+        assert stranger.get("/api/session").json()["role"] == "admin"
+
+
+def test_a_link_of_another_role_asks_before_it_replaces_a_session(site: Any) -> None:
+    with site.sign_in() as admin:
+        label = admin.get("/api/session").json()["label"]
+        url = admin.post("/api/invitations", json={"role": "viewer"}).json()["url"]
+        token = parse_qs(urlsplit(url).query)["token"][0]
+        asked = admin.post("/login", data={"token": token}, headers=PAGE)
+        assert (asked.status_code, dict(asked.cookies)) == (200, {})
+        assert f"You are signed in as {label}" in asked.text
+        assert admin.post("/login", data={"token": token}).status_code == 409
+        assert admin.get("/api/session").json()["label"] == label
+        answer = admin.post("/login", data={"token": token, "replace": "1"})
+        assert answer.json()["role"] == "viewer"
+        assert admin.get("/api/session").json()["role"] == "viewer"
 
 
 def test_a_wrong_link_says_what_to_do(site: Any) -> None:
@@ -153,7 +200,7 @@ def test_who_is_signed_in_does_not_consume_a_link(site: Any, signed_in: httpx.Cl
 
 def test_the_cookie_is_out_of_reach_of_scripts_and_other_sites(site: Any) -> None:
     with site.browser() as client:
-        cookie = client.get("/", params={"token": site.token}).headers["set-cookie"]
+        cookie = client.post("/login", data={"token": site.token}).headers["set-cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=strict" in cookie
     assert cookie.startswith(f"quadlab_{site.host.split(':')[1]}=")

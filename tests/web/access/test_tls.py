@@ -6,6 +6,7 @@ import asyncio
 import datetime
 import json
 import ssl
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,10 @@ from starlette.responses import Response
 
 from console.catalogue.catalogue import Catalogue
 from quadrotor.errors import UsageError
-from vehicle_link.security.authority import WEB_DAYS, check_certificate, ensure_web_certificate
+from vehicle_link.security.authority import check_certificate, ensure_certificates, make_certificate
 from vehicle_link.security.certificates import load_certificate
+from vehicle_link.security.page_authority import NAME, WEB_DAYS, ensure_web_certificate, permits
+from vehicle_link.security.tls_files import TlsFiles, signing_key
 from web.access.listen_address import check_listen_address, is_loopback
 from web.access.people import SessionCookie
 from web.access.tls import given_tls, own_names, private_tls, shown_host
@@ -53,7 +56,7 @@ def test_who_does_not_trust_the_authority_gets_nothing(tls_site: Any) -> None:
 
 def test_under_tls_the_cookie_is_for_tls_only(tls_site: Any) -> None:
     with tls_site.browser() as client:
-        cookie = client.get("/", params={"token": tls_site.token}).headers["set-cookie"]
+        cookie = client.post("/login", data={"token": tls_site.token}).headers["set-cookie"]
     assert cookie.startswith(f"__Host-quadlab_{tls_site.host.split(':')[1]}=")
     for flag in ("Secure", "HttpOnly", "SameSite=strict", "Path=/"):
         assert flag in cookie
@@ -143,6 +146,46 @@ def test_the_certificate_is_one_that_browsers_take(tmp_path: Path) -> None:
     assert list(purposes.value) == [ExtendedKeyUsageOID.SERVER_AUTH]
 
 
+def verified(authority: Path, certificate: Path, host: str) -> str:
+    """Return why OpenSSL would not accept a server of this name, "" if it does."""
+    kind = "-verify_ip" if host[0].isdigit() or ":" in host else "-verify_hostname"
+    words = ["openssl", "verify", "-x509_strict", "-CAfile", str(authority), kind, host]
+    ran = subprocess.run([*words, str(certificate)], capture_output=True, text=True, check=False)
+    return "" if ran.returncode == 0 else ran.stderr
+
+
+def test_the_pages_authority_can_stand_for_no_other_site(tmp_path: Path) -> None:
+    """It is imported into browsers: its key is worth as little as can be to a thief."""
+    files = ensure_web_certificate(tmp_path, ["base.lab", "192.0.2.7", "10.1.2.3"])
+    authority = load_certificate(files.authority)
+    for name in ("base.lab", "192.0.2.7", "10.1.2.3", "quad.local", "192.168.4.2", "fe80::1"):
+        assert permits(authority, name), name
+    for name in ("bank.example", "local.example", "1.1.1.1", "192.0.2.8", "2001:db8::1"):
+        assert not permits(authority, name), name
+    for host in ("base.lab", "192.0.2.7", "10.1.2.3", "localhost", "127.0.0.1", "::1"):
+        assert verified(files.authority, files.certificate("web"), host) == ""
+    stolen = TlsFiles(tmp_path / "stolen", is_page=True)
+    stolen.folder.mkdir()
+    make_certificate(stolen, "web", ["bank.example"], signing_key(files), issuer=NAME)
+    said = verified(files.authority, stolen.certificate("web"), "bank.example")
+    assert "permitted subtree violation" in said
+    link = ensure_certificates(tmp_path)
+    assert link.authority.read_bytes() != files.authority.read_bytes()
+
+
+def test_the_pages_authority_is_made_again_for_a_name_that_it_does_not_permit(
+    tmp_path: Path,
+) -> None:
+    files = ensure_web_certificate(tmp_path, ["base.lab", "quad.local"])
+    first = files.authority.read_bytes()
+    ensure_web_certificate(tmp_path, ["10.9.9.9", "other.local", "x.base.lab"])
+    assert files.authority.read_bytes() == first
+    ensure_web_certificate(tmp_path, ["other.lab"])
+    assert files.authority.read_bytes() != first
+    for host in ("base.lab", "quad.local", "10.9.9.9", "other.lab"):
+        assert verified(files.authority, files.certificate("web"), host) == ""
+
+
 def test_the_certificate_stays_until_a_name_is_new(tmp_path: Path) -> None:
     first = ensure_web_certificate(tmp_path, ["base.lab"]).certificate("web").read_bytes()
     again = ensure_web_certificate(tmp_path, []).certificate("web").read_bytes()
@@ -156,7 +199,7 @@ def test_the_certificate_stays_until_a_name_is_new(tmp_path: Path) -> None:
 def test_a_certificate_that_ends_soon_is_made_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vehicle_link.security.authority.WEB_DAYS", 30)
+    monkeypatch.setattr("vehicle_link.security.page_authority.WEB_DAYS", 30)
     first = ensure_web_certificate(tmp_path, []).certificate("web").read_bytes()
     monkeypatch.undo()
     renewed = ensure_web_certificate(tmp_path, []).certificate("web").read_bytes()
@@ -186,7 +229,7 @@ def test_a_certificate_of_ones_own_is_checked(tmp_path: Path) -> None:
 
 def test_an_expired_certificate_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "vehicle_link.security.authority.WEB_DAYS", 1
+        "vehicle_link.security.page_authority.WEB_DAYS", 1
     )  # begins and ends a day before
     files = ensure_web_certificate(tmp_path, [])
     with pytest.raises(UsageError, match="and not today"):

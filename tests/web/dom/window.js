@@ -27,6 +27,8 @@ export async function load(context, address, form, tell) {
     await keepCookies(context, url, answer);
     let next = answer.status >= 300 && answer.status < 400 ? answer.headers.get("location") : null;
     const text = next ? "" : await answer.text();
+    const token = /<form id="by_link".*name="token" value="([^"]*)"/.exec(text)?.[1]; // its page posts it
+    if (token) { [url, body] = [new URL("/login", url).href, new URLSearchParams({ token })]; continue; }
     next ??= /<meta http-equiv="refresh" content="0;url=([^"]*)"/.exec(text)?.[1];
     if (!next) return { dom: await build(context, url, text, tell), status: answer.status };
     url = new URL(next, url).href;
