@@ -113,6 +113,7 @@ class StickPanel {
     if (document.activeElement?.tagName === "IFRAME") return "W A S D and the arrows move the 3D view's camera now: click here to fly by keyboard.";
     if (!window.isSecureContext) return `A gamepad works over https or on this computer only. ${this.keys}`;
     if (sticks.dropped) return `Dropped: ${this.reason(sticks.dropped)}. ${this.step}`;
+    if (sticks.padWaits) return `Off: ${sticks.centred ? "release the button first" : "let go of the pad's button and centre all sticks, then press again"}.`;
     return sticks.pad ? "Hold the pad's button (a shoulder) with all sticks centred." : this.keys;
   }
 
