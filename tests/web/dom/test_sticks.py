@@ -182,10 +182,11 @@ def test_a_gamepad_held_still_flies_as_long_as_the_browser_says_that_it_sends(
 @pytest.mark.parametrize(
     "replaced",
     [
-        "pads = [null, Object.assign(newPad(1), { axes: pads[0].axes, buttons: pads[0].buttons })];",
-        """const gone = pads[0]; pads = [Object.assign(newPad(0), { axes: gone.axes,
-        buttons: gone.buttons })]; dispatchEvent(Object.assign(new Event('gamepaddisconnected'),
-        { gamepad: gone }));""",
+        """const [gone] = pads; pads = [null, Object.assign(newPad(1), { axes: gone.axes,
+        buttons: gone.buttons })];""",
+        """const [gone] = pads; pads = [Object.assign(newPad(0), { axes: gone.axes,
+        buttons: gone.buttons })];
+        dispatchEvent(Object.assign(new Event('gamepaddisconnected'), { gamepad: gone }));""",
     ],
     ids=["another index", "the same index"],
 )
