@@ -109,7 +109,7 @@ def test_a_gamepad_that_freezes_deflected_is_dropped_and_another_one_flies_after
     cockpit.seen(0.2)
     until(lambda: cockpit.flown is None)
     assert station.sticks[-1] == ((0.0, 0.0, 0.0, 0.0), False)
-    look.text("#sticks .note", f"^Dropped: {SILENT}. Let go of the button and of all sticks")
+    look.text("#sticks .note", f"^Off: {SILENT}. Let go of the button and of all sticks")
     look.text("#events", f"sticks of .* dropped: {SILENT}")
     cockpit.stays_still()
     cockpit.button(1, True)  # it is read from here on, and this press does not count
@@ -197,7 +197,7 @@ def test_a_twin_that_takes_a_gamepads_place_must_be_seen_at_rest_first(
     cockpit.fly()
     cockpit.run(replaced)
     until(lambda: cockpit.flown is None)
-    look.text("#sticks .note", "^Dropped: the pad was unplugged")
+    look.text("#sticks .note", "^Off: centre all sticks and release the button first")
     twin = int(cockpit.page.evaluate("() => pads.length")) - 1
     cockpit.stays_still()
     if on_by == "keyboard":

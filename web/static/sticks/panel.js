@@ -106,14 +106,14 @@ class StickPanel {
       if (OBEYING[this.behavior]) return `On: ${commanded(this.behavior, sticks.sent, this.limit, this.holds)}.`;
       return this.isFlying ? `On, but ${words(this.behavior)} ignores the sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but sticks work only in flight: arm and take off first.";
     }
-    if (sticks.held && sticks.why) return /release|press/.test(sticks.why) ? `Off: ${sticks.why}.` : `Off: ${this.reason(sticks.why)}. ${this.step}`;
+    const why = sticks.held && sticks.refusal;
+    if (why) return /release|press/.test(why) ? `Off: ${why}.` : `Off: ${this.reason(why)}. ${this.step}`;
     if (sticks.editing) return "Off while the pad is being set up.";
     if (sticks.pad && !sticks.mapping) return "This pad is not known: set it up first.";
     if (this.touch.isOpen) return sticks.dropped ? `Dropped: ${this.reason(sticks.dropped)}. ${this.step}` : OBEYING[this.behavior] ? "Touch a pad to fly; lift your fingers to brake." : "Press Velocity in flight, then touch a pad.";
     if (document.activeElement?.tagName === "IFRAME") return "W A S D and the arrows move the 3D view's camera now: click here to fly by keyboard.";
     if (!window.isSecureContext) return `A gamepad works over https or on this computer only. ${this.keys}`;
     if (sticks.dropped) return `Dropped: ${this.reason(sticks.dropped)}. ${this.step}`;
-    if (sticks.padWaits) return `Off: ${sticks.centred ? "release the button first" : "let go of the pad's button and centre all sticks, then press again"}.`;
     return sticks.pad ? "Hold the pad's button (a shoulder) with all sticks centred." : this.keys;
   }
 

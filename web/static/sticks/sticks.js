@@ -37,7 +37,7 @@ export class Sticks {
     this.editing = false;
     this.mapping = null;
     this.pads = new Pads();
-    this.padWaits = false; // until the pad is seen at rest nothing of it counts, but land and cut
+    this.padWaits = ""; // "new" or "silent": until the pad is seen at rest only land and cut of it count
     this.held = false; // these two also of a pad that waits
     this.centred = true;
     this.raw = CENTRE;
@@ -72,6 +72,12 @@ export class Sticks {
 
   get pad() { return this.pads.pad; }
 
+  // What keeps a held button from counting, "" for nothing.
+  get refusal() {
+    if (this.why || !this.padWaits) return this.why;
+    return this.padWaits === "silent" ? DROPS.silent : `${this.centred ? "" : "centre all sticks and "}release the button first`;
+  }
+
   // The pad as it is now, or null. Another one than before must be at rest first, and so must one that
   // is deflected, or alone holds the button for deflected keys, and has sent nothing for too long.
   readPad(now, others) {
@@ -79,14 +85,15 @@ export class Sticks {
     if (this.pads.look(now, this.on)) {
       if (before && this.on) this.drop(wasSilent ? "silent" : "unplugged");
       this.mapping = this.pad && mappingOf(this.pad);
-      this.landSeen = this.padWaits = true;
+      this.padWaits = "new";
+      this.landSeen = true;
       this.cutSince = null;
     }
     if (!this.pad || !this.mapping) return null;
     const read = readPad(this.pad, this.mapping), isCentred = read.axes.every((value) => value === 0);
-    if (isCentred && !read.deadMan) this.padWaits = false;
+    if (isCentred && !read.deadMan) this.padWaits = "";
     else if (!this.padWaits && this.pads.silence(now) > SILENT && !(isCentred && (others.held || others.centred))) {
-      this.padWaits = true;
+      this.padWaits = "silent";
       if (this.on) this.drop("silent");
     }
     return { ...read, isCentred };
