@@ -239,7 +239,7 @@ def run_with(size: Size, say: Callable[[str], object]) -> Report:
         for estimator in size.some(("error_state", "complementary")):
             for tracker in (True, False):
                 for fault in size.some(FAULTS):
-                    options = {"estimator": estimator, "duration": size.of(20.0, 20.0, 6.0)}
+                    options = {"estimator": estimator, "duration": size.of(20.0, 20.0, 5.5)}
                     outcomes = [
                         fly(folder, seed, options, fault, tracker) for seed in range(1, seeds + 1)
                     ]

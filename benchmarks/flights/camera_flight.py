@@ -36,7 +36,7 @@ def _flown(
     camera = flight._outside
     assert camera is not None
     flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
-    flight.hover(1.0, 1.5)
+    flight.hover(1.0, size.of(1.5, 1.5, 0.2))
     hover = []
     end = flight.view().time + size.of(SECONDS, SECONDS, 0.2)
     while flight.view().time < end:

@@ -20,6 +20,11 @@ from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 VEHICLE = "quad1"
+REST_TO_REST: dict[str, ParameterValue] = {
+    "experiment.laps": "rest_to_rest",
+    "experiment.yaw_amplitude": 0.2,
+}
+"""Options of the experiment `figure_eight`: one lap of 8 s."""
 
 
 @dataclass(frozen=True)

@@ -123,13 +123,13 @@ PROGRAMS: dict[Callable[..., object], str] = {fmu_of_gcc: "gcc", octave: "octave
 
 def fly(settings: Settings, folder: Path, seed: int, size: Size) -> tuple[float, list[float], int]:
     """Return the rms distance (m) from the reference on the 8, times of answers, missed answers."""
-    flight, seconds = WatchedFlight(seed, settings, plugins=folder), size.of(60.0, 60.0, 1.0)
+    flight, seconds = WatchedFlight(seed, settings, plugins=folder), size.of(60.0, 60.0, 0.5)
     external, trips = flight.stack.law.external, list[float]()
     if external is not None:
         timed = external._link = Timed(external._link)
         trips = timed.trips
     try:
-        flight.hover(1.0, 3.0)
+        flight.hover(size.of(1.0, 1.0, 0.6), size.of(3.0, 3.0, 0.2))
         flight.forget()
         flight.start("follow_trajectory", trajectory="figure_eight", laps=LAPS)
         end = flight.view().time + seconds

@@ -173,7 +173,7 @@ def fly(seed: int, name: str, size: Size) -> dict[str, float]:
     flight = WatchedFlight(seed)
     system = System(flight._tracker, seed)
     flight._tracker = system  # type: ignore[assignment]
-    flight.hover()
+    flight.hover(settling=size.of(3.0, 3.0, 0.5))
     if seed % 2:
         flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
     else:  # away from the planes and the axis of symmetry, where mirroring changes nothing

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.flights.experiment_flight import fly
+from benchmarks.flights.experiment_flight import REST_TO_REST, fly
 from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.page.laboratory import started
 from quadrotor.errors import LinkError
+from quadrotor.parameters import ParameterValue
 from quadrotor.records import Array
 from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
@@ -69,10 +70,14 @@ def _follow(node: Node, topic: str, stamps: list[int]) -> None:
     node.subscribe(topic, kind, received)
 
 
-def _error(late: float, delay: float) -> float:
+def _error(late: float, delay: float, size: Size) -> float:
     """Return the rms error of the figure 8, mm, with stamps too late by that much, s."""
-    settings = {"tracker.stamp_error": late, "estimation.tracker.delay": delay}
-    return 1e3 * fly("figure_eight", dict(settings)).result.metrics[ERROR]
+    settings: dict[str, ParameterValue] = {
+        "tracker.stamp_error": late,
+        "estimation.tracker.delay": delay,
+        **size.of({}, {}, REST_TO_REST),
+    }
+    return 1e3 * fly("figure_eight", settings).result.metrics[ERROR]
 
 
 def run(size: Size = Size.FULL) -> Report:
@@ -86,12 +91,12 @@ def run(size: Size = Size.FULL) -> Report:
             "figure 8 in simulated time with the median offset",
         ],
     )
-    built_in = _error(0.0, 0.0)
+    built_in = _error(0.0, 0.0, size)
     report.rows.append(Row("built-in tracker", {"figure 8, mm rms": built_in}))
     for system in size.of(("vrpn", "natnet", "qtm"), ("natnet",), ("natnet",)):
         late = _offsets(system, poses)
         middle = float(np.median(late))
-        plain = _error(middle, 0.0)
+        plain = _error(middle, 0.0, size)
         report.rows.append(
             Row(
                 system,
@@ -99,7 +104,7 @@ def run(size: Size = Size.FULL) -> Report:
                     "stamps too late, ms": 1e3 * middle,
                     "deviation, ms": 1e3 * float(late.std()),
                     "figure 8, mm rms": plain,
-                    "with the delay set": _error(middle, middle),
+                    "with the delay set": _error(middle, middle, size),
                 },
             )
         )

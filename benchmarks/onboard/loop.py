@@ -51,7 +51,7 @@ def run(size: Size = Size.FULL) -> Report:
         ],
     )
     with tempfile.TemporaryDirectory() as folder:
-        for rate in RATES:
+        for rate in size.some(RATES):
             _measure(report, Path(folder), rate, seconds, has_peer)
     if not has_peer:
         report.notes.append("without cyclictest, which Debian's package rt-tests has")

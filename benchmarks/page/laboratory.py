@@ -160,13 +160,13 @@ def memory_mb(pids: dict[int, str]) -> dict[str, float]:
     return out
 
 
-def until(look: Any, patience: float = 60.0) -> Any:
+def until(look: Any, patience: float = 60.0, every: float = 0.02) -> Any:
     end = time.monotonic() + patience
     while time.monotonic() < end:
         found = look()
         if found:
             return found
-        time.sleep(0.02)
+        time.sleep(every)
     raise SystemExit(f"waited {patience:.0f} s in vain")
 
 

@@ -38,7 +38,8 @@ LIMIT_P50, LIMIT_P95, LIMIT_HOLD = 5.0, 25.0, 250.0  # ms
 BOUND = 30.0  # s
 STUB = """() => {
   window.pad = { id: 'benchmark', index: 0, connected: true, mapping: 'standard',
-    axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
+    axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })),
+    get timestamp() { return performance.now(); } };
   window.plugged = true; window.isHidden = false; window.marked = 0;
   navigator.getGamepads = () => [window.plugged ? window.pad : null];
   document.hasFocus = () => true;

@@ -42,6 +42,7 @@ ROUNDS, SECONDS = (3, 1, 1), (30.0, 10.0, 1.0)  # of each size
 SETTLED = 5.0, 5.0, 0.5  # s
 LAPS, SIGNALS = 20, 40
 PATIENCE = 240.0  # s; a busy machine starts slowly
+LOOK = 0.1  # s between two looks at the vehicle, which cost its station time
 LIMITS = {
     "hover: processor": 0.5,
     "page, 8: processor": 0.7,
@@ -122,19 +123,22 @@ class Pilot:
     def start(self, behavior: str, until_flown: str, **arguments: float | str) -> None:
         """Start a behavior and wait until the vehicle is in `until_flown`."""
         self.command("start_behavior", name=behavior, arguments=arguments)
-        until(lambda: (self.summary().get("status") or {}).get("behavior") == until_flown)
+        until(
+            lambda: (self.summary().get("status") or {}).get("behavior") == until_flown, every=LOOK
+        )
 
     def take_off(self) -> None:
-        until(lambda: (self.summary().get("preflight") or {}).get("ready"), PATIENCE)
+        until(lambda: (self.summary().get("preflight") or {}).get("ready"), PATIENCE, LOOK)
         self.command("arm")
-        until(lambda: self.summary()["status"]["mode"] == "armed")
+        until(lambda: self.summary()["status"]["mode"] == "armed", every=LOOK)
         self.start("take_off", "hover")
 
 
 @contextmanager
 def pilot(lines: list[str], port: int, began: float) -> Iterator[Pilot]:
     """Yield a pilot, once `quadlab up` answers and is connected to the vehicle."""
-    until(lambda: _answers(f"http://127.0.0.1:{port}/"), PATIENCE)
+    with httpx.Client(base_url=f"http://127.0.0.1:{port}") as knocking:
+        until(lambda: _answers(knocking), PATIENCE)
     link = until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)), PATIENCE)[-1]
     with httpx.Client(timeout=10) as browser:
         yield Pilot(browser, link, began)
@@ -186,8 +190,8 @@ def page(flown: Pilot) -> Iterator[None]:
             socket.close()
 
 
-def _answers(address: str) -> bool:
+def _answers(page: httpx.Client) -> bool:
     try:
-        return httpx.get(address).status_code < 500
+        return page.get("/").status_code < 500
     except httpx.TransportError:
         return False

@@ -22,6 +22,7 @@ log = logging.getLogger(__name__)
 
 REPEAT = 0.05  # s between two messages of one drop
 EARLY = 0.01  # s, so that the drop is sent, and not only due, when the silence has lasted
+REFUSED_MOST = 100
 JOY, STATUS = "sensor_msgs/Joy", "quadlab_msgs/StickStatus"
 
 
@@ -47,6 +48,8 @@ class StickHandler:
         self._watchdog = StickWatchdog()
         self._changed = threading.Condition()
         self._last = topics.Sticks(0, (0.0, 0.0, 0.0, 0.0), enabled=False)
+        self._refused: set[str] = set()
+        """Requesters whose held sticks were refused: they must release the button first."""
         self._closing = False
         # Serialisers are generated on first use, which takes up to 0.1 s.
         decode(encode(new(JOY)), JOY)
@@ -80,7 +83,13 @@ class StickHandler:
         if message.received_ns - message.source_ns > timeout * 1e9:
             return  # from a process that was stopped; the watchdog has noticed
         sticks = topics.decode_joy(message.payload)
+        if sticks.enabled and sticks.requester in self._refused:
+            self._answer(sticks, False, "release the dead-man button and press it again")
+            return
+        self._refused.discard(sticks.requester)
         if not self._accepts(sticks.requester, sticks.enabled):
+            if sticks.enabled and len(self._refused) < REFUSED_MOST:
+                self._refused.add(sticks.requester)
             # What these sticks held is dropped by their silence, or at once when they let go.
             if not sticks.enabled:
                 self._let_go(sticks, timeout)

@@ -6,7 +6,8 @@ future, are ignored; either is reported at most once in five seconds.
 
 One station holds the vehicle: the first whose heartbeats arrive, until they fail for 1 s. Those of
 another are ignored, and it sends nothing else while our heartbeats name the holder. Each topic also
-has one source, whoever publishes it: two tracking systems are never mixed.
+has one source, whoever publishes it: two tracking systems are never mixed. Held sticks that fall
+silent are reported.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import Record
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.comms.commands import FlightMailbox
+from vehicle.comms.held_sticks import AGAIN, HeldSticks
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle.processes import mailbox
 from vehicle_link import topics
@@ -122,6 +124,7 @@ class Inbound:
         self._received_ns: int | None = 0 if resumes else None
         self._say = say
         self._station = PreferredSource[int]()
+        self._sticks = HeldSticks()
         self._sources = {
             name: PreferredSource[bytes]() for name, row in topics.TOPICS.items() if row.one_source
         }
@@ -183,7 +186,10 @@ class Inbound:
                 )
             return
         try:
-            self.handlers[topic](payload)
+            if topic == "joy":
+                self._joy(payload, source)
+            else:
+                self.handlers[topic](payload)
         except (LinkError, MeasurementError) as error:
             self._warn(topic, str(error))
 
@@ -194,11 +200,22 @@ class Inbound:
             self._send(sample)
             self._log(topic, payload, stamp_ns)
 
-    def _joy(self, payload: bytes) -> None:
+    def report_silence(self) -> None:
+        """Report once that held sticks have fallen silent; called often."""
+        if self._sticks.fell_silent():
+            self._warn("joy", f"silent for 0.5 s while held; {AGAIN}")
+
+    def _joy(self, payload: bytes, sender: bytes = b"") -> None:
         sticks = topics.decode_joy(payload)
-        if self._fresh("joy", sticks.stamp_ns):
+        if not self._fresh("joy", sticks.stamp_ns):
+            return
+        if self._sticks.count(sender, sticks):
             self._send(mailbox.Joy(sticks.stamp_ns, sticks.axes, sticks.enabled))
             self._log("joy", payload, sticks.stamp_ns)
+        else:
+            self._warn(
+                "joy", f"ignored after a silence, or from another sender than before; {AGAIN}"
+            )
 
     def _external_reference(self, payload: bytes) -> None:
         stamp_ns, reference = topics.decode_external_reference(payload)

@@ -174,6 +174,7 @@ class Comms:
             self._notices.clear()
         if report := self._deferred.due(read_ns * 1e-9, self._inbound.station_silence):
             self._events.append(mailbox.Event(self._clock.now_ns(), *report))
+        self._inbound.report_silence()
         while self._bearing_poses:
             self._publisher.bearing_pose(*self._bearing_poses.popleft())
         while self._events:

@@ -40,6 +40,7 @@ CAUSES = (
     "the replies were late",
     "the page was left",
     "its sticks are being set up",
+    "the pad sent nothing for 0.5 s",
 )
 """Reasons why a page releases the sticks, by the number in its frame."""
 RELEASED, CLOSED = CAUSES[0], "the page closed"

@@ -1,8 +1,16 @@
-"""The stick watchdog: silence drops, a drop latches until the dead-man was released."""
+"""Sticks at the station: silence drops, and a drop or a refusal latches until the dead-man was
+released.
+"""
 
 from __future__ import annotations
 
+import time
+from typing import Any
+
+from console.commands.stick_control import StickHandler
 from console.commands.stick_watchdog import DROPPED, REPEATS, StickOrder, StickWatchdog
+from vehicle_link.messages import encode, header, new
+from vehicle_link.transport.publisher import Received
 
 PUSHED = (0.5, 0.0, -0.2, 1.0)
 TIMEOUT = 0.25
@@ -71,3 +79,45 @@ def test_a_new_press_ends_the_repeats_of_the_drop_before() -> None:
     sticks.feed(PUSHED, False, 0.31, TIMEOUT)
     assert sticks.feed(PUSHED, True, 0.32, TIMEOUT).enabled
     assert sticks.tick(0.33, TIMEOUT) is None, "it must not stop the sticks that are held now"
+
+
+class Sent:
+    """What a station publishes about sticks."""
+
+    def __init__(self) -> None:
+        self.orders: list[StickOrder] = []
+        self.answers: list[tuple[bool, str]] = []
+
+    def joy(self, order: StickOrder) -> None:
+        self.orders.append(order)
+
+    def message(self, name: str, message: Any, stamp_ns: int) -> None:
+        self.answers.append((message.enabled, message.reason))
+
+
+def test_sticks_held_while_another_had_control_need_a_release_when_control_comes() -> None:
+    sent, holder, asked = Sent(), ["grace"], []
+
+    def accepts(requester: str, enabled: bool) -> bool:
+        asked.append(requester)
+        return requester == holder[0]
+
+    handler = StickHandler(sent, accepts, lambda order: True, lambda: 60.0)  # type: ignore[arg-type]
+
+    def send(held: bool) -> tuple[bool, str]:
+        now_ns = time.time_ns()
+        joy = new("sensor_msgs/Joy", header=header(now_ns, "ada"), axes=PUSHED, buttons=[int(held)])
+        handler.received(Received(encode(joy), 1, now_ns, now_ns))
+        return sent.answers[-1]
+
+    try:
+        assert send(held=True) == (False, "someone else has control")
+        holder[0], asked[:] = "ada", []
+        assert send(held=True) == (False, "release the dead-man button and press it again")
+        assert asked == [], "they must not take control either"
+        assert sent.orders == []
+        assert send(held=False) == (False, "")
+        assert send(held=True) == (True, "")
+        assert [order.enabled for order in sent.orders] == [False, True]
+    finally:
+        handler.close()

@@ -488,6 +488,65 @@ def test_sticks_reach_flight(receiver: Receiver) -> None:
     assert receiver.flight.received() == [mailbox.Joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)]
 
 
+HALF = (0.5, 0.0, 0.0, 0.0)
+
+
+def sticks(
+    receiver: Receiver, axes: tuple[float, ...] = HALF, held: bool = True, by: bytes = b"node"
+) -> bool:
+    """Send sticks; return whether they reached flight."""
+    payload = topics.encode_joy(receiver.clock.now_ns(), axes, held)
+    receiver.inbound.handle("joy", payload, by)
+    return bool(receiver.flight.received())
+
+
+def silence(receiver: Receiver, milliseconds: int) -> None:
+    receiver.time.monotonic += milliseconds * MS
+    receiver.inbound.report_silence()
+
+
+@pytest.mark.parametrize(("axes", "held"), [((0.1, 0.0, -0.14, 0.0), True), (HALF, False)])
+def test_held_sticks_that_were_silent_must_be_at_rest_before_they_count(
+    receiver: Receiver, axes: tuple[float, ...], held: bool
+) -> None:
+    assert sticks(receiver)
+    silence(receiver, 501)
+    silence(receiver, 501)
+    assert receiver.said == [
+        "joy: silent for 0.5 s while held; they count again once they are released or centred"
+    ]
+    assert not sticks(receiver)
+    silence(receiver, 5000)
+    assert not sticks(receiver)
+    assert receiver.said[1].startswith("joy: silent"), "of those that did not count, too"
+    assert sticks(receiver, axes, held)
+    assert sticks(receiver)
+
+
+def test_a_short_break_of_held_sticks_and_the_silence_of_released_ones_change_nothing(
+    receiver: Receiver,
+) -> None:
+    assert sticks(receiver)
+    silence(receiver, 500)
+    assert sticks(receiver)
+    assert sticks(receiver, held=False)
+    silence(receiver, 9000)
+    assert receiver.said == []
+    assert sticks(receiver)
+
+
+def test_the_sticks_of_another_sender_must_be_at_rest_before_they_count(receiver: Receiver) -> None:
+    assert sticks(receiver, held=False)
+    silence(receiver, 1500)
+    assert not sticks(receiver, by=b"another node")
+    assert receiver.said == [
+        "joy: ignored after a silence, or from another sender than before; "
+        "they count again once they are released or centred"
+    ]
+    assert sticks(receiver, (0.0, 0.0, 0.0, 0.0), by=b"another node")
+    assert sticks(receiver, by=b"another node")
+
+
 def reference(age_ns: int = 0, frame: str = "world", **fields: object) -> bytes:
     told = {"header": messages.header(START_NS - age_ns, frame), **fields}
     return messages.encode(messages.new("quadlab_msgs/Reference", **told))

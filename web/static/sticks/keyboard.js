@@ -17,6 +17,7 @@ export class StickKeys {
     this.pressed = new Set();
     this.axes = [0, 0, 0, 0];
     addEventListener("keydown", (event) => {
+      if (event.key === "Meta") this.clear(); // macOS reports no release of other keys while it is held
       const key = nameOf(event);
       if (event.target?.closest?.(TYPING) || !(key in KEYS || key === DEAD_MAN) || event.ctrlKey || event.metaKey || event.altKey) return;
       if (key in KEYS && this.deadMan) event.preventDefault();

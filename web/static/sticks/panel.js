@@ -106,7 +106,8 @@ class StickPanel {
       if (OBEYING[this.behavior]) return `On: ${commanded(this.behavior, sticks.sent, this.limit, this.holds)}.`;
       return this.isFlying ? `On, but ${words(this.behavior)} ignores the sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but sticks work only in flight: arm and take off first.";
     }
-    if (sticks.held && sticks.why) return /release|press/.test(sticks.why) ? `Off: ${sticks.why}.` : `Off: ${this.reason(sticks.why)}. ${this.step}`;
+    const why = sticks.held && sticks.refusal;
+    if (why) return /release|press/.test(why) ? `Off: ${why}.` : `Off: ${this.reason(why)}. ${this.step}`;
     if (sticks.editing) return "Off while the pad is being set up.";
     if (sticks.pad && !sticks.mapping) return "This pad is not known: set it up first.";
     if (this.touch.isOpen) return sticks.dropped ? `Dropped: ${this.reason(sticks.dropped)}. ${this.step}` : OBEYING[this.behavior] ? "Touch a pad to fly; lift your fingers to brake." : "Press Velocity in flight, then touch a pad.";

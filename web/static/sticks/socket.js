@@ -3,7 +3,7 @@
 
 import { Socket } from "../core/sockets.js";
 
-export const CAUSES = ["released", "blur", "hidden", "unplugged", "stalled", "late", "left", "editing"]; // by number
+export const CAUSES = ["released", "blur", "hidden", "unplugged", "stalled", "late", "left", "editing", "silent"]; // by number
 const KEPT = 100; // round trips: 2 s
 
 export class StickLink extends EventTarget {

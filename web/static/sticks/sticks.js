@@ -1,11 +1,12 @@
 // Gamepad, keyboard or fingers → /ws/stick at 50 Hz while the dead-man button is held. It counts from a
 // press with all sticks centred, and after any drop (blur, hidden tab, page left or stalled, pad
-// unplugged, answers late, refused) only when it was released and pressed again. Quadlab web,
-// the station and the vehicle have watchdogs of their own.
+// unplugged or silent, answers late, refused) only when it was released and pressed again. Quadlab
+// web, the station and the vehicle have watchdogs of their own.
 
 import { StickKeys } from "./keyboard.js";
 import { StickLink } from "./socket.js";
 import { mappingOf, readPad } from "./mapping.js";
+import { Pads, SILENT } from "./pads.js";
 import { TouchSticks } from "./touch.js";
 
 const STALLED = 250; // ms between two ticks
@@ -15,6 +16,7 @@ const CENTRE = [0, 0, 0, 0];
 const DROPS = {
   blur: "the window lost focus", hidden: "the tab was hidden", unplugged: "the pad was unplugged",
   stalled: "this page froze", late: "no reply from the station", left: "this page was closed", editing: "the pad is being set up",
+  silent: "the pad sent nothing for 0.5 s",
 };
 
 export class Sticks {
@@ -34,7 +36,9 @@ export class Sticks {
     this.note = ""; // what keeps them from moving the vehicle while they are on
     this.editing = false;
     this.mapping = null;
-    this.pad = null;
+    this.pads = new Pads();
+    this.padWaits = ""; // "new" or "silent": until the pad is seen at rest only land and cut of it count
+    this.held = false; // these two also of a pad that waits
     this.centred = true;
     this.raw = CENTRE;
     this.sent = CENTRE;
@@ -66,26 +70,49 @@ export class Sticks {
     this.link?.forget();
   }
 
-  // {raw, axes, held, centred} of pad and keys together.
-  read(dt) {
-    const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected) ?? null;
-    if (this.pad !== null && pad?.id !== this.pad.id) this.drop("unplugged");
-    if (pad !== null && (this.pad === null || pad.id !== this.pad.id)) {
-      this.mapping = mappingOf(pad);
+  get pad() { return this.pads.pad; }
+
+  // What keeps a held button from counting, "" for nothing.
+  get refusal() {
+    if (this.why || !this.padWaits) return this.why;
+    return this.padWaits === "silent" ? DROPS.silent : `${this.centred ? "" : "centre all sticks and "}release the button first`;
+  }
+
+  // The pad as it is now, or null. Another one than before must be at rest first, and so must one that
+  // is deflected, or alone holds the button for deflected keys, and has sent nothing for too long.
+  readPad(now, others) {
+    const before = this.pad, wasSilent = this.pads.silence(now) > SILENT;
+    if (this.pads.look(now, this.on)) {
+      if (before && this.on) this.drop(wasSilent ? "silent" : "unplugged");
+      this.mapping = this.pad && mappingOf(this.pad);
+      this.padWaits = "new";
       this.landSeen = true;
       this.cutSince = null;
-      if (!this.on) this.why = "release the button first"; // one held while it is plugged in
     }
-    this.pad = pad; // a new object each time in some browsers
-    const keys = this.keys.step(dt), read = pad && this.mapping ? readPad(pad, this.mapping) : null;
+    if (!this.pad || !this.mapping) return null;
+    const read = readPad(this.pad, this.mapping), isCentred = read.axes.every((value) => value === 0);
+    if (isCentred && !read.deadMan) this.padWaits = "";
+    else if (!this.padWaits && this.pads.silence(now) > SILENT && !(isCentred && (others.held || others.centred))) {
+      this.padWaits = "silent";
+      if (this.on) this.drop("silent");
+    }
+    return { ...read, isCentred };
+  }
+
+  // {raw, axes, held, centred} of pad, keys and fingers together.
+  read(now, dt) {
+    const { touch } = this, keys = this.keys.step(dt), sum = (...all) => all[0].map((_, i) => Math.max(-1, Math.min(1, all.reduce((total, one) => total + one[i], 0))));
+    const others = { held: this.keys.deadMan || touch.deadMan, centred: !this.keys.moving && [keys, touch.axes].flat().every((value) => value === 0) };
+    const pad = this.readPad(now, others), counts = pad && !this.padWaits;
     if (this.editing) this.landSeen = true; // pressed to be chosen: must be released first
-    else if (read) this.watchEmergency(read);
-    const { touch } = this, sum = (...all) => all[0].map((_, i) => Math.max(-1, Math.min(1, all.reduce((total, one) => total + one[i], 0))));
-    const axes = sum(keys, touch.axes, read?.axes ?? CENTRE);
+    else if (pad) this.watchEmergency(pad);
+    this.held = others.held || Boolean(pad?.deadMan);
+    this.centred = others.centred && (pad?.isCentred ?? true);
+    this.raw = sum(this.keys.axes, touch.rawAxes, pad?.raw ?? CENTRE);
     return {
-      raw: sum(keys, touch.rawAxes, read?.raw ?? CENTRE), axes,
-      held: this.keys.deadMan || touch.deadMan || Boolean(read?.deadMan),
-      centred: !this.keys.moving && [keys, touch.axes, read?.axes ?? CENTRE].flat().every((value) => value === 0),
+      axes: sum(this.keys.axes, touch.axes, counts ? pad.axes : CENTRE),
+      held: this.keys.deadMan || touch.deadMan || Boolean(counts && pad.deadMan),
+      centred: others.centred && (counts ? pad.isCentred : true),
     };
   }
 
@@ -105,10 +132,7 @@ export class Sticks {
     const now = performance.now(), gap = now - this.ticked;
     this.ticked = now;
     if (gap > STALLED && this.on) this.drop("stalled");
-    const { raw, axes, held, centred } = this.read(Math.min(gap, 100) / 1e3);
-    this.raw = raw;
-    this.held = held;
-    this.centred = centred;
+    const { axes, held, centred } = this.read(now, Math.min(gap, 100) / 1e3);
     if (!this.link && (held || this.pad)) this.connect();
     if (!held) {
       if (this.on) this.link.send(CENTRE, false);

@@ -31,7 +31,8 @@ from web.live.station import Station
 
 PAD = """([id, mapping]) => {
   window.pad = { id, index: 0, connected: true, mapping, axes: [0, 0, 0, 0],
-    buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
+    buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })),
+    get timestamp() { return performance.now(); } };
   window.plugged = true;
   navigator.getGamepads = () => [window.plugged ? window.pad : null];
   document.hasFocus = () => true;
