@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
@@ -18,6 +20,16 @@ ASK_AGAIN = 1.0
 """Seconds until a vehicle that does not yet do as asked is asked again."""
 LANDING = ("land", "emergency_landing")
 """Behaviors that end on the ground."""
+NEEDED = 32
+"""File descriptors kept for the session over which vehicles are landed, which opens 8."""
+
+
+def reserved_descriptors() -> ExitStack:
+    """Take the file descriptors that the landing needs; closing the result gives them back."""
+    reserve = ExitStack()
+    for _ in range(NEEDED):
+        reserve.callback(os.close, os.open(os.devnull, os.O_RDONLY))
+    return reserve
 
 
 class _Landing:

@@ -225,7 +225,7 @@ def _with_calibrations(
 
 def _watch(children: _Children, signals: _Signals, data: Path) -> int:
     restart_at: float | None = None
-    deaths = CommsDeaths()
+    deaths, said = CommsDeaths(), set[str]()
     while not signals.stopping:
         if children.flight.poll() is not None:
             say(f"flight process {how_it_ended(children.flight.returncode)}; vehicle ends")
@@ -237,17 +237,37 @@ def _watch(children: _Children, signals: _Signals, data: Path) -> int:
             say(f"comms process {how_it_ended(status)}; starting it again")
             restart_at = now + deaths.pause(now)
         if restart_at is not None and time.monotonic() >= restart_at:
-            restart_at = None
-            torn = _torn_logs(data)
-            children.restart_comms()
-            _repair(torn)
+            restart_at = _restart_comms(children, data, said)
         signals.wait(None if restart_at is None else max(0.0, restart_at - time.monotonic()))
     return 0
 
 
+def _restart_comms(children: _Children, data: Path, said: set[str]) -> float | None:
+    """Restart the comms process; return when to try again if the system starts no process.
+
+    Args:
+        said: the lines about tries that failed, each of which is shown once.
+    """
+    try:
+        torn = _torn_logs(data)
+        children.restart_comms()
+    except OSError as error:  # no file descriptor or no memory is left
+        line = f"the comms process cannot be restarted yet: {error.strerror}; trying on"
+        if line not in said:
+            said.add(line)
+            say(line)
+        return time.monotonic() + SHORT_PAUSE_S
+    said.clear()
+    _repair(torn)
+    return None
+
+
 def _torn_logs(data: Path) -> list[Path]:
     """Return the torn onboard logs; to be listed before comms opens a new one."""
-    if not any((data / "onboard").glob("*.mcap")):
+    try:
+        if not any((data / "onboard").glob("*.mcap")):
+            return []
+    except OSError:  # no file descriptor is left; the logs are repaired after the next restart
         return []
     from vehicle.onboard_log.repair import torn_logs  # mcap, rosbags: needed only here
 
