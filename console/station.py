@@ -17,6 +17,7 @@ from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.link.known_vehicles import write_station_vehicles
 from quadrotor.parameters import ParameterValue
+from vehicle_link.defects import end_at_defect
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates, readable_keys
 from vehicle_link.termination_signal import EndSignal
@@ -46,6 +47,7 @@ def run_station(
 
     Raises LinkError (port in use, certificate), StorageError, ParameterError or UsageError.
     """
+    end_at_defect()
     # Recovering an old log computes for seconds next to the link's threads, which need the
     # interpreter for some 10 µs at a time and must not wait 5 ms for each turn. Every waiting
     # thread wakes at this interval; with the threads of eight vehicles that alone would use a whole

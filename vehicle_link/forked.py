@@ -33,6 +33,7 @@ from pathlib import Path
 from typing import NoReturn, Protocol
 
 from quadrotor.checkout import RUN_MODULE
+from vehicle_link import defects
 
 PR_SET_MM, PR_SET_MM_MAP, NO_FILE = 35, 14, 0xFFFF_FFFF
 POLL = 0.005
@@ -189,8 +190,8 @@ def _run(module: str, arguments: Sequence[str]) -> NoReturn:
         status = 0
     except SystemExit as stop:
         status = stop.code
-    except BaseException:
-        traceback.print_exc()
+    except BaseException as error:
+        defects.end(error)
     if not isinstance(status, int | None):
         sys.stderr.write(f"{status}\n")
         status = 1

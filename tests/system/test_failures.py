@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -103,3 +104,20 @@ def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recov
 
     until("its mark in the list of runs", listed, 10)
     assert len(stamps(torn, "state")) > 500
+
+
+def test_a_comms_process_out_of_memory_is_replaced_and_land_is_heard(
+    lab: Lab, until: Callable[..., Any]
+) -> None:
+    lab.hover()
+    starved = lab.pid("comms")
+    _, most = resource.prlimit(starved, resource.RLIMIT_AS)
+    resource.prlimit(starved, resource.RLIMIT_AS, (1 << 20, most))
+    until("the end of the deaf process", lambda: lab.pid("comms") not in (None, starved), 30)
+    until("Land", lambda: lab.command("start_behavior", name="land").status_code == 200, 30)
+    lab.reach(mode="ready")
+
+    def told() -> bool:
+        return any("and was started again" in event["text"] for event in lab.get("/api/events"))
+
+    until("the reason on the page", told, 20)

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from quadrotor.errors import LinkError
+from vehicle.comms.command_path import CommandPath
 from vehicle_link.clock import monotonic
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
 from vehicle_link.lane.replay_window import NewestOnly
@@ -29,6 +30,7 @@ log = logging.getLogger(__name__)
 
 ONE_WAY = ("tracker_pose", "tracker_position", "bearings")
 """Topics that are subscribed to over Zenoh only while the lane is silent."""
+HEARTBEAT = "station_heartbeat"
 SILENT_AFTER = 0.3
 """Seconds without a heartbeat by the lane, after which several are missing."""
 CHECK_EVERY = 0.05  # s
@@ -41,6 +43,9 @@ class CommsLane:
         port: UDP port; another one if it is in use.
         on_message: called with each message of the lane, after it and those that its sender sent
             before it have been handled.
+
+    Attributes:
+        command_path: whether commands can still arrive.
     """
 
     def __init__(
@@ -54,6 +59,7 @@ class CommsLane:
         self._callbacks: dict[str, tuple[threading.Lock, Callable[[Received], None]]] = {}
         self._on_message = on_message
         self._received = -math.inf
+        self.command_path = CommandPath()
         self._over_zenoh: Node | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(
@@ -85,12 +91,13 @@ class CommsLane:
         self.update_subscriptions()
         self._thread.start()
 
-    def note_received(self) -> None:
-        """Note that the station that holds the vehicle was received by the lane."""
+    def note_received(self, publisher: bytes = b"") -> None:
+        """Note a heartbeat by the lane of the station that holds the vehicle."""
         self._received = monotonic()
+        self.command_path.by_lane(publisher)
 
     def _subscribe(self, node: Node, topic: str) -> None:
-        node.subscribe(topic, TOPICS[topic].type_name, partial(self._deliver, topic))
+        node.subscribe(topic, TOPICS[topic].type_name, partial(self._by_zenoh, topic))
 
     def _keep_subscriptions(self) -> None:
         while not self._closing.wait(CHECK_EVERY):
@@ -124,6 +131,11 @@ class CommsLane:
         if self._over_zenoh is not None:
             self._over_zenoh.close()
         self._lane.close()
+
+    def _by_zenoh(self, topic: str, received: Received) -> None:
+        if topic == HEARTBEAT:
+            self.command_path.by_zenoh(received.gid)
+        self._deliver(topic, received)
 
     def _by_lane(self, topic: str, received: Received) -> None:
         self._deliver(topic, received)

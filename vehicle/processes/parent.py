@@ -35,6 +35,7 @@ from vehicle_link.serial.ids import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
+DEAF = 4  # exit status of a comms process that no command can reach any more
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 5.0
 """Pauses before a restart of the comms process: a vehicle in flight outlasts the short one, and
 lands in the long one, which is longer than `safety.link_timeout` and `link_land_after` together."""
@@ -57,9 +58,12 @@ class _Children:
         self.flight = self._start("flight")
         self.comms = self._start("comms")
 
+    def notice(self, line: str) -> None:
+        """Let the next comms process, and no other, tell the station this line."""
+        self._config = msgspec.structs.replace(self._config, notices=[(mailbox.WARN, line)])
+
     def restart_comms(self) -> None:
         self.comms_restarted = True
-        self._config = msgspec.structs.replace(self._config, notices=[])
         self.comms = self._start("comms")
 
     def stop(self) -> None:
@@ -234,7 +238,9 @@ def _watch(children: _Children, signals: _Signals, data: Path) -> int:
             status, now = children.comms.returncode, time.monotonic()
             if status == GIVEN_UP and not children.comms_restarted:
                 return 1
-            say(f"comms process {how_it_ended(status)}; starting it again")
+            how = "heard no commands" if status == DEAF else how_it_ended(status)
+            say(f"comms process {how}; starting it again")
+            children.notice(f"the comms process {how} and was started again")
             restart_at = now + deaths.pause(now)
         if restart_at is not None and time.monotonic() >= restart_at:
             restart_at = _restart_comms(children, data, said)
