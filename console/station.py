@@ -25,6 +25,8 @@ from vehicle_link.transport.radio import Radio, is_hanging_up
 from vehicle_link.transport.session import check_station, hub_session, parse_endpoint
 
 SWITCH_INTERVAL = 0.0005
+DEAF = 4
+"""Exit status of a station that hears nothing over Zenoh any more; its parent starts it again."""
 
 
 def run_station(
@@ -97,7 +99,9 @@ def run_station(
         f"station: connects to {_described(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True
     )
     while not stopping.wait(1.0):
-        pass
+        if any(station.link.is_deaf for station in stations):
+            sys.stderr.write("station: hears a vehicle by its lane alone, and no command; ends\n")
+            os._exit(DEAF)
     _at_once([radio.close for radio in radios])
     _at_once([station.close for station in stations])  # several files may wait for the disk
     catalogue.close()

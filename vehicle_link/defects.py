@@ -27,6 +27,7 @@ def end_at_defect() -> None:
     """
     threading.excepthook = _in_thread
     sys.excepthook = _in_main_thread
+    sys.unraisablehook = _unraisable
 
 
 def report(error: BaseException) -> None:
@@ -51,6 +52,13 @@ def end(error: BaseException) -> NoReturn:
 def _in_thread(args: threading.ExceptHookArgs) -> None:
     if args.exc_type is not SystemExit:
         end(args.exc_value or args.exc_type())
+
+
+def _unraisable(args: sys.UnraisableHookArgs) -> None:
+    """Without memory, a thread may not even begin, and what a destructor does is left undone."""
+    if isinstance(args.exc_value, MemoryError):
+        end(args.exc_value)
+    sys.__unraisablehook__(args)
 
 
 def _in_main_thread(

@@ -35,13 +35,20 @@ if {waits}:
         ("threading.Thread(target=fail).start()", "MemoryError: full"),
         ("ExecutorQueue(ThreadPoolExecutor(1), fail).put(OSError('gone'))", "OSError: gone"),
         ("fail()", "MemoryError: full"),
+        ("import _thread; _thread.start_new_thread(fail, ())", "MemoryError: full"),
         (
             "class Mute:\n    def write(self, text): raise MemoryError\n"
             "sys.stderr = Mute()\nthreading.Thread(target=fail).start()",
             "",
         ),
     ],
-    ids=["a thread", "a thread of a pool", "the main thread", "without memory for a traceback"],
+    ids=[
+        "a thread",
+        "a thread of a pool",
+        "the main thread",
+        "a bare thread",
+        "without memory for a traceback",
+    ],
 )
 def test_a_process_ends_with_a_thread_that_fails(act: str, said: str) -> None:
     ended = subprocess.run(

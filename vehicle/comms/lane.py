@@ -15,9 +15,9 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from quadrotor.errors import LinkError
-from vehicle.comms.command_path import CommandPath
 from vehicle_link.clock import monotonic
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
+from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.lane.replay_window import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
@@ -31,6 +31,8 @@ log = logging.getLogger(__name__)
 ONE_WAY = ("tracker_pose", "tracker_position", "bearings")
 """Topics that are subscribed to over Zenoh only while the lane is silent."""
 HEARTBEAT = "station_heartbeat"
+DEAF_AFTER = 2.0
+"""Seconds of heartbeats by the lane alone after which this process counts as deaf."""
 SILENT_AFTER = 0.3
 """Seconds without a heartbeat by the lane, after which several are missing."""
 CHECK_EVERY = 0.05  # s
@@ -43,9 +45,6 @@ class CommsLane:
         port: UDP port; another one if it is in use.
         on_message: called with each message of the lane, after it and those that its sender sent
             before it have been handled.
-
-    Attributes:
-        command_path: whether commands can still arrive.
     """
 
     def __init__(
@@ -59,7 +58,7 @@ class CommsLane:
         self._callbacks: dict[str, tuple[threading.Lock, Callable[[Received], None]]] = {}
         self._on_message = on_message
         self._received = -math.inf
-        self.command_path = CommandPath()
+        self._alone = LaneAlone()
         self._over_zenoh: Node | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(
@@ -94,7 +93,12 @@ class CommsLane:
     def note_received(self, publisher: bytes = b"") -> None:
         """Note a heartbeat by the lane of the station that holds the vehicle."""
         self._received = monotonic()
-        self.command_path.by_lane(publisher)
+        self._alone.by_lane(publisher)
+
+    @property
+    def is_deaf(self) -> bool:
+        """Return whether the station's heartbeats come by the lane alone, and so no commands."""
+        return self._alone.lasted > DEAF_AFTER
 
     def _subscribe(self, node: Node, topic: str) -> None:
         node.subscribe(topic, TOPICS[topic].type_name, partial(self._by_zenoh, topic))
@@ -134,7 +138,7 @@ class CommsLane:
 
     def _by_zenoh(self, topic: str, received: Received) -> None:
         if topic == HEARTBEAT:
-            self.command_path.by_zenoh(received.gid)
+            self._alone.by_zenoh(received.gid)
         self._deliver(topic, received)
 
     def _by_lane(self, topic: str, received: Received) -> None:

@@ -144,7 +144,7 @@ class Comms:
         wait_s = self._longest_wait_s
         while not stopping.wait(wait_s):
             self.drain()
-            if self._lane.command_path.is_deaf:
+            if self._lane.is_deaf:
                 return False
             # In step with the ticks: a packet leaves as soon as its last tick arrives.
             wait_s = min(self._longest_wait_s, max(SHORTEST_WAIT_S, self._publisher.next_packet_s))

@@ -1,12 +1,16 @@
-"""Comms counts as deaf when heartbeats come by the lane alone, and never else."""
+"""An end counts as deaf when the other is heard by the lane alone, and never else."""
 
 from __future__ import annotations
 
 import pytest
 
-from vehicle.comms.command_path import DEAF_AFTER, SILENT_AFTER, CommandPath
+from console.link import monitor
+from vehicle.comms import lane
+from vehicle_link.lane.lane_alone import SILENT_AFTER, LaneAlone
+from vehicle_link.transport import radio
 
 PERIOD = 0.05
+DEAF_AFTER = lane.DEAF_AFTER
 OURS, OTHERS = b"ours", b"others"
 
 
@@ -15,7 +19,7 @@ class Flight:
 
     def __init__(self) -> None:
         self.now = 100.0
-        self.path = CommandPath(lambda: self.now)
+        self.path = LaneAlone(lambda: self.now)
 
     def hear(self, seconds: float, *, lane: bytes = OURS, zenoh: bytes = OURS) -> float | None:
         """Return the time of the first instant of deafness, s from the beginning; None if none."""
@@ -26,7 +30,7 @@ class Flight:
                 self.path.by_lane(lane)
             if zenoh:
                 self.path.by_zenoh(zenoh)
-            if self.path.is_deaf:
+            if self.path.lasted > DEAF_AFTER:
                 return self.now - began
         return None
 
@@ -65,3 +69,7 @@ def test_a_station_that_is_started_anew_has_its_own_time() -> None:
 
 def test_a_vehicle_without_a_lane_is_never_deaf() -> None:
     assert Flight().hear(30.0, lane=b"") is None
+
+
+def test_the_radio_opens_its_session_again_before_a_station_counts_as_deaf() -> None:
+    assert monitor.DEAF_AFTER > radio.REOPEN_AFTER + radio.LOOK + radio.ANSWER_WITHIN
