@@ -72,9 +72,13 @@ class _Landing:
         status = self._status
         if status.mode != "armed" or (status.airborne and status.behavior in LANDING):
             return  # it lands already
-        name, fields = ("start_behavior", {"name": "land"}) if status.airborne else ("disarm", {})
+        name = "start_behavior" if status.airborne else "disarm"
+        client = self._node.client(f"station/{name}", SERVICES[name])
         try:
-            self._node.client(f"station/{name}", SERVICES[name]).ask("quadlab up", **fields)
+            if status.airborne:
+                client.ask("quadlab up", name="land")
+            else:
+                client.ask("quadlab up")
         except (LinkError, RefusedError) as error:
             if str(error) != self._said and not self._closing.is_set():
                 self._said = str(error)
