@@ -17,6 +17,7 @@ from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.link.known_vehicles import write_station_vehicles
 from quadrotor.parameters import ParameterValue
+from vehicle_link.defects import end_at_defect
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates, readable_keys
 from vehicle_link.termination_signal import EndSignal
@@ -24,6 +25,8 @@ from vehicle_link.transport.radio import Radio, is_hanging_up
 from vehicle_link.transport.session import check_station, hub_session, parse_endpoint
 
 SWITCH_INTERVAL = 0.0005
+DEAF = 4
+"""Exit status of a station that hears nothing over Zenoh any more; its parent starts it again."""
 
 
 def run_station(
@@ -46,6 +49,7 @@ def run_station(
 
     Raises LinkError (port in use, certificate), StorageError, ParameterError or UsageError.
     """
+    end_at_defect()
     # Recovering an old log computes for seconds next to the link's threads, which need the
     # interpreter for some 10 µs at a time and must not wait 5 ms for each turn. Every waiting
     # thread wakes at this interval; with the threads of eight vehicles that alone would use a whole
@@ -95,7 +99,9 @@ def run_station(
         f"station: connects to {_described(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True
     )
     while not stopping.wait(1.0):
-        pass
+        if any(station.link.is_deaf for station in stations):
+            sys.stderr.write("station: hears a vehicle by its lane alone, and no command; ends\n")
+            os._exit(DEAF)
     _at_once([radio.close for radio in radios])
     _at_once([station.close for station in stations])  # several files may wait for the disk
     catalogue.close()

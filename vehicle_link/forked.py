@@ -3,6 +3,9 @@
 A copy starts without importing anything again, and the memory that neither changes exists once. A
 process can only be copied while it has a single thread: a lock that another thread holds would
 stay locked in the copy. Otherwise a new interpreter runs the module, to the same effect.
+
+A copy is started and waited for without a file descriptor: a parent that has none left can still
+start its processes again.
 """
 
 from __future__ import annotations
@@ -10,25 +13,33 @@ from __future__ import annotations
 import atexit
 import ctypes
 import gc
+import math
 import mmap
 import os
+import resource
 import runpy
-import select
 import signal
 import struct
 import subprocess
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn, Protocol
 
 from quadrotor.checkout import RUN_MODULE
+from vehicle_link import defects
 
 PR_SET_MM, PR_SET_MM_MAP, NO_FILE = 35, 14, 0xFFFF_FFFF
+POLL = 0.005
+"""Seconds between two looks whether a process has ended that is waited for."""
+FILES = resource.getrlimit(resource.RLIMIT_NOFILE)
+"""Limits of file descriptors with which this program began."""
 _shown: list[mmap.mmap] = []
 """The command line that this process shows."""
 
@@ -60,15 +71,12 @@ class _Copy:
         return self.returncode if self._has_ended else None
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for the end. Raises subprocess.TimeoutExpired."""
-        if self.poll() is None:
-            ending = os.pidfd_open(self.pid)
-            try:
-                if not select.select([ending], [], [], timeout)[0]:
-                    raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
-            finally:
-                os.close(ending)
-            self.poll()
+        """Wait for the end, without a file descriptor. Raises subprocess.TimeoutExpired."""
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        while self.poll() is None:
+            if time.monotonic() >= end:
+                raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
+            time.sleep(POLL)
         return self.returncode
 
     def terminate(self) -> None:
@@ -84,7 +92,8 @@ class _Copy:
 
 def can_copy() -> bool:
     """Return whether this process has a single thread."""
-    return len(os.listdir("/proc/self/task")) == 1
+    # As for any folder, 2 links and those of the folders in it; counted without a file descriptor.
+    return os.stat("/proc/self/task").st_nlink == 3
 
 
 def share(modules: Collection[str]) -> None:
@@ -159,10 +168,11 @@ def _forget_parent(keep: Collection[int]) -> None:
             signal.signal(number, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # The parent's objects of these files stay alive in its frames below, and close nothing.
-    for name in os.listdir("/proc/self/fd"):
-        if int(name) > 2 and int(name) not in keep:
-            with suppress(OSError):  # the listing's own
-                os.close(int(name))
+    with suppress(ValueError, OSError):  # lowered for good
+        resource.setrlimit(resource.RLIMIT_NOFILE, FILES)
+    kept = [2, *sorted(keep), os.sysconf("SC_OPEN_MAX")]
+    for before, after in pairwise(kept):
+        os.closerange(before + 1, after)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
@@ -180,8 +190,8 @@ def _run(module: str, arguments: Sequence[str]) -> NoReturn:
         status = 0
     except SystemExit as stop:
         status = stop.code
-    except BaseException:
-        traceback.print_exc()
+    except BaseException as error:
+        defects.end(error)
     if not isinstance(status, int | None):
         sys.stderr.write(f"{status}\n")
         status = 1

@@ -61,8 +61,10 @@ def run_web(
     Raises LinkError (port in use), UsageError (no such port) or StorageError (data folder).
     """
     from console.catalogue.catalogue import Catalogue
+    from vehicle_link.defects import end_at_defect
     from vehicle_link.transport.session import SharedSession, loopback_session
 
+    end_at_defect()
     session = SharedSession(lambda: loopback_session(loopback_port))
 
     stations: list[tuple[Live, Station]] = []

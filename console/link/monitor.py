@@ -10,6 +10,7 @@ from console.link.outages import Outages
 from console.link.permission import CommandPermission
 from console.link.telemetry_quality import TelemetryWindow
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
+from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.messages import header, new
 from vehicle_link.time_sync import ClockOffset, Exchange
 from vehicle_link.topics import decode_heartbeat
@@ -20,6 +21,9 @@ OLDEST_NS = 250_000_000
 """Age in ns; older telemetry is recorded but not shown."""
 CLOCK_SET_NS = 1_000_000_000
 """Clocks of one computer differ by less, in ns, unless it was set."""
+DEAF_AFTER = 5.0
+"""Seconds of messages by the lane alone after which this process counts as deaf: by then the radio
+has opened its session again, which restores a link that hangs."""
 
 
 class LinkMonitor:
@@ -43,6 +47,7 @@ class LinkMonitor:
         """Path of the newest telemetry: datagram or quic."""
         self._session_message_at: float | None = None
         self._lane_message_at: float | None = None
+        self._alone = LaneAlone()
         self._heartbeats = HeartbeatMonitor()
         self._clock = ClockOffset()
         self._telemetry = TelemetryWindow()
@@ -57,6 +62,7 @@ class LinkMonitor:
     def note_session_message(self) -> None:
         """Note that a message arrived from the vehicle over its Zenoh session."""
         self._session_message_at = monotonic()
+        self._alone.by_zenoh()
 
     def session_silence(self) -> float:
         """Return the seconds since the last message over Zenoh; inf before the first."""
@@ -67,10 +73,20 @@ class LinkMonitor:
     def note_lane_message(self) -> None:
         """Note that a message arrived from the vehicle over the lane."""
         self._lane_message_at = monotonic()
+        self._alone.by_lane()
 
     def lane_silence(self) -> float:
         """Return the seconds since the last message over the lane; inf before the first."""
         return math.inf if self._lane_message_at is None else monotonic() - self._lane_message_at
+
+    @property
+    def is_deaf(self) -> bool:
+        """Return whether only the lane delivers, so that Zenoh hears nothing in this process.
+
+        Zenoh receives in threads of its own. Without memory they end one by one, and nobody's
+        commands arrive, while heartbeats and telemetry go on.
+        """
+        return self._alone.lasted > DEAF_AFTER
 
     def beat(self, payload: bytes) -> None:
         """Handle the vehicle's heartbeat, over either path. Raises LinkError."""

@@ -11,7 +11,8 @@ static int32_t given(const struct program *p, int32_t thrust)
     return (out > SUPPORT_MAX) ? SUPPORT_MAX : out;
 }
 
-void watch_thrust(struct program *p)
+/* The thrust of the motors' references, 2^-24 N. */
+static int32_t commanded(const struct program *p)
 {
     int32_t total = 0;
     for (uint8_t i = 0; i < MOTORS; i++) {
@@ -21,7 +22,12 @@ void watch_thrust(struct program *p)
             total += ((int32_t)square * (int16_t)MOTOR_SQUARE) >> 12;
         }
     }
-    p->thrust += by16(up(total, 12) - p->thrust, p->gains.thrust);
+    return up(total, 12);
+}
+
+void watch_thrust(struct program *p)
+{
+    p->thrust += by16(commanded(p) - p->thrust, p->gains.thrust);
     if ((p->thrust > STANDING) && !(p->landing && (p->climb > SETTLING_CLIMB))) {
         const int32_t found = up(given(p, p->thrust >> 12), 16);
         p->support += by16(found - p->support, p->gains.support);
@@ -33,7 +39,9 @@ void begin_descent(struct program *p)
     p->landing = true;
     p->landed = false;
     p->carried = 0;
-    p->lift = p->thrust;
+    const int32_t now = commanded(p);
+    const int32_t carrying = (now < WEIGHT) ? now : WEIGHT; /* more than its average at lift-off */
+    p->lift = (p->thrust > carrying) ? p->thrust : carrying;
     p->sink = -p->climb;
     p->integral[0] = 0;
     p->integral[1] = 0;
@@ -48,7 +56,8 @@ void descend(struct program *p, int16_t *registers)
     const int16_t second = p->gains.second;
     const int16_t cosine = vertical(p, 2);
     const int32_t wanted = ((p->height - p->ground) < FLARE_HEIGHT) ? SINK_FLARE : SINK;
-    p->sink += bounded(wanted - p->sink, 2 * (int32_t)second); /* 2 m/s^2 */
+    const int32_t change = (p->sink < 0) ? (2 * (int32_t)second) : second; /* 2 or 1 m/s^2 */
+    p->sink += bounded(wanted - p->sink, change);
     const int32_t error = bounded(-p->sink - p->climb, SINK_ERROR_MAX);
     const int32_t least = LIFT_COUNT * registers[ID_EMERGENCY_THRUST];
     const int32_t most = LIFT_COUNT * LIFT_MAX;

@@ -142,8 +142,10 @@ class Tracker:
         from console.trackers.process import Tracker as Poses
         from console.trackers.source import name_of
         from quadlab.station_client import await_session
+        from vehicle_link.defects import end_at_defect
         from vehicle_link.termination_signal import EndSignal
 
+        end_at_defect()
         stopping = EndSignal()
         host = self.host or HERE
         usual = SYSTEMS[self.system][1] if self.system in SYSTEMS else UDP_PORT

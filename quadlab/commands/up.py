@@ -26,7 +26,7 @@ from quadlab.settings import (
     vehicle_parameters,
 )
 from quadlab.simulated.fleet import SimulatedFleet
-from quadlab.up.landing import land_before_stopping
+from quadlab.up.landing import land_before_stopping, reserved_descriptors
 from quadlab.up.page_options import PageOptions
 from quadlab.up.progress import Progress, require_free
 from quadlab.up.supervise import Child
@@ -102,7 +102,9 @@ class Up(PageOptions):
             require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
         with (
             owned(folder),
-            tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
+            tempfile.TemporaryDirectory(
+                prefix="quadlab-", ignore_cleanup_errors=True
+            ) as run_folder,
             contextlib.nullcontext()
             if self.real_time or self.tracker
             else one_clock(fleet.names, Path(run_folder), self.link_port),
@@ -269,15 +271,19 @@ class Up(PageOptions):
     ) -> int:
         children = [child for group in groups for child in group]
         stop = EndSignal()
+        reserve = reserved_descriptors()
         try:
             for child in children:
                 child.start()
-            while not stop.wait(WATCH_PERIOD):
-                progress.report()
-                for child in children:
-                    if event := child.watch():
-                        print(f"quadlab: {event}", flush=True)
-            land_before_stopping(self.link_port, fleet.names, stop)
+            try:
+                while not stop.wait(WATCH_PERIOD):
+                    progress.report()
+                    for child in children:
+                        if event := child.watch():
+                            print(f"quadlab: {event}", flush=True)
+            finally:  # also where a child, the page for instance, cannot go on
+                reserve.close()
+                land_before_stopping(self.link_port, fleet.names, stop)
         finally:
             if (words := clock.page()) is not None:
                 words[clock.STOPPING] = 1

@@ -261,14 +261,28 @@ class Gateway:
         return "" if holder in ("", peer.name) else f"{holder} has control"
 
     def _left(self, peer: Peer) -> None:
-        """Release what a ground station holds that has fallen silent; nothing stops a behavior."""
+        """Release what a ground station holds that has fallen silent.
+
+        Nothing stops a behavior in the air; a vehicle on the ground whose motors it started is
+        disarmed.
+        """
         self._offboard.left(peer.name)
         if self._flight is not None and self._flight.who == peer.name:
             self._flight.end("mission ended: its ground station has left")
         if (operator := self._operators.pop(peer.name, None)) is not None:
+            self._disarm_on_ground(peer, operator)
             operator.close()
         self._commands.left(peer)
         self._sticks.left(peer)
+
+    def _disarm_on_ground(self, peer: Peer, operator: Operator) -> None:
+        """Disarm a vehicle that waits on the ground, armed, for a ground station in control."""
+        status = self._vehicle.status
+        if status is None or status.mode != "armed" or status.airborne:
+            return
+        if self._vehicle.holder == peer.name:
+            self._print(f"{peer.name} has left the vehicle armed on the ground: disarming")
+            operator.ask(lambda _, reason: self._print(reason) if reason else None, "disarm")
 
     def _with_parameters(
         self, peer: Peer, then: Callable[[], None], failed: Answered | None = None

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
@@ -14,10 +16,29 @@ from vehicle_link.termination_signal import EndSignal
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
 """Seconds to wait for the vehicles' statuses."""
+ASK_AGAIN = 1.0
+"""Seconds until a vehicle that does not yet do as asked is asked again."""
+LANDING = ("land", "emergency_landing")
+"""Behaviors that end on the ground."""
+NEEDED = 32
+"""File descriptors kept for the session over which vehicles are landed, which opens 8."""
+
+
+def reserved_descriptors() -> ExitStack:
+    """Take the file descriptors that the landing needs; closing the result gives them back."""
+    reserve = ExitStack()
+    for _ in range(NEEDED):
+        reserve.callback(os.close, os.open(os.devnull, os.O_RDONLY))
+    return reserve
 
 
 class _Landing:
-    """The landing of one vehicle; `session` is connected to the station."""
+    """The end of one vehicle's flight; `session` is connected to the station.
+
+    In the air the vehicle is asked to land, on the ground to disarm, again and again until its
+    motors are off: a request may be refused or lost, and somebody may have started another behavior
+    since.
+    """
 
     def __init__(self, session: Any, name: str, shown: str) -> None:
         from vehicle_link.transport.node import Node
@@ -25,6 +46,10 @@ class _Landing:
         self.was_received = threading.Event()
         self.on_ground = threading.Event()
         self._shown = shown
+        self._status: Any = None
+        self._closing = threading.Event()
+        self._asking = threading.Thread(target=self._ask_on, daemon=True)
+        self._said = ""
         self._node = Node(session, f"/{name}", "stopping")
         self._node.subscribe("status", "quadlab_msgs/VehicleStatus", self._on_status)
 
@@ -33,24 +58,44 @@ class _Landing:
         return self.was_received.is_set() and not self.on_ground.is_set()
 
     def begin(self) -> None:
+        self._asking.start()
+
+    def _ask_on(self) -> None:
+        while not (self.on_ground.is_set() or self._closing.is_set()):
+            self._ask()
+            self.on_ground.wait(ASK_AGAIN)
+
+    def _ask(self) -> None:
+        """Ask for the next step towards motors off; a refusal is told once."""
         from vehicle_link.topics import SERVICES
 
+        status = self._status
+        if status.mode != "armed" or (status.airborne and status.behavior in LANDING):
+            return  # it lands already
+        name = "start_behavior" if status.airborne else "disarm"
+        client = self._node.client(f"station/{name}", SERVICES[name])
         try:
-            client = self._node.client("station/start_behavior", SERVICES["start_behavior"])
-            client.ask("quadlab up", name="land")
+            if status.airborne:
+                client.ask("quadlab up", name="land")
+            else:
+                client.ask("quadlab up")
         except (LinkError, RefusedError) as error:
-            self._say(str(error))
+            if str(error) != self._said and not self._closing.is_set():
+                self._said = str(error)
+                self._say(self._said)
 
     def give_up(self) -> None:
         self._say(f"not on the ground after {LANDING_PATIENCE:.0f} s; stopping")
 
     def close(self) -> None:
+        self._closing.set()
         self._node.close()
 
     def _on_status(self, received: Any) -> None:
         from vehicle_link.messages import decode
 
         status = decode(received.payload, "quadlab_msgs/VehicleStatus")
+        self._status = status
         lands = status.armed and status.mode != "bench"  # the bench ends with the vehicle process
         (self.on_ground.clear if lands else self.on_ground.set)()
         self.was_received.set()
@@ -77,9 +122,8 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSign
         if not due:
             return
         print("quadlab: landing before stopping; Ctrl-C again stops at once", flush=True)
-        beginning = [threading.Thread(target=landing.begin, daemon=True) for landing in due]
-        for thread in beginning:
-            thread.start()
+        for landing in due:
+            landing.begin()
         until = clock.monotonic() + LANDING_PATIENCE
         while clock.monotonic() < until:
             if stop.count > 1 or all(landing.on_ground.is_set() for landing in due):

@@ -57,6 +57,10 @@ class Child:
     niceness: int = 0
     environment: Mapping[str, str] = field(default_factory=dict)
     _process: Process | None = None
+    _died: str = ""
+    """How it died, until it is started again."""
+    _is_refused: bool = False
+    """Whether the system did not start it again at the last try."""
     _deaths: list[float] = field(default_factory=list)
 
     def start(self) -> None:
@@ -70,18 +74,32 @@ class Child:
         return self._process.pid if self._process else None
 
     def watch(self) -> str | None:
-        """Restart the child if it died; return a line if so. Raises QuadlabError if it gives up."""
-        process = self._process
-        if process is None or process.poll() is None:
+        """Restart the child if it died; return a line if there is one to show.
+
+        While the system starts no process (no memory, no file descriptor), each call tries again.
+
+        Raises QuadlabError when the child keeps dying.
+        """
+        if self._process is not None and self._process.poll() is not None:
+            self._note_death(self._process.returncode)
+        if not self._died:
             return None
-        now = time.monotonic()
+        try:
+            self.start()
+        except OSError as error:
+            was_said, self._is_refused = self._is_refused, True
+            line = f"{self.name} {self._died} and cannot be restarted yet: {error.strerror}"
+            return None if was_said else f"{line}; trying on"
+        line = f"{self.name} {self._died}; started again"
+        self._died, self._is_refused = "", False
+        return line
+
+    def _note_death(self, status: int) -> None:
+        now, self._process = time.monotonic(), None
         self._deaths = [t for t in self._deaths if now - t < RESTART_WINDOW] + [now]
-        how = how_it_ended(process.returncode)
+        self._died = how_it_ended(status)
         if not self.restart or len(self._deaths) > RESTARTS_ALLOWED:
-            self._process = None
-            raise QuadlabError(f"{self.name} {how} and cannot go on; see its lines above")
-        self.start()
-        return f"{self.name} {how}; started again"
+            raise QuadlabError(f"{self.name} {self._died} and cannot go on; see its lines above")
 
     def stop(self, patience: float = 5.0) -> None:
         """Send SIGTERM, then SIGKILL after `patience` seconds."""

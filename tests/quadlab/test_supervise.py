@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -59,6 +60,58 @@ def test_a_child_that_keeps_dying_is_given_up_with_its_name() -> None:
     wait_for(dies_for_good, what="the end")
     assert sum("started again" in line for line in said) == RESTARTS_ALLOWED
     assert "broken ended with status 2 and cannot go on" in said[-1]
+
+
+WITHOUT_DESCRIPTORS = """
+import json, os, sys, time
+from quadlab.up.supervise import Child
+threaded = {threaded}
+if threaded:
+    import threading
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+child = Child("simulator", ["simulator", "--folder", {folder!r}, "--loopback-port", "1"])
+child.start()
+taken = []
+try:
+    while True:
+        taken.append(os.dup(0))
+except OSError:
+    os.kill(child.pid, 9)
+lines, tries, end = [], 0, time.monotonic() + 60.0
+while not any("started again" in line for line in lines) and time.monotonic() < end:
+    time.sleep(0.01)
+    if line := child.watch():
+        lines.append(line)
+    tries += child.pid is None
+    if tries >= 3 and taken:
+        os.closerange(taken[0], taken[-1] + 1)
+        taken.clear()
+child.stop()
+print(json.dumps([lines, bool(taken), tries]), flush=True)
+os._exit(0)
+"""
+
+
+@pytest.mark.parametrize("threaded", [False, True], ids=["as a copy", "as a new interpreter"])
+def test_a_child_is_started_again_although_no_file_descriptor_is_left(
+    tmp_path: Path, threaded: bool
+) -> None:
+    program = WITHOUT_DESCRIPTORS.format(folder=str(tmp_path), threaded=threaded)
+    done = subprocess.run(
+        ["prlimit", "--nofile=64:64", sys.executable, "-c", program],
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    lines, is_still_without, tries = json.loads(done.stdout.splitlines()[-1])
+    if threaded:  # a new interpreter needs a descriptor: it is tried again, and told once
+        first = "cannot be restarted yet: Too many open files; trying on"
+        assert [line.partition("SIGKILL ")[2] for line in lines[:-1]] == [f"and {first}"]
+        assert tries >= 3
+    else:
+        assert (is_still_without, len(lines)) == (True, 1)
+    assert lines[-1] == "simulator was killed by SIGKILL; started again"
 
 
 def test_a_child_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -103,3 +104,23 @@ def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recov
 
     until("its mark in the list of runs", listed, 10)
     assert len(stamps(torn, "state")) > 500
+
+
+@pytest.mark.parametrize("process", ["comms", "station"])
+def test_a_process_out_of_memory_is_replaced_and_land_is_heard(
+    lab: Lab, until: Callable[..., Any], process: str
+) -> None:
+    lab.hover()
+    starved = lab.pid(process)
+    _, most = resource.prlimit(starved, resource.RLIMIT_AS)
+    resource.prlimit(starved, resource.RLIMIT_AS, (1 << 20, most))
+    until("the end of the deaf process", lambda: lab.pid(process) not in (None, starved), 30)
+    until("Land", lambda: lab.command("start_behavior", name="land").status_code == 200, 30)
+    lab.reach(mode="ready")
+    again = {"comms": "and was started again", "station": "started again"}[process]
+
+    def told() -> bool:
+        events = [event["text"] for event in lab.get("/api/events")]
+        return any(again in line for line in (events if process == "comms" else lab.lines))
+
+    until("the reason", told, 20)

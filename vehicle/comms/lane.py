@@ -17,6 +17,7 @@ from functools import partial
 from quadrotor.errors import LinkError
 from vehicle_link.clock import monotonic
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
+from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.lane.lane_socket import EVERYWHERE
 from vehicle_link.lane.replay_window import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
@@ -30,6 +31,9 @@ log = logging.getLogger(__name__)
 
 ONE_WAY = ("tracker_pose", "tracker_position", "bearings")
 """Topics that are subscribed to over Zenoh only while the lane is silent."""
+HEARTBEAT = "station_heartbeat"
+DEAF_AFTER = 2.0
+"""Seconds of heartbeats by the lane alone after which this process counts as deaf."""
 SILENT_AFTER = 0.3
 """Seconds without a heartbeat by the lane, after which several are missing."""
 CHECK_EVERY = 0.05  # s
@@ -56,6 +60,7 @@ class CommsLane:
         self._callbacks: dict[str, tuple[threading.Lock, Callable[[Received], None]]] = {}
         self._on_message = on_message
         self._received = -math.inf
+        self._alone = LaneAlone()
         self._over_zenoh: Node | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(
@@ -87,12 +92,18 @@ class CommsLane:
         self.update_subscriptions()
         self._thread.start()
 
-    def note_received(self) -> None:
-        """Note that the station that holds the vehicle was received by the lane."""
+    def note_received(self, publisher: bytes = b"") -> None:
+        """Note a heartbeat by the lane of the station that holds the vehicle."""
         self._received = monotonic()
+        self._alone.by_lane(publisher)
+
+    @property
+    def is_deaf(self) -> bool:
+        """Return whether the station's heartbeats come by the lane alone, and so no commands."""
+        return self._alone.lasted > DEAF_AFTER
 
     def _subscribe(self, node: Node, topic: str) -> None:
-        node.subscribe(topic, TOPICS[topic].type_name, partial(self._deliver, topic))
+        node.subscribe(topic, TOPICS[topic].type_name, partial(self._by_zenoh, topic))
 
     def _keep_subscriptions(self) -> None:
         while not self._closing.wait(CHECK_EVERY):
@@ -126,6 +137,11 @@ class CommsLane:
         if self._over_zenoh is not None:
             self._over_zenoh.close()
         self._lane.close()
+
+    def _by_zenoh(self, topic: str, received: Received) -> None:
+        if topic == HEARTBEAT:
+            self._alone.by_zenoh(received.gid)
+        self._deliver(topic, received)
 
     def _by_lane(self, topic: str, received: Received) -> None:
         self._deliver(topic, received)

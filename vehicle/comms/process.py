@@ -38,10 +38,11 @@ from vehicle.onboard_log.ring import Fetched
 from vehicle.plugins.offer import offer_plugins
 from vehicle.processes import mailbox
 from vehicle.processes.config import TICK_SLOTS, Rings, VehicleConfig, open_rings
-from vehicle.processes.parent import GIVEN_UP, PLUGINS
+from vehicle.processes.parent import DEAF, GIVEN_UP, PLUGINS
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
+from vehicle_link.defects import end_at_defect
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import COMMS_PROCESS, ProcessProgress
 from vehicle_link.security.authority import TlsFiles, ensure_certificates, readable_keys
@@ -138,14 +139,20 @@ class Comms:
             self._lane.subscribe(topic, self._receiver(topic))
         self._lane.start()
 
-    def run(self, stopping: Ending) -> None:
-        """Run until `stopping` is set; then drain once more, so that nothing read is lost."""
+    def run(self, stopping: Ending) -> bool:
+        """Run until `stopping` is set; then drain once more, so that nothing read is lost.
+
+        Return False, before that, when no command can arrive any more.
+        """
         wait_s = self._longest_wait_s
         while not stopping.wait(wait_s):
             self.drain()
+            if self._lane.is_deaf:
+                return False
             # In step with the ticks: a packet leaves as soon as its last tick arrives.
             wait_s = min(self._longest_wait_s, max(SHORTEST_WAIT_S, self._publisher.next_packet_s))
         self.drain()
+        return True
 
     def drain(self) -> None:
         """Read everything flight has sent and pass it on."""
@@ -236,7 +243,7 @@ class Comms:
         if topic == "station_heartbeat":
             beat = topics.decode_heartbeat(received.payload)
             if beat.instance == self._inbound.holder:
-                self._lane.note_received()
+                self._lane.note_received(received.gid)
                 self._progress.station_received(beat.stamp_ns)
 
     def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
@@ -275,7 +282,11 @@ def _certificates(folder: Path, stopping: Ending) -> TlsFiles | None:
 
 
 def main(argument: str) -> int:
-    """Run the process; return 0 after a signal, GIVEN_UP when it cannot start."""
+    """Run the process; return 0 after a signal, GIVEN_UP when it cannot start.
+
+    It ends with status DEAF, as if it was killed, when no command can arrive any more.
+    """
+    end_at_defect()
     config = msgspec.json.decode(argument, type=VehicleConfig)
     speak_for(config.name)
     die_with_parent(config.parent)
@@ -297,7 +308,8 @@ def main(argument: str) -> int:
     for line in readable_keys(files):
         say(line)
     comms = Comms(config, open_rings(config.rings), Node(session, f"/{config.name}", "vehicle"))
-    comms.run(stopping)
+    if not comms.run(stopping):
+        os._exit(DEAF)
     comms.close()
     # Notifies the station at once; when the peer has vanished this could take 10 s.
     closing = threading.Thread(target=session.close, daemon=True)

@@ -30,6 +30,7 @@ from vehicle.processes.parent import PLUGINS, TRAJECTORIES
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
 from vehicle_link.crtp.links import open_port
+from vehicle_link.defects import end_at_defect
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import FLIGHT_PROCESS, ProcessProgress
 from vehicle_link.serial.capacity import sample_period_us
@@ -226,6 +227,7 @@ def open_ports(
 
 def main(argument: str) -> int:
     """Run the process; return the exit status, 0 after a signal, 1 after a failure."""
+    end_at_defect()
     config = msgspec.json.decode(argument, type=VehicleConfig)
     speak_for(config.name)
     die_with_parent(config.parent)

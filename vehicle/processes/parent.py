@@ -36,6 +36,7 @@ from vehicle_link.serial.ids import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
+DEAF = 4  # exit status of a comms process that no command can reach any more
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 5.0
 """Pauses before a restart of the comms process: a vehicle in flight outlasts the short one, and
 lands in the long one, which is longer than `safety.link_timeout` and `link_land_after` together."""
@@ -58,9 +59,12 @@ class _Children:
         self.flight = self._start("flight")
         self.comms = self._start("comms")
 
+    def notice(self, line: str) -> None:
+        """Let the next comms process, and no other, tell the station this line."""
+        self._config = msgspec.structs.replace(self._config, notices=[(mailbox.WARN, line)])
+
     def restart_comms(self) -> None:
         self.comms_restarted = True
-        self._config = msgspec.structs.replace(self._config, notices=[])
         self.comms = self._start("comms")
 
     def stop(self) -> None:
@@ -229,7 +233,7 @@ def _with_calibrations(
 
 def _watch(children: _Children, signals: _Signals, data: Path) -> int:
     restart_at: float | None = None
-    deaths = CommsDeaths()
+    deaths, said = CommsDeaths(), set[str]()
     while not signals.stopping:
         if children.flight.poll() is not None:
             say(f"flight process {how_it_ended(children.flight.returncode)}; vehicle ends")
@@ -238,20 +242,42 @@ def _watch(children: _Children, signals: _Signals, data: Path) -> int:
             status, now = children.comms.returncode, time.monotonic()
             if status == GIVEN_UP and not children.comms_restarted:
                 return 1
-            say(f"comms process {how_it_ended(status)}; starting it again")
+            how = "heard no commands" if status == DEAF else how_it_ended(status)
+            say(f"comms process {how}; starting it again")
+            children.notice(f"the comms process {how} and was started again")
             restart_at = now + deaths.pause(now)
         if restart_at is not None and time.monotonic() >= restart_at:
-            restart_at = None
-            torn = _torn_logs(data)
-            children.restart_comms()
-            _repair(torn)
+            restart_at = _restart_comms(children, data, said)
         signals.wait(None if restart_at is None else max(0.0, restart_at - time.monotonic()))
     return 0
 
 
+def _restart_comms(children: _Children, data: Path, said: set[str]) -> float | None:
+    """Restart the comms process; return when to try again if the system starts no process.
+
+    Args:
+        said: the lines about tries that failed, each of which is shown once.
+    """
+    try:
+        torn = _torn_logs(data)
+        children.restart_comms()
+    except OSError as error:  # no file descriptor or no memory is left
+        line = f"the comms process cannot be restarted yet: {error.strerror}; trying on"
+        if line not in said:
+            said.add(line)
+            say(line)
+        return time.monotonic() + SHORT_PAUSE_S
+    said.clear()
+    _repair(torn)
+    return None
+
+
 def _torn_logs(data: Path) -> list[Path]:
     """Return the torn onboard logs; to be listed before comms opens a new one."""
-    if not any((data / "onboard").glob("*.mcap")):
+    try:
+        if not any((data / "onboard").glob("*.mcap")):
+            return []
+    except OSError:  # no file descriptor is left; the logs are repaired after the next restart
         return []
     from vehicle.onboard_log.repair import torn_logs  # mcap, rosbags: needed only here
 

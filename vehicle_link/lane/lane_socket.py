@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from vehicle_link import defects
 from vehicle_link.lane.datagram import LARGEST
 
 log = logging.getLogger(__name__)
@@ -84,5 +85,7 @@ class LaneSocket:
                 continue
             try:
                 handle(datagram, address)
+            except MemoryError as error:
+                defects.report(error)
             except Exception:
                 log.exception("a datagram could not be handled")

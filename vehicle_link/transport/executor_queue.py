@@ -12,6 +12,8 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Generic, TypeVar
 
+from vehicle_link import defects
+
 T = TypeVar("T")
 
 
@@ -20,7 +22,7 @@ class ExecutorQueue(Generic[T]):
 
     Args:
         executor: lends threads while items wait.
-        handle: called with each item; must not raise.
+        handle: called with each item; an error in it is a defect of the process.
         at_once: number of items handled at the same time.
         newest: number of the newest items that may wait, older ones are dropped; 0: all.
     """
@@ -52,4 +54,7 @@ class ExecutorQueue(Generic[T]):
                     self._threads -= 1
                     return
                 item = self._waiting.popleft()
-            self._handle(item)
+            try:
+                self._handle(item)
+            except BaseException as error:  # a pool would keep it, and this queue would stand still
+                defects.report(error)

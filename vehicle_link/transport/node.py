@@ -17,14 +17,13 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 from zenoh.handlers import Callback, RingChannel
 
 from quadrotor.errors import LinkError, QuadlabError
-from vehicle_link import clock
+from vehicle_link import clock, defects
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of
 from vehicle_link.transport.executor_queue import ExecutorQueue
@@ -78,6 +77,7 @@ class Node:
         self._identity = NodeIdentity(zid, next(self._ids), self.namespace, name, domain)
         self._entities: list[Any] = []
         self._pool = ThreadPoolExecutor(MAX_THREADS, thread_name_prefix=self.full_name)
+        self._is_closing = False
         self._declare_token(self._identity.token)
 
     def publisher(
@@ -153,6 +153,8 @@ class Node:
                     return
                 payload = sample.payload.to_bytes()
                 callback(Received(payload, sequence, source_ns, received_ns, gid))
+            except MemoryError as error:
+                defects.report(error)
             except Exception:
                 log.exception("a message of %s could not be handled", topic)
 
@@ -168,8 +170,10 @@ class Node:
             def arrived(sample: zenoh.Sample) -> None:
                 if direct:
                     return deliver((sample, clock.time_ns()))
-                with suppress(RuntimeError):  # the pool is closed: it arrived during `close`
+                try:
                     samples.put((sample, clock.time_ns()))
+                except (MemoryError, RuntimeError) as error:
+                    self._not_queued(error)
 
             subscriber = self.session.declare_subscriber(key, Callback(arrived, indirect=False))
         self._entities.append(subscriber)
@@ -204,6 +208,8 @@ class Node:
                     response = encode(handle(decode(payload, f"{srv_type}_Request")))
                     stamped = attachment(sequence, clock.time_ns(), gid)
                     query.reply(key, response, attachment=stamped)
+                except MemoryError as error:
+                    defects.report(error)
                 except QuadlabError as error:
                     query.reply_err(str(error).encode(), encoding=encoding_of(error))
                 except Exception as error:
@@ -216,7 +222,8 @@ class Node:
         def hand_over(query: zenoh.Query) -> None:
             try:
                 queries.put(query)
-            except RuntimeError:  # a query that arrived during `close`
+            except (MemoryError, RuntimeError) as error:
+                self._not_queued(error)
                 log.debug("service %s was asked while it closes", name)
                 with query:
                     query.reply_err(f"{peer_of(name)} is closing".encode())
@@ -240,9 +247,17 @@ class Node:
 
     def close(self) -> None:
         """Undeclare everything of this node; its session stays open."""
+        self._is_closing = True
         while self._entities:
             _undeclare(self._entities.pop())
         self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def _not_queued(self, error: Exception) -> None:
+        """Handle an error of the pool, which takes nothing after `close`; before that, the system
+        gives it no thread or no memory.
+        """
+        if not self._is_closing:
+            defects.report(error)
 
     def _announce(self, kind: EntityKind, name: str, type_name: str, qos: Qos) -> tuple[str, bytes]:
         """Declare the token of a new endpoint; return its key and GID."""

@@ -548,6 +548,28 @@ def test_a_ground_station_that_leaves_gives_up_control(
     assert [service for _, service, _ in wired.station.asked] == ["arm"], "no behavior is stopped"
 
 
+@pytest.mark.parametrize(
+    ("airborne", "holder", "disarms"),
+    [(False, "", True), (True, "", False), (False, "anna", False)],
+    ids=["on the ground", "in flight", "under another's control"],
+)
+def test_a_ground_station_that_leaves_a_vehicle_armed_on_the_ground_disarms_it(
+    wire: Callable[..., Wired], airborne: bool, holder: str, disarms: bool
+) -> None:
+    wired = wire(kind="tcpin")
+    ground = wired.ground()
+    assert ground.command(ARM, 1.0) == ACCEPTED
+    wired.station.show("hover" if airborne else "ground", armed=True, mode="armed")
+    wired.station.show_status(airborne=airborne)
+    wired.station.show_holder(holder or wired.link.peers[0].name)
+    ground.socket.close()
+    end = time.monotonic() + 10.0
+    while not wired.station.closed and time.monotonic() < end:
+        wired.gateway.turn(0.01)
+    commands = [service for _, service, _ in wired.station.asked]
+    assert commands == (["arm", "disarm"] if disarms else ["arm"])
+
+
 def test_unsigned_messages_are_refused_where_a_passphrase_is_set(
     wire: Callable[..., Wired],
 ) -> None:

@@ -49,14 +49,7 @@ class Station:
         """Show this status, and an estimate that rests at a point, where it was if None."""
         self.behavior, self.armed, self.mode = behavior, armed, mode
         self.at = at = at or self.at
-        status = new(
-            "quadlab_msgs/VehicleStatus",
-            header=header(1),
-            mode=mode,
-            behavior=behavior,
-            armed=armed,
-            airborne=armed,
-        )
+        self.show_status(airborne=armed)
         odometry = new("nav_msgs/Odometry", header=header(5_000_000_000, "world"))
         place = odometry.pose.pose.position
         place.x, place.y, place.z = at
@@ -66,8 +59,25 @@ class Station:
             header=header(5_000_000_000, "world"),
             position=dict(zip("xyz", at, strict=True)),
         )
-        messages = {"status": status, "state": odometry, "reference": reference}
+        messages = {"state": odometry, "reference": reference}
         self.payloads.update({name: encode(message) for name, message in messages.items()})
+
+    def show_status(self, *, airborne: bool) -> None:
+        """Show the present status, in the air or on the ground."""
+        status = new(
+            "quadlab_msgs/VehicleStatus",
+            header=header(1),
+            mode=self.mode,
+            behavior=self.behavior,
+            armed=self.armed,
+            airborne=airborne,
+        )
+        self.payloads["status"] = encode(status)
+
+    def show_holder(self, name: str) -> None:
+        """Show who has control."""
+        control = new("quadlab_msgs/ControlStatus", header=header(1), holder=name)
+        self.payloads["control"] = encode(control)
 
     def newest_payload(self, topic: str) -> Callable[[], tuple[bytes, int] | None]:
         def newest() -> tuple[bytes, int] | None:

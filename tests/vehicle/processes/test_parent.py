@@ -60,6 +60,29 @@ def test_a_torn_log_is_repaired_after_the_start_of_what_could_be_a_copy(
     assert done == ["share", flight, comms, repair, comms, repair]
 
 
+def test_comms_is_started_again_once_the_system_has_a_descriptor_and_the_reason_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    full = OSError(24, "Too many open files")
+    ends = [None, -signal.SIGKILL, full, full, full, None]
+
+    def start(*_: Any, **__: Any) -> Child:
+        end = ends.pop(0)
+        if isinstance(end, OSError):
+            raise end
+        if not ends:
+            signal.raise_signal(signal.SIGTERM)
+        return Child(end)
+
+    monkeypatch.setattr(parent, "SHORT_PAUSE_S", 0.0)
+    monkeypatch.setattr(parent, "start", start)
+    monkeypatch.setattr(parent, "share", lambda _: None)
+    assert parent.run_vehicle([], tmp_path, 1) == 0
+    assert ends == []
+    told = capfd.readouterr()
+    assert (told.out + told.err).count("restarted yet: Too many open files; trying on") == 1
+
+
 @pytest.mark.parametrize(
     ("died_at", "is_long"),
     [

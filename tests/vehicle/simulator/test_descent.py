@@ -78,6 +78,17 @@ class Alone:
         self.set(Id.MOTOR_STATE, MotorState.ON)
         self.hover(height, 2.0 + height)
 
+    def climb(self, speed: float, height: float) -> None:
+        """Climb at this speed (m/s) from the ground up to a true height."""
+        self.set(Id.FLIGHT_CONTROL_MODE, FlightControlMode.NEAR_HOVERING)
+        self.set(Id.MOTOR_STATE, MotorState.ON)
+        aim = 0.0
+        while self.height < height:
+            aim += 0.002 * speed
+            lift = (2.0 * (aim - self.height) + 3.0 * (speed - self.velocity_w[2])) / 9.81
+            self.line.write(c.encode_command(AttitudeCommand(0, 0, 0.0, 1 + lift).encode()))
+            self.step()
+
     def land(self) -> float:
         """Send nothing until the motors are off; return the speed (m/s) down at the first touch."""
         impact = None
@@ -102,10 +113,22 @@ def test_left_alone_it_lands_upright_and_softly(height: float, truth: dict[str, 
     alone = Alone(**truth)
     alone.take_off(height)
     impact = alone.land()
-    assert 0.05 < impact < 0.8
+    assert 0.05 < impact < 0.5
     assert max(map(abs, alone.angles)) < math.radians(3.0)
     alone.rest(0.5)
     assert np.abs(alone.velocity_w).max() < 0.05
+
+
+@pytest.mark.parametrize(("height", "most"), [(0.2, 0.65), (0.4, 0.5), (0.7, 0.5)])
+@pytest.mark.parametrize("speed", [0.5, 1.0])
+@pytest.mark.parametrize("seed", [0, 1, 5])
+def test_left_alone_in_a_climb_it_lands_softly(
+    seed: int, speed: float, height: float, most: float
+) -> None:
+    alone = Alone(seed=seed)
+    alone.climb(speed, height)
+    assert alone.velocity_w[2] > 0.5 * speed
+    assert 0.05 < alone.land() < most
 
 
 def test_it_lands_from_a_slope_too() -> None:

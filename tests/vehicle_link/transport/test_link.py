@@ -314,7 +314,8 @@ def test_a_question_on_its_way_while_its_service_closes_is_a_link_error(
     leaving.serve("leaving", SERVICES["arm"], _ok, at_once=2)
     client = link.web.client("leaving", SERVICES["arm"])
     assert client.wait(WAIT)
-    leaving._pool.shutdown()  # closed, with the request not yet stopped
+    leaving._is_closing = True  # closed, with the request not yet stopped
+    leaving._pool.shutdown()
     with caplog.at_level("DEBUG"), pytest.raises(LinkError, match="the vehicle is closing"):
         client.call(new(REQUEST), WAIT)
     assert "leaving was asked while it closes" in caplog.text

@@ -97,6 +97,7 @@ MOTOR_SQUARE = round(_model.motor_slope**2 * 2**26)  # 2^-24 N per 2^2 count^2
 # ---------------------------------------------------------------- descent
 STANDING = round(0.6 * _weight * 2**24)
 """Average thrust, in 2^-24 N (0.6 of the weight), below which the vehicle is on the ground."""
+WEIGHT = round(_weight * 2**24)  # 2^-24 N
 SUPPORT_UNIT = round(_model.mass * ACCELEROMETER_SCALE * 2**24)
 """From specific force (counts) over thrust (2^-12 N) to 2^-12 of what thrust gives in the air."""
 SUPPORT_MAX = 4 << 12
@@ -108,7 +109,7 @@ SINK = round(0.7 * 2**22)  # 2^-22 m/s
 SINK_FLARE = round(0.35 * 2**22)
 FLARE_HEIGHT = round(0.7 * 2**18)  # 2^-18 m above the take-off point
 SINK_ERROR_MAX = 4 << 22  # 2^-22 m/s: a larger error asks for more than the greatest thrust
-CLIMB_GAIN = round(3.0 * _model.mass * 2**12)  # 3/s: 2^-24 N per 2^-28 m/s, times 2^16
+CLIMB_GAIN = round(5.0 * _model.mass * 2**12)  # 5/s: 2^-24 N per 2^-28 m/s, times 2^16
 SLOW_SHARE = round(0.6 * 2**15)  # 2^-15
 LEAST_WEIGHT = round(0.1 * _weight * 2**12)  # 2^-12 N
 LIFT_COUNT = round(_weight / command.HOVER_THRUST * 2**24)  # 2^-24 N a count

@@ -28,16 +28,22 @@ _EMERGENCY_THRUST = int(Id.EMERGENCY_THRUST)
 @compiled(inner=True)
 def watch_thrust(p: Item) -> None:
     """Average the commanded thrust, and the specific force it gives in the air."""
+    p.thrust += by16(_commanded(p) - p.thrust, p.gains.thrust)
+    if p.thrust > k.STANDING and not (p.landing and p.climb > k.SETTLING_CLIMB):
+        given = _given(p, p.thrust >> 12)
+        p.support += by16((given << 16) - p.support, p.gains.support)
+
+
+@compiled(inner=True)
+def _commanded(p: Item) -> int:
+    """Return the thrust of the motors' references, 2^-24 N."""
     total = 0
     for i in range(4):
         reference = p.references[i]
         if reference > 0:
             speed = (reference << 7) + k.MOTOR_OFFSET
             total += (((speed * speed) >> 16) * k.MOTOR_SQUARE) >> 12
-    p.thrust += by16((total << 12) - p.thrust, p.gains.thrust)
-    if p.thrust > k.STANDING and not (p.landing and p.climb > k.SETTLING_CLIMB):
-        given = _given(p, p.thrust >> 12)
-        p.support += by16((given << 16) - p.support, p.gains.support)
+    return total << 12
 
 
 @compiled(inner=True)
@@ -53,7 +59,8 @@ def descend(p: Item, registers: Registers) -> None:
     second = p.gains.second
     cosine = vertical(p)[2]
     wanted = k.SINK_FLARE if p.height - p.ground < k.FLARE_HEIGHT else k.SINK
-    p.sink += bounded(wanted - p.sink, 2 * second)  # 2 m/s^2, from the initial climb rate
+    # From the initial climb rate: 2 m/s^2 while it still climbs, then 1 m/s^2.
+    p.sink += bounded(wanted - p.sink, 2 * second if p.sink < 0 else second)
     error = bounded(-p.sink - p.climb, k.SINK_ERROR_MAX)
     least, most = k.LIFT_COUNT * registers[_EMERGENCY_THRUST], k.LIFT_COUNT * k.LIFT_MAX
     p.lift = min(most, max(least, p.lift + by16(error, p.gains.lift)))
@@ -69,9 +76,14 @@ def descend(p: Item, registers: Registers) -> None:
 
 @compiled(inner=True)
 def begin_descent(p: Item) -> None:
-    """Begin a descent from the present motion; a vehicle on the ground counts as landed."""
+    """Begin a descent from the present motion; a vehicle on the ground counts as landed.
+
+    Just after lift-off the average thrust is still below what carries the vehicle, and the present
+    one is not.
+    """
     p.landing, p.landed, p.carried = 1, 0, 0
-    p.lift, p.sink = p.thrust, -p.climb
+    p.lift = max(p.thrust, min(_commanded(p), k.WEIGHT))
+    p.sink = -p.climb
     p.angle_integral[0] = p.angle_integral[1] = 0
     if p.thrust < k.STANDING:
         stop(p)

@@ -1,0 +1,70 @@
+"""An error that a thread does not handle ends the whole process, and its parent starts it again.
+
+Without one of its threads, a process would still be there, and would no longer do that thread's
+work: it might send its status and hear no command. What is out of memory ends by an error as well.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import traceback
+from types import TracebackType
+from typing import NoReturn
+
+STATUS = 1
+"""Exit status of a process that ended by a defect, as Python's own."""
+PATIENCE = 1
+"""Seconds for the traceback; then SIGALRM ends the process."""
+
+
+def end_at_defect() -> None:
+    """Let an error that no thread handles end this process, within PATIENCE seconds.
+
+    To be called where a process begins that its parent starts again.
+    """
+    threading.excepthook = _in_thread
+    sys.excepthook = _in_main_thread
+    sys.unraisablehook = _unraisable
+
+
+def report(error: BaseException) -> None:
+    """Handle an error that would have ended this thread, as if it had: for threads that others
+    need, such as those of a pool.
+    """
+    facts = (type(error), error, error.__traceback__, threading.current_thread())
+    threading.excepthook(threading.ExceptHookArgs(facts))
+
+
+def end(error: BaseException) -> NoReturn:
+    """End this process at once, with a traceback if there is memory for one."""
+    try:
+        signal.alarm(PATIENCE)
+        traceback.print_exception(error)
+        sys.stdout.flush()
+        sys.stderr.flush()
+    finally:
+        os._exit(STATUS)
+
+
+def _in_thread(args: threading.ExceptHookArgs) -> None:
+    if args.exc_type is not SystemExit:
+        end(args.exc_value or args.exc_type())
+
+
+def _unraisable(args: sys.UnraisableHookArgs) -> None:
+    """Without memory, a thread may not even begin, and what a destructor does is left undone."""
+    if isinstance(args.exc_value, MemoryError):
+        end(args.exc_value)
+    sys.__unraisablehook__(args)
+
+
+def _in_main_thread(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    if issubclass(kind, KeyboardInterrupt):
+        sys.__excepthook__(kind, error, trace)
+    else:
+        end(error)
