@@ -46,13 +46,13 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     # flies without it here (web/browser/console/test_view.py draws it).
     page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
     page.goto(lab.link())
-    lab.browser.cookies.update({c["name"]: c["value"] for c in page.context.cookies()})
 
     def shows(selector: str, pattern: str) -> None:
         expect(page.locator(selector)).to_have_text(re.compile(pattern), timeout=BOUND)
 
     # The vehicle is connected.
     shows("#doing", "^(NOT )?READY$")
+    lab.browser.cookies.update({c["name"]: c["value"] for c in page.context.cookies()})
     shows("#preflight summary", "Ready to arm")
 
     # Hold Arm, take off, fly the 8.

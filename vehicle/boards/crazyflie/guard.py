@@ -35,13 +35,14 @@ from vehicle_link.crtp.packets import CrtpPort, Packet
 
 SILENT_S = 0.25
 """Time, in s, without a set-point after which it lands."""
-AVERAGE_S = 0.5
-"""Time, in s, of the thrust average that is the thrust in hover."""
+AVERAGE_S, AVERAGE_LOW_S = 0.5, 0.1
+"""Times, in s, of the thrust average that is the thrust in hover: above AIRBORNE, and below it,
+where the average of a longer time is still that of idling motors."""
 SINK, SINK_FLARE, FLARE_HEIGHT = 0.5, 0.35, 0.7
 """Descent rate in m/s, and that below a height in m above the place of the start."""
-SLOWING = 2.0
-"""Largest change of the descent rate, m/s²."""
-CLIMB_GAIN, LIFT_GAIN = 3.0, 2.0
+SLOWING, QUICKENING = 2.0, 1.0
+"""Largest changes of the climb rate, m/s²: while it still climbs, and of the descent rate."""
+CLIMB_GAIN, LIFT_GAIN = 5.0, 2.0
 """Gains of the climb rate control: 1/s, and of its integral 1/s²."""
 THRUST_LEAST, THRUST_MOST = 0.4, 1.5
 """Limits of the thrust, as shares of that in hover."""
@@ -139,9 +140,11 @@ class Guard:
         if self.lands:
             self._descend(dt, now_s)
         else:
-            share = min(1.0, dt / AVERAGE_S) if self._hover else 1.0
+            is_low = self._altitude.height < AIRBORNE
+            average_s = AVERAGE_LOW_S if is_low else AVERAGE_S
+            share = min(1.0, dt / average_s) if self._hover else 1.0
             self._hover += share * (self._thrust - self._hover)
-            if self._altitude.height < AIRBORNE:
+            if is_low:
                 self._ground.arm(0.0)  # the ground still carries it
         if not self._unloading.is_running:
             self._ground.observe(lift, float(self._thrust), SUPPORT, dt)
@@ -167,7 +170,8 @@ class Guard:
             return
         sink = SINK_FLARE if self._altitude.height < FLARE_HEIGHT else SINK
         change = -sink - self._climb_wanted
-        self._climb_wanted += min(SLOWING * dt, max(-SLOWING * dt, change))
+        most = dt * (SLOWING if self._climb_wanted > 0.0 else QUICKENING)
+        self._climb_wanted += min(most, max(-most, change))
         error = self._hover / GRAVITY * (self._climb_wanted - self._altitude.climb)
         least, most = THRUST_LEAST * self._hover, THRUST_MOST * self._hover
         if not self._unloading.is_running:

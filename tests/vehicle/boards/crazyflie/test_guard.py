@@ -89,6 +89,17 @@ def test_after_a_silence_in_flight_it_descends_level_and_only_an_emergency_stop_
     assert watched.go(0.5) == []
 
 
+def test_just_after_lift_off_it_begins_with_the_thrust_that_carries_it(watched: Watched) -> None:
+    options = CrazyflieOptions()
+    watched.go(1.0, STOPPED)
+    watched.go(0.5, setpoint(BodyRates((0.0, 0.0, 0.0), 0.0, 0.05), options))  # motors idle
+    for centimetres in range(21):
+        watched.height = 0.01 * centimetres
+        watched.go(0.02, FLOWN)
+    first, *_ = watched.go(SILENT_S + 0.05)
+    assert SETPOINT.unpack(first.data)[4] > 0.8 * HOVER
+
+
 def test_once_landed_no_set_point_passes_until_the_flight_process_wants_the_motors_off(
     watched: Watched,
 ) -> None:
