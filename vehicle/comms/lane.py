@@ -16,9 +16,9 @@ from functools import partial
 
 from quadrotor.errors import LinkError
 from vehicle_link.clock import monotonic
+from vehicle_link.lane import EVERYWHERE
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
 from vehicle_link.lane.lane_alone import LaneAlone
-from vehicle_link.lane.lane_socket import EVERYWHERE
 from vehicle_link.lane.replay_window import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message

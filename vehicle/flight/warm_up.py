@@ -21,6 +21,7 @@ from vehicle.processes import mailbox
 PERIOD_NS = 10_000_000  # at fewer ticks a second the hop takes less of the start
 STILL = 512  # counts of a sensor at zero
 ONE_G = 256  # counts
+TREMBLE = 1e-9  # m and rad: poses that do not change at all are none
 A_FEW_TICKS = 50
 LONGEST = 10_000  # ticks
 
@@ -53,7 +54,9 @@ class _Hop:
         stack.measure(mailbox.Heartbeat(self._stamp_ns))
         stack.measure(mailbox.Joy(self._stamp_ns, (0.1, 0.0, 0.0, 0.1), True))
         x, y, z = stack.reference["position_w"][0].tolist()
-        stack.measure(pose_sample(self._stamp_ns, (x, y, z), (1.0, 0.0, 0.0, 0.0)))
+        tremble = TREMBLE * (self._ticks % 2)
+        pose = pose_sample(self._stamp_ns, (x + tremble, y, z), (1.0, tremble, 0.0, 0.0))
+        stack.measure(pose)
         acceleration = (STILL, STILL, STILL + ONE_G)
         motors = stack.modes.motor_state_wanted
         stack.tick(RawSample(self._stamp_ns, acceleration, (STILL,) * 3, 16.0, 1e5, motors))

@@ -10,7 +10,7 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.records import BEARINGS_SAMPLE, JUDGED_READING, POSE_SAMPLE, TICK
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle.processes.rings import ByteRing, RecordRing, create
-from vehicle_link.lane.lane_socket import EVERYWHERE
+from vehicle_link.lane import EVERYWHERE
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.ids import THE_ONE, Identity
 

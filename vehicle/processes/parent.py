@@ -29,7 +29,7 @@ from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
 from vehicle_link.forked import Process, share, start
 from vehicle_link.jobs import how_it_ended
-from vehicle_link.lane.lane_socket import EVERYWHERE
+from vehicle_link.lane import EVERYWHERE
 from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.ids import THE_ONE, Identity

@@ -19,8 +19,6 @@ LOW_DELAY = 46 << 2  # DSCP EF; on WiFi the queue for video
 PRIORITY = 6  # in the machine's own queues
 SEND_BUFFER = 16_384
 """Bytes; when the radio accepts nothing, 0.1 s of telemetry waits, not 2 s."""
-EVERYWHERE = "0.0.0.0"
-"""Address to listen on that stands for every one of this computer."""
 Address = Any
 """A socket address in the form of the socket's family."""
 

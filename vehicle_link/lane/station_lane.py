@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from quadrotor.errors import LinkError
 from vehicle_link import clock
+from vehicle_link.lane import EVERYWHERE
 from vehicle_link.lane.datagram import (
     A_HELLO,
     HELLO,
@@ -24,7 +25,7 @@ from vehicle_link.lane.datagram import (
     Sealer,
     key_id_of,
 )
-from vehicle_link.lane.lane_socket import EVERYWHERE, Address, LaneSocket
+from vehicle_link.lane.lane_socket import Address, LaneSocket
 from vehicle_link.messages import Message
 from vehicle_link.transport.publisher import Received
 

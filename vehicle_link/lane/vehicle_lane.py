@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from vehicle_link import clock
+from vehicle_link.lane import EVERYWHERE
 from vehicle_link.lane.datagram import (
     HELLO,
     KEY_SIZE,
@@ -20,7 +21,7 @@ from vehicle_link.lane.datagram import (
     Sealer,
     key_id_of,
 )
-from vehicle_link.lane.lane_socket import EVERYWHERE, Address, LaneSocket
+from vehicle_link.lane.lane_socket import Address, LaneSocket
 from vehicle_link.messages import Message, new
 from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.publisher import Received

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
-from vehicle_link.lane.lane_socket import EVERYWHERE
+from vehicle_link.lane import EVERYWHERE
 from vehicle_link.security.access import access_control
 from vehicle_link.security.authority import Role, TlsFiles, check_certificate
 from vehicle_link.transport.unused_memory import map_large_buffers
