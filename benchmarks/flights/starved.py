@@ -252,9 +252,9 @@ def busy(count: int, seconds: float) -> Iterator[None]:
     try:
         yield
     finally:
-        for loop in loops:
-            loop.kill()
-            loop.wait()
+        for process in loops:
+            process.kill()
+            process.wait()
 
 
 @contextmanager

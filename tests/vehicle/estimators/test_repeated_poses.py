@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.flights.watched_flight import WatchedFlight
-from quadrotor.records import NO_ATTITUDE, new_state, pose_sample
+from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, Record, new_state, pose_sample
 from tests.support.narrowing import now
 from vehicle.estimators.repeated_poses import RepeatedPoses
 
@@ -99,19 +100,20 @@ def freeze() -> Callable[[float], WatchedFlight]:
         flight = WatchedFlight(3).hover(1.0)
         flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
         flight.wait(4.0)
-        measure, kept = flight.stack.measure, {}
+        stack: Any = flight.stack
+        measure, kept = stack.measure, list[Record]()
 
-        def repeated(message: object) -> None:
-            if isinstance(message, np.ndarray) and "position_w" in (message.dtype.names or ()):
-                last = kept.setdefault("pose", message.copy())
+        def repeated(message: Any) -> None:
+            if isinstance(message, np.ndarray) and message.dtype == POSE_SAMPLE:
+                kept.append(message)
                 message = message.copy()
                 for field in ("position_w", "quaternion_wb"):
-                    message[field] = last[field]
-            measure(message)  # type: ignore[arg-type]
+                    message[field] = kept[0][field]
+            measure(message)
 
-        flight.stack.measure = repeated  # type: ignore[method-assign]
+        stack.measure = repeated
         flight.run(seconds)
-        flight.stack.measure = measure  # type: ignore[method-assign]
+        stack.measure = measure
         return flight
 
     return fly
