@@ -235,7 +235,7 @@ def _tracker(report: Report, size: Size) -> None:
     lap: dict[str, ParameterValue] = size.of({}, {}, REST_TO_REST)
     late40: dict[str, ParameterValue] = {"tracker.delay": 0.04, "tracker.stamp_error": 0.04}
     told = fly("tracker_delay", late40 | by_hand).value("estimation.tracker.delay")
-    cases = {
+    cases: dict[str, dict[str, ParameterValue]] = {
         "without delay": {},
         "40 ms late": late40,
         "40 ms identified": {**late40, "estimation.tracker.delay": told},
