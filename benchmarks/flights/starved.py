@@ -46,8 +46,6 @@ CHARGE = 20
 """Capacity, in A h, of a battery that outlasts all flights."""
 PATIENCE = 300.0  # s
 LOOK = 0.3  # s
-FOR_LONG = 1e6  # s, more than all flights take
-HEIGHT = 900  # px
 WARN = 30
 DRAWN_IN_SOFTWARE = (
     "--no-sandbox",
@@ -245,10 +243,9 @@ def _ordinary() -> list[str]:
 
 
 @contextmanager
-def busy(count: int, seconds: float) -> Iterator[None]:
-    """Run this many busy loops, each for at most that many s of processor time."""
-    loop = f"import time\nwhile time.process_time() < {seconds}: pass"
-    loops = [subprocess.Popen([sys.executable, "-c", loop]) for _ in range(count)]
+def busy(count: int) -> Iterator[None]:
+    """Run this many busy loops."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield
     finally:
@@ -258,13 +255,13 @@ def busy(count: int, seconds: float) -> Iterator[None]:
 
 
 @contextmanager
-def page(address: str, height: int) -> Iterator[None]:
-    """Open the page in a browser that draws it in software, `height` px high."""
+def page(address: str) -> Iterator[None]:
+    """Open the page in a browser that draws it in software."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(DRAWN_IN_SOFTWARE))
-        opened = browser.new_page(viewport={"width": 1440, "height": height})
+        opened = browser.new_page(viewport={"width": 1440, "height": 900})
         opened.set_default_timeout(1e3 * PATIENCE)
         opened.goto(address)
         opened.wait_for_selector("#behaviors button")
@@ -272,20 +269,10 @@ def page(address: str, height: int) -> Iterator[None]:
         browser.close()
 
 
-def flights(
-    count: int,
-    words: tuple[str, ...],
-    loops: int = 0,
-    seconds: float = FOR_LONG,
-    height: int = HEIGHT,
-) -> list[Flight]:
+def flights(count: int, words: tuple[str, ...], loops: int = 0) -> list[Flight]:
     """Fly and evaluate the flights, starved by busy loops and a page if there are loops.
 
     Raises QuadlabError.
-
-    Args:
-        seconds: processor time of each loop.
-        height: of the page, px.
     """
     found = []
     with tempfile.TemporaryDirectory(prefix="quadlab-starved-") as data:
@@ -293,7 +280,7 @@ def flights(
         try:
             if not loops:
                 return [_shown(laboratory.fly()) for _ in range(count)]
-            with page(laboratory.new_link(), height), busy(loops, seconds):
+            with page(laboratory.new_link()), busy(loops):
                 for _ in range(count):
                     found.append(_shown(laboratory.fly()))
             return found
@@ -307,17 +294,11 @@ def _shown(flight: Flight) -> Flight:
 
 
 def run(size: Size = Size.FULL) -> Report:
-    long = BUSY, UNLOADED, FOR_LONG, HEIGHT
-    return measure(size.of(FLIGHTS, 3, 1), (), *size.of(long, long, (1, 0, 1.0, 200)))
+    return measure(size.of(FLIGHTS, 3, 1), (), *size.of((BUSY, UNLOADED), (BUSY, UNLOADED), (1, 0)))
 
 
 def measure(
-    count: int,
-    words: tuple[str, ...],
-    loops: int = BUSY,
-    most_alone: int = UNLOADED,
-    seconds: float = FOR_LONG,
-    height: int = HEIGHT,
+    count: int, words: tuple[str, ...], loops: int = BUSY, most_alone: int = UNLOADED
 ) -> Report:
     """Measure flights of laboratories.
 
@@ -333,7 +314,7 @@ def measure(
         ],
     )
     alone = flights(min(most_alone, count), words) if most_alone else []
-    starved = flights(count, words, loops, seconds, height)
+    starved = flights(count, words, loops)
     for name, group in (("alone", alone), ("starved", starved)):
         if not group:
             continue

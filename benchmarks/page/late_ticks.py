@@ -81,7 +81,7 @@ def measure(flown: Pilot, size: Size) -> Figures:
             "client": page(flown),
         }
         if shutil.which(CHROMIUM):
-            pages["browser"] = drawn(flown, size)
+            pages["browser"] = drawn(flown)
         for name, shown in pages.items():
             with shown:
                 time.sleep(size.of(*SETTLED))
@@ -99,14 +99,13 @@ def late(flown: Pilot, seconds: float) -> float:
 
 
 @contextmanager
-def drawn(flown: Pilot, size: Size) -> Iterator[None]:
+def drawn(flown: Pilot) -> Iterator[None]:
     """Show the console in a browser."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which(CHROMIUM), args=[*DRAWING])
-        height = size.of(900, 900, 200)  # a small page is drawn with less work
-        context = browser.new_context(viewport={"width": 1440, "height": height})
+        context = browser.new_context(viewport={"width": 1440, "height": 900})
         context.add_cookies(flown.cookies())
         console = context.new_page()
         console.goto(flown.base)
