@@ -33,7 +33,8 @@ class Person:
 
     def __init__(self, lab: Any, url: str) -> None:
         self.client = httpx.Client(base_url=lab.url, headers={"origin": lab.url}, timeout=10)
-        assert self.client.get(url, follow_redirects=True).status_code == 200
+        token = url.partition("token=")[2]
+        assert self.client.post("/login", data={"token": token}).status_code == 200
         self.label = self.client.get("/api/session").json()["label"]
         self._lab = lab
 
