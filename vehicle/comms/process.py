@@ -17,7 +17,7 @@ from pathlib import Path
 
 import msgspec
 
-from quadrotor.errors import ClockNotSetError, QuadlabError
+from quadrotor.errors import QuadlabError
 from vehicle.boards.kind import find_kind
 from vehicle.boards.offered import offer
 from vehicle.calibration.store import CalibrationStore
@@ -29,6 +29,7 @@ from vehicle.comms.lane import CommsLane
 from vehicle.comms.publish import FLOWN_ON, LinkRadio, Publisher
 from vehicle.comms.self_checks import SelfChecks
 from vehicle.comms.services import serve
+from vehicle.comms.start_certificates import certificates_in_time
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog
@@ -45,7 +46,7 @@ from vehicle_link.clock import monotonic_ns
 from vehicle_link.defects import end_at_defect
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import COMMS_PROCESS, ProcessProgress
-from vehicle_link.security.authority import TlsFiles, ensure_certificates, readable_keys
+from vehicle_link.security.authority import readable_keys
 from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.set_clock import SetClock
 from vehicle_link.termination_signal import Ending, EndSignal
@@ -56,7 +57,6 @@ from vehicle_link.transport.session import vehicle_session
 
 SHORTEST_WAIT_S = 0.001
 STATION_LOST_S = 1.0
-CLOCK_CHECK_S = 0.5
 FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5
 TICKS_KEPT = TICK_SLOTS // 2
@@ -264,23 +264,6 @@ class Comms:
         return json.dumps(self._parameters.values(), indent=1).encode()
 
 
-def _certificates(folder: Path, stopping: Ending) -> TlsFiles | None:
-    """Return the certificates once the computer's clock allows them; None when stopped before.
-
-    A computer without a battery for its clock starts in 1970, and is set right later.
-    """
-    is_told = False
-    while True:
-        try:
-            return ensure_certificates(folder)
-        except ClockNotSetError as error:
-            if not is_told:
-                say(f"{error}; until then no base is connected and nothing flies")
-            is_told = True
-        if stopping.wait(CLOCK_CHECK_S):
-            return None
-
-
 def main(argument: str) -> int:
     """Run the process; return 0 after a signal, GIVEN_UP when it cannot start.
 
@@ -294,7 +277,7 @@ def main(argument: str) -> int:
     try:
         folder = Path(config.data) / "certificates"
         is_enrolled = (folder / "ca.pem").exists()
-        if (files := _certificates(folder, stopping)) is None:
+        if (files := certificates_in_time(folder, stopping)) is None:
             return 0
         session = vehicle_session(config.link_port, files, config.link_host)
     except QuadlabError as error:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from vehicle.comms import process
+from vehicle.comms.start_certificates import certificates_in_time
 from vehicle_link.security import authority
 
 
@@ -33,7 +33,7 @@ def test_it_connects_once_the_clock_is_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     waiting = Waiting(monkeypatch)
-    files = process._certificates(tmp_path / "certificates", waiting)
+    files = certificates_in_time(tmp_path / "certificates", waiting)
     assert files is not None
     assert files.authority.exists()
     assert waiting.looks == 3
@@ -44,5 +44,5 @@ def test_it_connects_once_the_clock_is_set(
 def test_it_ends_when_asked_while_the_clock_is_not_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert process._certificates(tmp_path / "certificates", Waiting(monkeypatch, True)) is None
+    assert certificates_in_time(tmp_path / "certificates", Waiting(monkeypatch, True)) is None
     assert not (tmp_path / "certificates").exists()
