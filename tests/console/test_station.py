@@ -29,7 +29,7 @@ from tests.support.station import LinkedStation
 from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.commands import COMMANDS
-from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient, serve_parameters
@@ -383,14 +383,16 @@ def test_sticks_of_one_without_control_do_not_reach_the_vehicle(bench: Bench) ->
 def test_sticks_held_when_control_is_taken_are_let_go_by_their_own_release(bench: Bench) -> None:
     status = Inbox(bench.page, "stick_status")
 
-    def send(requester: str, held: bool = True) -> None:
+    def send(requester: str, held: bool = True) -> int:
+        stamp_ns = time.time_ns()
         joy = new(
-            "sensor_msgs/Joy",
-            header=header(time.time_ns(), requester),
-            axes=[0, 0, 0, 0],
-            buttons=[held],
+            "sensor_msgs/Joy", header=header(stamp_ns, requester), axes=[0, 0, 0, 0], buttons=[held]
         )
-        bench.stick.put(encode(joy), time.time_ns())
+        bench.stick.put(encode(joy), stamp_ns)
+        return stamp_ns
+
+    def at(message: Any) -> int:
+        return stamp_of(message)
 
     def answers(requester: str) -> list[tuple[bool, str]]:
         got = status.decoded("stick_status")
@@ -400,13 +402,18 @@ def test_sticks_held_when_control_is_taken_are_let_go_by_their_own_release(bench
         lines = bench.inbox.decoded("station_status")[-1].alarms
         return any("sticks of ada dropped" in line for line in lines)
 
-    def ada_is_answered() -> bool:
+    def ada_holds() -> bool:
+        """Return whether her newest order is a button that is held and counts."""
         send("ada", held=False)  # a button refused before does not count until it is released
-        send("ada")
-        return (True, "") in answers("ada")
+        stamp_ns = send("ada")
+
+        def answered() -> list[bool]:
+            return [one.enabled for one in status.decoded("stick_status") if at(one) == stamp_ns]
+
+        return until(answered) == [True]
 
     assert bench.call("control", action="ask").accepted
-    assert until(ada_is_answered)
+    assert until(ada_holds)
     assert bench.call("control", action="take", requester="grace").accepted
     assert until(is_alarm)
     send("ada", held=False)
