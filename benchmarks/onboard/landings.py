@@ -137,7 +137,7 @@ def _land(flight: WatchedFlight, disturbed: Disturbance, behavior: str) -> Landi
         if found.contact is None and flight.height < TOUCHING:
             found.contact = now
         for text in flight.events.texts[told:]:
-            found.refuted += text.startswith("not the ground")
+            found.refuted += text.startswith("not on the ground")
             if text == "touched down":
                 found.told, found.height = now, flight.height
         told = len(flight.events.texts)

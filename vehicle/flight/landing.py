@@ -79,7 +79,7 @@ class Landing:
         if verdict is Verdict.AIR and landing:
             ground.refute()
             self.stopped = -AGAIN
-            self.outbox.say("not the ground: it falls with less thrust; descending on")
+            self.outbox.say("not on the ground: the vehicle sank with less thrust; descending on")
         return verdict is Verdict.GROUND
 
     def _is_presumed(self, dt: float) -> bool:
