@@ -183,6 +183,8 @@ def test_commands_control_and_runs_are_each_vehicle_s_own(laboratory: Laboratory
     runs = {name: station.runs.recorder for name, station in laboratory.stations.items()}
     assert until(lambda: all(one.run_id for one in runs.values()))
     ids = {name: one.run_id for name, one in runs.items()}
+    heard = {name: len(states) for name, states in laboratory.heard.items()}
+    assert until(lambda: all(len(laboratory.heard[name]) > heard[name] + 1 for name in NAMES))
     assert laboratory.call("quad1", "disarm", "ada").accepted
     assert until(lambda: not runs["quad1"].run_id)
     assert runs["quad2"].run_id == ids["quad2"], "the other one's recording went on"
