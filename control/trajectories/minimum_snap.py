@@ -141,7 +141,8 @@ def within(
     # Starting from rest and stopping take longer than passing by.
     spans[0], spans[-1] = 1.5 * spans[0], 1.5 * spans[-1]
     path = minimum_snap(points, np.concatenate([[0.0], np.cumsum(spans)]))
-    seen = np.empty(64 * len(spans), REFERENCE)
+    # Enough also for the shortest piece of a path whose pieces last very differently.
+    seen = np.empty(256 * len(spans), REFERENCE)
     path.sample_grid(0.0, path.duration / (len(seen) - 1), seen)
     factor = max(
         float(np.linalg.norm(seen["velocity_w"], axis=1).max()) / speed,
