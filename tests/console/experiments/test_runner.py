@@ -537,6 +537,8 @@ def test_sticks_deflected_since_before_the_start_take_nothing_over(
     assert until(flown)
     holding.start()
     try:
+        # A release that was sent before may still be on its way.
+        assert until(lambda: [joy.axes[0] for joy in list(bench.vehicle.joys)[-5:]] == [0.5] * 5)
         bench.flying()
         threading.Event().wait(0.1)
         assert bench.told[-1].phase == "flying"
