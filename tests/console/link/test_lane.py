@@ -168,7 +168,8 @@ def test_poses_of_station_and_ros_nodes_reach_the_vehicle_once(ends: Ends, whose
     def came_by_both() -> bool:
         sent.append(b"%s %d" % (whose.encode(), len(sent)))
         publisher.put(sent[-1])
-        return newest.late > before
+        # A copy of an earlier test's pose may count as late as well.
+        return newest.late > before and any(one.payload in sent for one in list(came))
 
     ends.send_until(came_by_both)
     payloads = [received.payload for received in list(came)]
