@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 TAKEN_OFF = 0.03
 """Height, in m above the place of arming, that is a take-off; larger than a pose's noise."""
 LEARN = 3.0
@@ -56,7 +58,7 @@ class GroundContact:
             thrust: N, commanded.
             share: share of the lift in the air; an excess by more than this is ground contact.
         """
-        if not thrust > 0.0:
+        if not (thrust > 0.0 and math.isfinite(lift)):
             return
         ratio, learnt = lift / thrust, self._lift_per_newton
         if self._flown > LEAST and ratio > (1.0 + share) * learnt:

@@ -8,6 +8,7 @@ released load first looked like the ground.
 
 from __future__ import annotations
 
+import math
 from enum import Enum, auto
 
 from quadrotor.vehicle_model import GRAVITY
@@ -59,12 +60,14 @@ class Unloading:
         self.share = self._lasted = self._carried = self._falling = 0.0
 
     def observe(self, lift: float, thrust_lift: float, dt: float) -> None:
-        """Follow one sample, in a test and before it.
+        """Follow one sample, in a test and before it; one that is not finite is left out.
 
         Args:
             lift: m/s², specific force along z_B.
             thrust_lift: m/s², the part of it that the commanded thrust gives in the air.
         """
+        if not math.isfinite(lift + thrust_lift):
+            return
         self._lift += min(1.0, dt / SMOOTHING) * (lift - self._lift)
         self._thrust_lift += min(1.0, dt / LAG) * (thrust_lift - self._thrust_lift)
 
