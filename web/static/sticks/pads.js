@@ -14,7 +14,8 @@ const signOf = (pad) => `${pad.timestamp};${pad.axes};${pad.buttons.map(({ press
 
 export class Pads {
   constructor() {
-    this.pad = null; // a new object each time in some browsers
+    /** @type {any} */
+    this.pad = null; // a Gamepad; a new object each time in some browsers
     this.unplugged = new Set(); // indices, since the last look
     this.pressing = new Set(); // indices
     this.sign = "";
@@ -25,7 +26,7 @@ export class Pads {
   // Read them; returns whether `pad` is another one than before. `keeps`: nobody else's button counts
   // while the one in use sends.
   look(now, keeps) {
-    const pads = [...(navigator.getGamepads?.() ?? [])].filter((one) => one?.connected), before = this.pad;
+    const pads = [...(navigator.getGamepads?.() ?? [])].flatMap((pad) => pad?.connected ? [pad] : []), before = this.pad;
     const same = before && !this.unplugged.has(before.index) ? pads.find(({ index, id }) => index === before.index && id === before.id) : null;
     const claims = pads.find((one) => one !== same && presses(one) && !this.pressing.has(one.index));
     const isKept = same && !(claims && (!keeps || this.silence(now) > SILENT));

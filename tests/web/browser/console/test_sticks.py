@@ -302,11 +302,20 @@ def test_a_button_held_while_its_pad_is_plugged_in_does_not_count(
 
 
 def test_the_round_trip_to_the_station_is_shown(
-    flown: Any, cockpit: Cockpit, fly: Any, look_at: Any
+    flown: Any, cockpit: Cockpit, fly: Any, until: Any, look_at: Any
 ) -> None:
-    fly(Pad(flown))
+    pad = Pad(flown)
+    fly(pad)
     look_at(flown).text("#sticks .trip", r"^[\d.]+ ms, 95 % below [\d.]+ ms$")
-    look_at(flown).text("#sticks .note", "no data from the vehicle")
+
+    def says_that_nothing_answers() -> bool:
+        """Read the note; press again if a busy machine has dropped the sticks."""
+        note = str(flown.locator("#sticks .note").text_content())
+        if note.startswith("Off"):
+            fly(pad)
+        return "On, but there is no data from the vehicle" in note
+
+    until(says_that_nothing_answers)
 
 
 def test_keys_move_their_axis_smoothly_and_only_with_shift(
