@@ -67,6 +67,7 @@ class Landing:
         contact: first contact with the ground. told: end of the landing by the vehicle itself.
         height: m, at that moment. impact: m/s, the hardest.
         refuted: number of presumed touch-downs that were found to be none.
+        doubted: whether the barometer, which is sound, was not believed.
     """
 
     kind: str
@@ -75,6 +76,7 @@ class Landing:
     height: float = 0.0
     impact: float = 0.0
     refuted: int = 0
+    doubted: bool = False
 
     @property
     def is_in_the_air(self) -> bool:
@@ -138,6 +140,7 @@ def _land(flight: WatchedFlight, disturbed: Disturbance, behavior: str) -> Landi
             found.contact = now
         for text in flight.events.texts[told:]:
             found.refuted += text.startswith("not on the ground")
+            found.doubted |= text.startswith("barometer and accelerometer disagree")
             if text == "touched down":
                 found.told, found.height = now, flight.height
         told = len(flight.events.texts)
@@ -206,6 +209,7 @@ def _figures(landings: Sequence[Landing]) -> dict[str, float | str]:
         "landings": len(landings),
         "in the air": sum(one.is_in_the_air for one in landings),
         "refuted": sum(one.refuted for one in landings),
+        "barometer doubted": sum(one.doubted for one in landings),
         "impact, m/s, median": statistics.median(one.impact for one in landings),
         "hardest": max(one.impact for one in landings),
         "recognised, s, median": statistics.median(times),

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from control.behaviors.ground import rest_reference
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.vehicle_model import GRAVITY
-from vehicle.estimators.barometric_height import BarometricHeight
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import LANDING
 from vehicle.flight.modes import Mode
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.parameters import VehicleParameters
+from vehicle.safety.barometric_height import BarometricHeight
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.unloading import Unloading, Verdict
 

@@ -6,10 +6,13 @@ here, by the barometer, as is the descent when no other estimate on board can be
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from control.behaviors.near_hovering import Level
 from quadrotor.parameters import Parameters, parameter
-from vehicle.estimators.barometric_height import BarometricHeight
 from vehicle.flight.control_law import ControlLaw
+from vehicle.safety.barometric_height import BarometricHeight
+from vehicle.safety.blind_descent import BlindDescent
 from vehicle_link.serial.attitude_command import THRUST_SHARE_MAX, THRUST_SHARE_MIN, AttitudeCommand
 
 AVERAGE = 0.5
@@ -36,14 +39,17 @@ class NearHovering:
 
     Args:
         parameters: read at each tick.
+        say: takes a warning for the log.
 
     Attributes:
         altitude: height and climb rate by the barometer, updated in every mode.
+        descent: watches descents, in every mode.
     """
 
-    def __init__(self, parameters: NearHoveringParameters) -> None:
+    def __init__(self, parameters: NearHoveringParameters, say: Callable[[str], object]) -> None:
         self.parameters = parameters
         self.altitude = BarometricHeight()
+        self.descent = BlindDescent(self.altitude, say)
         self._share = 0.0  # share of the stick thrust, averaged
         self._lift: float | None = None  # integral of the climb rate control, a share
         self._hover = 1.0  # share of the stick thrust in hover when the mode began
@@ -72,7 +78,7 @@ class NearHovering:
             wanted = level.climb
             if wanted < -p.flare_speed and self.altitude.height < p.flare_height:
                 wanted = -p.flare_speed
-            error = wanted - self.altitude.climb
+            error = wanted - self.descent.extra - self.altitude.climb
             per_acceleration = law.mass / p.stick_thrust
             if not unloading:
                 lift = self._lift + p.lift_gain * per_acceleration * error * dt

@@ -8,6 +8,7 @@ results for identical input. Only the caller's thread may use it.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from bearing_sim.beacons import parse_layout
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from estimation.estimator import Estimator
+from estimation.outcome import Agreement
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.boards.board import Command, CommandKind, RawSample, Traits
@@ -51,6 +53,7 @@ from vehicle.sensors.sensors import OwnSensors
 from vehicle_link.commands import BRAKING
 
 _GROUND, _EXTERNAL = BehaviorName.GROUND, BehaviorName.EXTERNAL
+_DESCENT, _USED = BehaviorName.EMERGENCY_LANDING, int(Agreement.USED)
 LONGEST_STEP = 0.05
 """Longest step, in s, of laws and behaviors, also after a longer gap between samples."""
 
@@ -96,7 +99,8 @@ class FlightStack:
         self.own_sensors = OwnSensors(plugins, waits, p.estimation.sensors)
         self.supervisor = Supervisor(p.safety)
         self.imu_calibrator = ImuCalibrator(p.imu)
-        self.near_hovering, self.ground = NearHovering(p.near_hovering), GroundContact()
+        warn = partial(outbox.say, level=mailbox.WARN)
+        self.near_hovering, self.ground = NearHovering(p.near_hovering, warn), GroundContact()
         self.bench = Bench(p.safety, board.missing(CommandKind.MOTORS))
         beacons, estimators = parse_layout(p.beacons.layout), Estimators(plugins, waits)
         self.navigation = Navigation(
@@ -334,8 +338,17 @@ class FlightStack:
     # ------------------------------------------------------------------ parts of the tick
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """Estimate the altitude by the barometer in every mode, as it may be needed at any time."""
-        altitude = self.near_hovering.altitude
-        if self.ground.airborne:
-            altitude.step(sample.pressure, self._tick.specific_force_b.item(2), dt)
-        else:
+        altitude, descent = self.near_hovering.altitude, self.near_hovering.descent
+        if not self.ground.airborne:
             altitude.set_ground(sample.pressure, dt)
+            descent.rest()
+            return
+        tick, lift = self._tick, self._tick.specific_force_b.item(2)
+        altitude.step(sample.pressure, lift, dt)
+        if self.behaviors.name is _DESCENT:
+            descent.watch(lift, self.parameters.behavior.emergency_landing_speed, dt)
+        else:
+            is_known = self.navigation.has_pose and tick.agreement.item() == _USED
+            height = tick.position_w.item(2) - self.ground.ground_z
+            motion = (height, tick.state["velocity_w"].item(2)) if is_known else None
+            descent.follow(tick.vertical_force, motion, dt)

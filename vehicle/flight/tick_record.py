@@ -58,6 +58,14 @@ class TickRecord:
         return tilt_of(*self._quaternion_wb.tolist())
 
     @property
+    def vertical_force(self) -> float:
+        """Return the specific force along z_W in m/s², by the estimated attitude."""
+        w, x, y, z = self._quaternion_wb.tolist()
+        a, b, c = self.specific_force_b.tolist()
+        up: float = 2.0 * ((x * z - w * y) * a + (y * z + w * x) * b)
+        return up + (1.0 - 2.0 * (x * x + y * y)) * float(c)
+
+    @property
     def saturated(self) -> bool:
         """Return whether the motors could not produce the wrench commanded by the control law."""
         return bool(self.scaling.item() < 1.0)

@@ -10,8 +10,8 @@ import pytest
 from quadrotor.records import POSE_SAMPLE, Record
 from quadrotor.vehicle_model import GRAVITY
 from tests.support.lab import Lab, flight_parameters
-from vehicle.estimators.barometric_height import PASCALS_PER_METRE, BarometricHeight
 from vehicle.processes.mailbox import Measurement
+from vehicle.safety.barometric_height import PASCALS_PER_METRE, BarometricHeight
 
 GAP = 0.2
 """Length of the gap, s: four times the longest step of the laws."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from quadrotor.errors import RefusedError
 from quadrotor.records import Record
 from tests.support.lab import Lab
 from tests.support.narrowing import now
+from vehicle.boards.board import RawSample
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.modes import ControlMode, Mode
 from vehicle.flight.stack import FlightStack
@@ -263,6 +265,27 @@ def test_near_hovering_flies_by_angles_and_holds_its_altitude() -> None:
     assert now(lab).stack.modes.control_mode is ControlMode.DIRECT
     assert np.abs(lab.robot.truth["velocity_w"][0]).max() < 0.05
     assert lab.height == pytest.approx(1.5, abs=0.4)
+
+
+@pytest.mark.parametrize("leak", [15.0, -15.0])
+def test_a_descent_by_a_barometer_that_leaks_goes_by_the_accelerometer(leak: float) -> None:
+    lab = FailingLab().hovering(1.5)
+    tick, begun_ns, highest = lab.stack.tick, lab.robot.stamp_ns, 0.0
+
+    def leaking(sample: RawSample) -> object:
+        pressure = sample.pressure + leak * max(0, sample.stamp_ns - begun_ns) * 1e-9
+        return tick(msgspec.structs.replace(sample, pressure=pressure))
+
+    lab.stack.tick = leaking  # type: ignore[method-assign, assignment]
+    lab._tracker.parameters.drop_out = 1.0
+    while lab.view().armed:
+        lab.advance()
+        highest = max(highest, lab.height)
+        assert lab.robot.stamp_ns - begun_ns < 20e9
+    assert "barometer and accelerometer disagree" in lab.said
+    assert highest < 1.8  # it climbed at 0.8 m/s, without an end
+    assert 0.0 < lab.impact < 0.6  # it was 2.3 m/s
+    assert lab.height < 0.02
 
 
 def test_near_hovering_out_of_the_volume_is_landed_while_the_pose_is_known() -> None:

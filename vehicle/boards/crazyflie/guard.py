@@ -28,7 +28,8 @@ from vehicle.boards.crazyflie.messages import (
     Info,
     arm,
 )
-from vehicle.estimators.barometric_height import BarometricHeight
+from vehicle.safety.barometric_height import BarometricHeight
+from vehicle.safety.blind_descent import BlindDescent
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.unloading import MOST, Unloading, Verdict
 from vehicle_link.crtp.packets import CrtpPort, Packet
@@ -51,8 +52,6 @@ SUPPORT, DWELL_S = 0.1, 0.1
 in s."""
 AIRBORNE = 0.3
 """Height, in m by the barometer, above which the thrust carries it."""
-LONGEST_S = 30.0
-"""Longest landing, in s."""
 _IMU, _STATUS = struct.Struct("<6f"), struct.Struct("<2fH")
 
 
@@ -73,10 +72,11 @@ class Guard:
         self._name, self._say = name, say
         self.lands = self._is_barred = False
         self._altitude, self._ground = BarometricHeight(), GroundContact()
+        self._descent = BlindDescent(self._altitude, lambda line: say(f"{name}: {line}"))
         self._unloading = Unloading()
         self._pressure = self._climb_wanted = self._lift = self._hover = 0.0
         self._thrust = 0  # of the newest set-point
-        self._setpoint_s = self._began_s = 0.0
+        self._setpoint_s = 0.0
         self._sample_ms: int | None = None
         self._is_flying = False
         self._due: list[Packet] = []
@@ -102,7 +102,7 @@ class Guard:
             return True
         return not self._is_barred
 
-    def hear(self, packet: Packet, now_s: float) -> None:
+    def hear(self, packet: Packet) -> None:
         """Note a packet of the Crazyflie."""
         if (packet.port, packet.channel) != (CrtpPort.LOG, DATA) or len(packet.data) < 4:
             return
@@ -115,13 +115,13 @@ class Guard:
             dt = 0.0 if self._sample_ms is None else 1e-3 * (ms - self._sample_ms & 0xFFFFFF)
             self._sample_ms = ms
             if dt > 0.0:  # not the first, and none that came twice
-                self._sample(GRAVITY * _IMU.unpack(values)[2], min(dt, 0.1), now_s)
+                self._sample(GRAVITY * _IMU.unpack(values)[2], min(dt, 0.1))
 
     def due(self, now_s: float) -> list[Packet]:
         """Return the packets that it sends now, and begin to land when that is due."""
         silent = now_s - self._setpoint_s > SILENT_S
         if not self.lands and self._is_flying and self._thrust > 0 and silent:
-            self.lands, self._is_barred, self._began_s = True, True, now_s
+            self.lands, self._is_barred = True, True
             self._say(f"{self._name}: no set-point for {SILENT_S:g} s in flight; landing it")
             self._lift, self._climb_wanted = self._hover, self._altitude.climb
             self._ground.carried = 0.0
@@ -129,17 +129,20 @@ class Guard:
         due, self._due = self._due, []
         return due
 
-    def _sample(self, lift: float, dt: float, now_s: float) -> None:
+    def _sample(self, lift: float, dt: float) -> None:
         if not (self.lands or self._thrust):
             self._altitude.set_ground(self._pressure, dt)
+            self._descent.rest()
             self._hover = 0.0
             return
         self._altitude.step(self._pressure, lift, dt)
         per_thrust = self._ground.lift_per_newton or GRAVITY / max(1.0, self._hover)
         self._unloading.observe(lift, per_thrust * self._thrust, dt)
         if self.lands:
-            self._descend(dt, now_s)
+            self._descent.watch(lift, SINK, dt)
+            self._descend(dt)
         else:
+            self._descent.follow(lift, None, dt)
             is_low = self._altitude.height < AIRBORNE
             average_s = AVERAGE_LOW_S if is_low else AVERAGE_S
             share = min(1.0, dt / average_s) if self._hover else 1.0
@@ -160,9 +163,8 @@ class Guard:
             self._ground.refute()
         return verdict is Verdict.GROUND
 
-    def _descend(self, dt: float, now_s: float) -> None:
-        is_over = self._is_down(dt) or now_s - self._began_s > LONGEST_S
-        if is_over or not self._is_flying:
+    def _descend(self, dt: float) -> None:
+        if self._is_down(dt) or not self._is_flying:
             self._unloading.end()
             self.lands, self._thrust = False, 0
             self._due += [STOPPED, arm(False)]
@@ -172,7 +174,8 @@ class Guard:
         change = -sink - self._climb_wanted
         most = dt * (SLOWING if self._climb_wanted > 0.0 else QUICKENING)
         self._climb_wanted += min(most, max(-most, change))
-        error = self._hover / GRAVITY * (self._climb_wanted - self._altitude.climb)
+        climb = self._climb_wanted - self._descent.extra
+        error = self._hover / GRAVITY * (climb - self._altitude.climb)
         least, most = THRUST_LEAST * self._hover, THRUST_MOST * self._hover
         if not self._unloading.is_running:
             self._lift = min(most, max(least, self._lift + LIFT_GAIN * error * dt))

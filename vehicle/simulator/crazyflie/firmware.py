@@ -123,7 +123,7 @@ class CrazyflieFirmware(BoardFirmware):
         packets = self._down.take(self._now_ms)
         if self.guard is not None and self._has_radio:
             for packet in packets:
-                self.guard.hear(decode(packet), 1e-3 * self._now_ms)
+                self.guard.hear(decode(packet))
             for own in self.guard.due(1e-3 * self._now_ms):
                 self._up.put(own.encode(), self._now_ms)
         return 0, b"".join(map(frame, packets))

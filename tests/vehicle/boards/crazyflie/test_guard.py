@@ -47,7 +47,7 @@ class Watched:
             imu = struct.pack("<6f", 0.0, 0.0, self.force, 0.0, 0.0, 0.0)
             for number, values in ((1, status), (0, imu)):
                 packet = Packet(CrtpPort.LOG, DATA, bytes((number,)) + stamp + values)
-                self.guard.hear(packet, 1e-3 * self.now_ms)
+                self.guard.hear(packet)
             own += self.guard.due(1e-3 * self.now_ms)
         return own
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from quadrotor.vehicle_model import GRAVITY
-from vehicle.estimators.barometric_height import FARTHEST, PASCALS_PER_METRE, BarometricHeight
+from vehicle.safety.barometric_height import FARTHEST, PASCALS_PER_METRE, BarometricHeight
 
 
 def settled() -> BarometricHeight:

@@ -23,10 +23,12 @@ class BarometricHeight:
 
     Attributes:
         height: m above the place where `set_ground` was called last. climb: m/s.
+        is_believed: whether the barometer is used; otherwise the accelerometer alone.
     """
 
     def __init__(self) -> None:
         self.height = self.climb = self._bias = 0.0
+        self.is_believed = True
         self._ground: float | None = None  # Pa
 
     def set_ground(self, pressure: float, dt: float) -> None:
@@ -35,6 +37,17 @@ class BarometricHeight:
             self._ground = pressure
         self._ground += min(1.0, dt) * (pressure - self._ground)
         self.height = self.climb = self._bias = 0.0
+        self.is_believed = True
+
+    def disbelieve(self, height: float, climb: float, bias: float) -> None:
+        """Go on by the accelerometer alone until the next `set_ground`.
+
+        Args:
+            height, climb: at present, m and m/s.
+            bias: of the accelerometer along z_B, m/s².
+        """
+        self.height, self.climb, self._bias = height, climb, bias
+        self.is_believed = False
 
     def step(self, pressure: float, lift: float, dt: float) -> None:
         """Update with one sample: pressure (Pa) and specific force along z_B (m/s²), dt (s) after
@@ -48,6 +61,9 @@ class BarometricHeight:
         error = (self._ground - pressure) / PASCALS_PER_METRE - height
         error = min(FARTHEST, max(-FARTHEST, error))
         w, held = POLE, min(dt, LONGEST_HELD)
+        if not self.is_believed:
+            self.height, self.climb = height, climb
+            return
         self.height = height + 3.0 * w * held * error
         self.climb = climb + 3.0 * w * w * held * error
         self._bias -= w * w * w * held * error
