@@ -39,6 +39,7 @@ void begin_descent(struct program *p)
     p->landing = true;
     p->landed = false;
     p->carried = 0;
+    p->faster = 0;
     const int32_t now = commanded(p);
     const int32_t carrying = (now < WEIGHT) ? now : WEIGHT; /* more than its average at lift-off */
     p->lift = (p->thrust > carrying) ? p->thrust : carrying;
@@ -55,7 +56,11 @@ void descend(struct program *p, int16_t *registers)
     static const int32_t level[3] = {0, 0, 0};
     const int16_t second = p->gains.second;
     const int16_t cosine = vertical(p, 2);
-    const int32_t wanted = ((p->height - p->ground) < FLARE_HEIGHT) ? SINK_FLARE : SINK;
+    const int32_t above = p->height - p->ground;
+    if (above < DEEPEST) {
+        p->faster += second >> FASTER_SHIFT;
+    }
+    const int32_t wanted = p->faster + ((above < FLARE_HEIGHT) ? SINK_FLARE : SINK);
     const int32_t change = (p->sink < 0) ? (2 * (int32_t)second) : second; /* 2 or 1 m/s^2 */
     p->sink += bounded(wanted - p->sink, change);
     const int32_t error = bounded(-p->sink - p->climb, SINK_ERROR_MAX);

@@ -32,6 +32,7 @@ struct program {
     int32_t support;        /* 2^-28, specific force over what the thrust gives in the air */
     int32_t lift;           /* 2^-24 N, integral part of the descent's thrust */
     int32_t sink;           /* 2^-22 m/s, wanted in the descent */
+    int32_t faster;         /* 2^-22 m/s, of a descent that should have ended */
     int32_t carried;        /* 2^-22 s, the ground has carried the vehicle */
     uint8_t references[MOTORS];
     uint8_t missing;        /* bits of the motors whose controllers do not answer */

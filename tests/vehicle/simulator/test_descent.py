@@ -148,6 +148,22 @@ def test_a_weak_battery_lands_it_while_commands_go_on() -> None:
     assert alone.height < TOUCHING + 0.005
 
 
+def test_a_barometer_that_leaks_keeps_it_in_the_air_for_a_while_only() -> None:
+    alone = Alone()
+    alone.take_off(1.5)
+    truth, highest = alone.robot.parameters, 0.0
+    for _ in range(70):
+        truth = truth.model_copy(update={"ground_pressure": truth.ground_pressure + 7.5})
+        alone.robot.configure(truth)  # 15 Pa/s: level flight sinks at 1.3 m/s by the barometer
+        alone.rest(0.5)
+        highest = max(highest, alone.height)
+        if alone.firmware.motor_state is MotorState.OFF:
+            break
+    assert alone.firmware.motor_state is MotorState.OFF
+    assert 0.0 <= alone.height < TOUCHING
+    assert 5.0 < highest < 15.0
+
+
 def test_an_emergency_on_the_ground_does_not_take_off() -> None:
     alone = Alone()
     alone.set(Id.FLIGHT_CONTROL_MODE, FlightControlMode.NEAR_HOVERING)

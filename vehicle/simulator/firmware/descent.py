@@ -58,7 +58,10 @@ def descend(p: Item, registers: Registers) -> None:
     """Run one period of the descent of a PROGRAM; set `landed` at its end."""
     second = p.gains.second
     cosine = vertical(p)[2]
-    wanted = k.SINK_FLARE if p.height - p.ground < k.FLARE_HEIGHT else k.SINK
+    above = p.height - p.ground
+    if above < k.DEEPEST:
+        p.faster += second >> k.FASTER_SHIFT
+    wanted = p.faster + (k.SINK_FLARE if above < k.FLARE_HEIGHT else k.SINK)
     # From the initial climb rate: 2 m/s^2 while it still climbs, then 1 m/s^2.
     p.sink += bounded(wanted - p.sink, 2 * second if p.sink < 0 else second)
     error = bounded(-p.sink - p.climb, k.SINK_ERROR_MAX)
@@ -81,7 +84,7 @@ def begin_descent(p: Item) -> None:
     Just after lift-off the average thrust is still below what carries the vehicle, and the present
     one is not.
     """
-    p.landing, p.landed, p.carried = 1, 0, 0
+    p.landing, p.landed, p.carried, p.faster = 1, 0, 0, 0
     p.lift = max(p.thrust, min(_commanded(p), k.WEIGHT))
     p.sink = -p.climb
     p.angle_integral[0] = p.angle_integral[1] = 0

@@ -45,6 +45,7 @@ PROGRAM = np.dtype(
         ("support", "i8"),  # 2^-28, specific force along z_B over the thrust's in the air
         ("lift", "i8"),  # 2^-24 N, integral part of the descent's thrust
         ("sink", "i8"),  # 2^-22 m/s, reference in the descent
+        ("faster", "i8"),  # 2^-22 m/s, of a descent that should have ended
         ("carried", "i8"),  # 2^-22 s, for which the ground has carried the vehicle
         ("turning", "i8"),  # 1: motors on, by command or autonomously
         ("landing", "i8"),  # 1: the descent is in control
