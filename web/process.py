@@ -15,9 +15,11 @@ from threading import Thread
 import uvicorn
 from starlette.types import ASGIApp
 
+from vehicle_link.defects import STATUS
 from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
 from web.beacons.survey import SurveyRun
+from web.live.deafness import Deafness
 from web.live.events import EventHub
 from web.live.latest import Live
 from web.live.sockets import LiveWebSocket, listen
@@ -77,6 +79,8 @@ def run_web(
     def show_link(url: str, signed_in: str | None = None) -> None:
         if signed_in is None:
             give_way()
+            deafness = Deafness([live for live, _ in stations], loopback_port, end_deaf)
+            Thread(target=deafness.run, name="deafness", daemon=True).start()
         if token is not None and url.endswith(token):  # wait until others have printed
             Thread(target=print_settled, args=(url, stations), daemon=True).start()
         else:
@@ -106,6 +110,12 @@ def run_web(
             server(app, tls).run(sockets=[listener])
     finally:
         listener.close()
+
+
+def end_deaf() -> None:
+    """End this process as if it was killed: its threads do not answer any more."""
+    print("quadlab web hears nothing from the station any more; it ends", flush=True)
+    os._exit(STATUS)
 
 
 def give_way() -> None:
