@@ -15,6 +15,7 @@ from bearing_sim.beacons import parse_layout
 from console.evaluation.alignment import between, rotated_rows
 from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.figures import rms
+from console.evaluation.flight_checks import SEVERE
 from console.evaluation.log_columns import read_parameters
 from estimation.error_state.parameters import ErrorStateParameters
 from flight_log.attached import logged_value
@@ -39,7 +40,6 @@ WANTED: dict[str, tuple[str, ...]] = {
     "status": ("mode",),
 }
 WHOLE = ("events", "parameter_changes", "bearings")
-EMERGENCIES = ("emergency_land", "cut")
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,7 @@ def _phase(changes: Topic) -> list[int]:
 def _emergencies(status: Topic, begin_ns: int) -> int:
     stamps = status.publish_ns
     return sum(
-        bool(stamps[index] >= begin_ns) and mode in EMERGENCIES
+        bool(stamps[index] >= begin_ns) and mode in SEVERE
         for index, mode in status.texts.get("mode", [])
     )
 

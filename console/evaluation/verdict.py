@@ -10,7 +10,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from console.experiments.client import FAILED, NOT_JUDGED, PASSED, Experiment, Result
+from console.evaluation.flight_checks import flight_checks, with_checks
+from console.experiments.client import FAILED, NOT_JUDGED, PASSED, VERDICTS, Experiment, Result
+from quadrotor.errors import MeasurementError
 
 NO_LIMITS = "no figure has a limit"
 
@@ -46,5 +48,27 @@ def settled(result: Result) -> Result:
 
 
 def evaluated(experiment: Experiment, log: Path) -> Result:
-    """Return the result of any experiment for a log. Raises what its `evaluate` raises."""
-    return settled(experiment.evaluate(log))
+    """Return the result of any experiment for a log, which its flight's end and emergencies can
+    fail.
+
+    Raises what its `evaluate` raises, MeasurementError for a result that is none, LogFormatError
+    or StorageError.
+    """
+    result = _plain(experiment.name, experiment.evaluate(log))
+    return with_checks(settled(result), flight_checks(log))
+
+
+def _plain(name: str, result: Result) -> Result:
+    """Return a result with plain numbers: numpy's are fine, texts are not."""
+    if result.verdict not in VERDICTS:
+        raise MeasurementError(
+            f"the verdict of {name} is {result.verdict!r:.40}; allowed are {', '.join(VERDICTS)}"
+        )
+    try:
+        metrics = {str(key): float(value) for key, value in result.metrics.items()}
+        limits = {str(key): float(value) for key, value in result.limits.items()}
+    except (TypeError, ValueError, AttributeError) as error:
+        raise MeasurementError(
+            f"metrics and limits of {name} are numbers by name: {error}"
+        ) from error
+    return Result(result.verdict, metrics, limits, result.reason)

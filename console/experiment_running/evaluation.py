@@ -16,12 +16,12 @@ from console.evaluation.verdict import evaluated
 from console.experiment_running import state as phases
 from console.experiment_running.run_files import RunFiles
 from console.experiment_running.status_publisher import ExperimentStatusPublisher
-from console.experiments.client import FAILED, VERDICTS, Calibrating, Experiment, Reporting, Result
+from console.experiments.client import FAILED, Calibrating, Experiment, Reporting, Result
 from console.experiments.user_file import errors_with_line
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import PREFIX, RUN_MODULE
-from quadrotor.errors import JobError, MeasurementError, QuadlabError, RefusedError, os_errors
+from quadrotor.errors import JobError, QuadlabError, RefusedError, os_errors
 from vehicle_link.jobs import run
 
 EVALUATION = 60.0
@@ -76,18 +76,6 @@ def evaluate(job: EvaluationJob) -> dict[str, Any]:
     experiment, folder = job.experiment, report_folder(job.log)
     with errors_with_line(experiment):
         result = evaluated(experiment, job.log)
-    if result.verdict not in VERDICTS:
-        raise MeasurementError(
-            f"the verdict of {experiment.name} is {result.verdict!r:.40}; allowed are "
-            f"{', '.join(VERDICTS)}"
-        )
-    try:  # numpy's number types are fine, texts are not
-        metrics = {str(name): float(value) for name, value in result.metrics.items()}
-        limits = {str(name): float(value) for name, value in result.limits.items()}
-    except (TypeError, ValueError, AttributeError) as error:
-        raise MeasurementError(
-            f"metrics and limits of {experiment.name} are numbers by name: {error}"
-        ) from error
     proposal, problem = proposed(job)
     with os_errors(lambda why: f"the report cannot be written: {why}"):
         folder.mkdir(exist_ok=True)
@@ -104,8 +92,8 @@ def evaluate(job: EvaluationJob) -> dict[str, Any]:
             "options": dict(experiment.parameters or ()),
             "verdict": result.verdict,
             "reason": result.reason,
-            "metrics": {k: v for k, v in metrics.items() if math.isfinite(v)},
-            "limits": limits,
+            "metrics": {k: v for k, v in result.metrics.items() if math.isfinite(v)},
+            "limits": result.limits,
             "files": files,
             "problem": problem,
             "proposal": proposal and json.loads(proposal.model_dump_json()),

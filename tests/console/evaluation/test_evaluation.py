@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from console.evaluation.alignment import between
+from console.evaluation.verdict import evaluated
 from console.experiment_running.evaluation import EvaluationJob, judge
 from console.experiments.bearings import BearingsExperiment
 from console.experiments.hover import Hover
@@ -32,7 +33,7 @@ def test_a_run_is_judged_and_its_report_lies_beside_it(log: Path) -> None:
     experiment = BearingsExperiment()
     experiment.parameters.duration = 5.0
     done = judge(EvaluationJob(experiment, log, 150.0), threading.Event())
-    here = experiment.evaluate(log)
+    here = evaluated(experiment, log)
     assert (done.result, done.problem) == (here, "")
     assert 0.0 < here.metrics["position_rms_m"] < 0.1
     assert done.files == (f"{log.stem}.png", f"{log.stem}.md")

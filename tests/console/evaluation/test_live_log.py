@@ -37,6 +37,7 @@ def write(
     layout: str = "paper",
     seen: bool = True,
     cut: bool = False,
+    outliers: int = 0,
 ) -> Path:
     """Write 10 s on bearings; truth at 100 Hz, 0.4 ms off the ticks at 500 Hz.
 
@@ -44,6 +45,7 @@ def write(
         sigma: deviation of the bearings, deg.
         layout: the beacons as the vehicle has them.
         seen: whether the log has bearings.
+        outliers: every so many poses of the tracker, one is 2 m off; 0 for none.
     """
     stamps = np.arange(0, 10_000, 2) * MS
     ticks = np.zeros(len(stamps), TICK)
@@ -59,6 +61,8 @@ def write(
     poses = np.zeros(len(true_ns), POSE_SAMPLE)
     poses["stamp_ns"] = true_ns
     poses["position_w"], poses["quaternion_wb"] = states["position_w"], states["quaternion_wb"]
+    if outliers:
+        poses["position_w"][::outliers, 0] += 2.0
     true = {
         "truth": lambda: payloads_of(topics.odometry_messages(true_ns, states)),
         "tracker_pose": lambda: payloads_of(topics.pose_messages(poses)),
@@ -125,6 +129,17 @@ def test_without_truth_the_trackers_poses_count_and_give_no_velocity(tmp_path: P
     assert "estimate_velocity_rms_m_s" not in metrics
     errors = tracking_errors(tmp_path / "run.mcap", "quad1", 1.0, 9.0).metrics()
     assert errors["position_rms_m"] == pytest.approx(OFF, abs=1e-5)
+
+
+@pytest.mark.parametrize(("outliers", "left_out"), [(0, 0.0), (20, 0.05), (2, 0.0)])
+def test_poses_that_the_estimator_refuses_are_not_the_vehicles_errors(
+    tmp_path: Path, outliers: int, left_out: float
+) -> None:
+    log = write(tmp_path / "run.mcap", "tracker_pose", outliers=outliers)
+    errors = tracking_errors(log, "quad1", 1.0, 9.0).metrics()
+    assert errors["poses_left_out"] == pytest.approx(left_out, abs=0.002)
+    # When half of them are off, it may be the estimate: they count.
+    assert errors["position_max_m"] == pytest.approx(2.0 if outliers == 2 else OFF, abs=0.01)
 
 
 def test_without_truth_the_positions_of_a_marker_count_and_give_no_yaw(tmp_path: Path) -> None:

@@ -22,9 +22,9 @@ from console.experiments.client import Client, Result, VehicleView
 from console.experiments.readings import Progress
 from console.experiments.user_file import load
 from console.parameters.store import StationStore
-from console.runs.report_folders import read_result
+from console.runs.report_folders import read_result, report_folder
 from console.runs.runs import RunManager
-from flight_log import read_attachments
+from flight_log import LogWriter, read_attachments
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import JobError, LinkError, MeasurementError, RefusedError, StorageError
 from tests.support.clients import FakeClient
@@ -581,6 +581,12 @@ class Judged(Scripted):
         return self._record
 
 
+def empty(folder: Path) -> Path:
+    """Return the path of a log without messages."""
+    LogWriter(folder / "r.mcap", {}, {}).close()
+    return folder / "r.mcap"
+
+
 @pytest.mark.parametrize(
     ("result", "said"),
     [
@@ -591,8 +597,8 @@ class Judged(Scripted):
 )
 def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result, said: str) -> None:
     with pytest.raises(MeasurementError, match=said):
-        evaluate(EvaluationJob(Judged(result), tmp_path / "run.mcap", 1.0))
-    assert not list(tmp_path.iterdir())
+        evaluate(EvaluationJob(Judged(result), empty(tmp_path), 1.0))
+    assert not report_folder(tmp_path / "r.mcap").exists()
 
 
 @pytest.mark.parametrize(
@@ -611,13 +617,13 @@ def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result,
 )
 def test_without_a_proposal_the_verdict_stands(tmp_path: Path, record: Any, said: str) -> None:
     result = Result("passed", {"n": float(np.float32(2))}, {"n": 3.0})
-    told = evaluate(EvaluationJob(Judged(result, record), tmp_path / "r", 1.0))
+    told = evaluate(EvaluationJob(Judged(result, record), empty(tmp_path), 1.0))
     assert (told["verdict"], told["metrics"], told["proposal"]) == ("passed", {"n": 2.0}, None)
     assert said in told["problem"]
 
 
 def test_a_pass_by_no_limit_at_all_is_not_judged(tmp_path: Path) -> None:
-    told = evaluate(EvaluationJob(Judged(Result("passed", {"n": 2.0})), tmp_path / "r", 1.0))
+    told = evaluate(EvaluationJob(Judged(Result("passed", {"n": 2.0})), empty(tmp_path), 1.0))
     assert told["verdict"] == "not_judged"
     assert told["reason"]
 

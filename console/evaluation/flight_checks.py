@@ -1,0 +1,98 @@
+"""Figures of safety that belong to the verdict on any flight: hard touch-downs, tilt, emergencies.
+
+An experiment judges what it is about. A flight that ends hard or in an emergency has failed
+whatever it measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from console.experiments.client import FAILED, Result
+from flight_log.columns.log_columns import read_columns
+from flight_log.columns.topic import Topic
+from flight_log.fields import ATTITUDE, POSITION, VELOCITY_B
+from quadrotor.records import Array
+
+IMPACT, TILT, EMERGENCIES = "impact_m_s", "tilt_max_deg", "emergencies"
+LIMITS: Mapping[str, float] = {IMPACT: 1.0, TILT: 75.0, EMERGENCIES: 0.0}
+"""Speed, in m/s, at which a touch-down may damage the vehicle; tilt that no manoeuvre needs, 5°
+more than the supervisor allows for 0.2 s; number of emergency landings and cuts."""
+HIGH, LOW = 0.10, 0.03
+"""Heights, in m above the lowest, of a vehicle in the air and of one that touches the ground."""
+SEVERE = ("emergency_land", "cut")
+"""Modes of the vehicle that end a flight otherwise than planned."""
+BEFORE = 0.05
+"""Time, in s, before the first touch, in which its speed is looked for."""
+_MOTION = (*POSITION, *ATTITUDE, *VELOCITY_B)
+
+
+def flight_checks(log: Path) -> dict[str, float]:
+    """Return the figures that the log shows, by name; none for a log without a flight.
+
+    The motion is the truth, or the vehicle's estimate where there is none. Raises LogFormatError or
+    StorageError.
+    """
+    topics = read_columns(log, dtype=np.float64).topics
+    figures: dict[str, float] = {}
+    for motion in _named(topics, "truth") or _named(topics, "state"):
+        rows = motion.take(_MOTION)
+        if len(rows) and np.isfinite(rows).all():
+            _keep_worst(figures, _of_motion(motion, rows))
+    for status in _named(topics, "status"):
+        modes = [mode for _, mode in status.texts.get("mode", [])]
+        _keep_worst(figures, {EMERGENCIES: float(sum(mode in SEVERE for mode in modes))})
+    return figures
+
+
+def _named(topics: Mapping[str, Topic], name: str) -> list[Topic]:
+    """Return the topics with this name and messages, of any vehicle."""
+    return [topic for path, topic in topics.items() if path.endswith(f"/{name}") and len(topic)]
+
+
+def _keep_worst(figures: dict[str, float], found: Mapping[str, float]) -> None:
+    for name, value in found.items():
+        figures[name] = max(value, figures.get(name, 0.0))
+
+
+def with_checks(result: Result, figures: Mapping[str, float]) -> Result:
+    """Return the result of an experiment with these figures of its flight, which can fail it."""
+    if not figures:
+        return result
+    limits = {name: LIMITS[name] for name in figures}
+    failed = any(not figures[name] <= limit for name, limit in limits.items())
+    verdict, reason = (FAILED, "") if failed else (result.verdict, result.reason)
+    # The experiment's own figures come first, and count where both have one.
+    metrics, allowed = result.metrics, result.limits
+    return Result(
+        verdict, {**metrics, **figures, **metrics}, {**allowed, **limits, **allowed}, reason
+    )
+
+
+def _of_motion(motion: Topic, rows: Array) -> dict[str, float]:
+    time, height = motion.publish_ns * 1e-9, rows[:, 2]
+    w, x, y, z = rows[:, 3:7].T
+    up = np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+    climb = np.einsum("ij,ij->i", up, rows[:, 7:10])
+    tilt = math.degrees(float(np.arccos(np.clip(up[:, 2].min(), -1.0, 1.0))))
+    hardest = 0.0
+    for touched in _touches(height - height.min()):
+        before = np.searchsorted(time, time[touched] - BEFORE)
+        hardest = max(hardest, -float(climb[before : touched + 1].min()))
+    return {IMPACT: hardest, TILT: tilt}
+
+
+def _touches(height: Array) -> list[int]:
+    """Return the indices at which the vehicle comes from the air to the ground."""
+    touches, is_high = [], False
+    for index in np.flatnonzero((height > HIGH) | (height < LOW)).tolist():
+        if height[index] > HIGH:
+            is_high = True
+        elif is_high:
+            touches.append(index)
+            is_high = False
+    return touches
