@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from benchmarks.house import FRAGMENT
+from benchmarks.house.sources import FRAGMENT
 
 ROOT = Path(__file__).resolve().parent.parent
 ROW = re.compile(r"^\|[^|]+\|[^|]*\| `([\w.]+)` \| `(tests/[\w/]+\.py)` \|$", re.MULTILINE)
