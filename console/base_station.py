@@ -50,13 +50,13 @@ from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from console.transfers.service import Transfers
 from quadrotor.errors import LinkError, ParameterError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import has_attitude
-from vehicle_link import time_sync
 from vehicle_link.lockstep import STATION_PROCESS, ProcessProgress
-from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.process_instance import new_instance
+from vehicle_link.transport import time_sync
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import serve_parameters
 
 log = logging.getLogger(__name__)
 

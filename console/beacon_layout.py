@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from quadrotor.errors import LinkError, ParameterError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node

@@ -16,7 +16,7 @@ from pathlib import Path
 from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.link.known_vehicles import write_station_vehicles
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.defects import end_at_defect
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates, readable_keys

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from control.parameters import ControlParameters
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 
 PRESETS: dict[str, dict[str, ParameterValue]] = {
     # The defaults: fly the paper's vehicle at any loop rate from 60 Hz.

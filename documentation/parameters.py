@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore
+from quadrotor.parameter_description import ParameterDescription
+from quadrotor.parameters import Parameters, ParameterStore
 
 ABOVE = ("tracker.", "bearings.")
 """Prefixes of station parameters that have a separate section."""

@@ -49,9 +49,9 @@ def command_line() -> str:
 
 def http_routes() -> str:
     """Return the page of the web process's routes, as its own OpenAPI description has them."""
+    from web.access.requester import admin_of, operator_of
     from web.access.roles import Role
     from web.app import create_app
-    from web.requester import admin_of, operator_of
 
     app = create_app(MagicMock(), MagicMock())  # routes are made, none is called
     described = app.openapi()

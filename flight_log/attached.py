@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from quadrotor.errors import LogFormatError, WrongTypeError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.parameters.messages import from_value
 
 LONGEST = 100_000

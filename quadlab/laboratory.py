@@ -27,7 +27,7 @@ from websockets.sync.connection import Connection
 
 from quadlab.calibration.dialogue import RUNNING
 from quadrotor.errors import LinkError, RefusedError, UnreachableError, UsageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 if TYPE_CHECKING:
     from quadlab.run import Run

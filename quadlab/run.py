@@ -24,7 +24,7 @@ from console.log_export.tables import Tables
 from flight_log.run_folder import log_of
 from flight_log.summary import LogSummary, summarize
 from quadrotor.errors import StorageError, UsageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 if TYPE_CHECKING:
     from console.experiments.client import Result

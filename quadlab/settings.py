@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 from quadrotor.errors import MeasurementError, OutOfBoundsError, ParameterError, UsageError
 
 if TYPE_CHECKING:
-    from quadrotor.parameters import Parameters, ParameterValue
+    from quadrotor.parameter_description import ParameterValue
+    from quadrotor.parameters import Parameters
     from vehicle.parameters import VehicleParameters
 
 
@@ -131,7 +132,7 @@ def parse_settings(
 
     Raises UsageError with the word, what is allowed and what to try.
     """
-    from quadrotor.parameter_checks import parse_text
+    from quadrotor.parameter_description import parse_text
     from quadrotor.parameters import ParameterStore
     from vehicle.parameters import VehicleParameters, check_pairs
     from vehicle.simulator.parameters import SimulatorParameters

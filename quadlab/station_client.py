@@ -12,15 +12,15 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
-from quadrotor.parameters import ParameterDescription
+from quadrotor.parameter_description import ParameterDescription
 from vehicle_link import clock
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.lockstep import page_at
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.termination_signal import Ending
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import ParameterClient
 from vehicle_link.transport.publisher import Publisher, Received
 from vehicle_link.transport.session import loopback_session
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from quadrotor.errors import MeasurementError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 
 class Quality(BaseModel):

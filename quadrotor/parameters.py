@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from quadrotor.errors import ReadOnlyError, UnknownParameterError
-from quadrotor.parameter_checks import coerce
-
-ParameterValue = bool | int | float | str
+from quadrotor.parameter_description import ParameterDescription, ParameterValue, coerce
 
 
 class Parameters(BaseModel):
@@ -69,23 +66,6 @@ def section_of(kind: type[Section], prefix: str, values: Mapping[str, Any]) -> S
     """Return a component with those of these values whose names are `prefix` and a field."""
     known = {name: values[prefix + name] for name in kind.model_fields if prefix + name in values}
     return kind().model_copy(update=known)
-
-
-@dataclass(frozen=True, slots=True)
-class ParameterDescription:
-    """The description of a parameter: what a client needs to display and edit it."""
-
-    name: str
-    type: str  # "bool", "int", "float" or "str"
-    default: ParameterValue
-    description: str
-    unit: str
-    minimum: float | None
-    maximum: float | None
-    step: float | None
-    read_only: bool
-    choices: tuple[str, ...]
-    flight_step: float | None = None  # largest change in flight
 
 
 FEW_MEMBERS = 8

@@ -17,7 +17,8 @@ import pytest
 from console.experiments.catalogue import find
 from documentation.reference import PAGES
 from quadlab import laboratory
-from quadlab.__main__ import main, parse
+from quadlab.__main__ import main
+from quadlab.commands.parsing import parse
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
 from web.signals.expression import parse as parse_signal

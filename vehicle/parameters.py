@@ -12,7 +12,8 @@ from control.keep_out import parse_keep_out
 from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, OutOfBoundsError
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, parameter
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, thrust_of_reference
 from vehicle.boards.offered import offered
 from vehicle.calibration.imu import ImuCalibration

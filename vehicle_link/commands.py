@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from pydantic import Field
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 Place = Literal["vehicle", "station", "simulator"]
 

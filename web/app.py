@@ -25,6 +25,7 @@ from quadrotor.errors import (
 )
 from web import uplot
 from web.access.passwords import BusyError
+from web.access.requester import Admin, Asker, Operator
 from web.access.roles import Role, Session
 from web.access.users import add_users
 from web.beacons.routes import add_beacons
@@ -50,7 +51,6 @@ from web.live.summary import Summary
 from web.live.telemetry import MOST_SIGNALS, described_expression
 from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay
-from web.requester import Admin, Asker, Operator
 from web.runs.routes import add_runs
 from web.setup.camera_calibration import add_camera_calibration
 from web.setup.routes import add_setup

@@ -12,7 +12,7 @@ import statistics
 
 from benchmarks.flights.experiment_flight import REST_TO_REST, fly
 from benchmarks.harness import Report, Row, Size, Target
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import BETAFLIGHT
 from vehicle.simulator.betaflight.process import FIRMWARE
 

@@ -21,7 +21,7 @@ from benchmarks.harness import Report, Row, Size, Target
 from control.margins import margins
 from control.presets import PRESETS, preset
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.simulator.presets import ROUGH
 

@@ -14,7 +14,8 @@ from quadlab.simulated.flight import SimulatedFlight, TrueState
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.calibration_record import CalibrationRecord
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

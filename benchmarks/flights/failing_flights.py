@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.flights.touch_down import Outcome, TouchDown
 from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.errors import LinkError, QuadlabError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.serial.ids import MotorState

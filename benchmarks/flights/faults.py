@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle_link.serial.ids import Id
 

@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target, free_port
 from quadrotor.checkout import ROOT
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.laws.contract import LAW
 from vehicle.plugins.links import Link
 

@@ -28,7 +28,7 @@ from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
 from estimation.estimator import Estimator
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import POSE_SAMPLE
 from quadrotor.rotations import (
     norm,

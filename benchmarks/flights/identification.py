@@ -19,7 +19,7 @@ from console.experiments.inertia import SHAPES
 from console.experiments.pose_guide import spread_poses
 from estimation.calibration.accelerometer import identify_accelerometer
 from estimation.calibration.still_poses import StillPose
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.plain_rotations import matrix_of
 from quadrotor.rotations import rotate
 from quadrotor.tracked_body import TrackedBody

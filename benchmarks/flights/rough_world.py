@@ -13,7 +13,7 @@ from benchmarks.flights.experiment_flight import fly
 from benchmarks.harness import Report, Row, Size
 from control.presets import preset_values
 from quadrotor.errors import QuadlabError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.simulator import presets
 
 Settings = dict[str, ParameterValue]

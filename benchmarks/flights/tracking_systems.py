@@ -18,7 +18,7 @@ from benchmarks.flights.experiment_flight import REST_TO_REST, fly
 from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.page.laboratory import started
 from quadrotor.errors import LinkError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Array
 from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS

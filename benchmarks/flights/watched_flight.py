@@ -15,7 +15,8 @@ import numpy as np
 from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight, TrueState
 from quadlab.simulated.parameters import FlightParameters
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from quadrotor.records import Array
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.processes import mailbox

@@ -94,7 +94,7 @@ class House:
             *(f"Above {LARGEST_MODULE} lines: {where}" for where in self.long_modules),
             *(f"Above {LARGEST_FOLDER} files: {where}" for where in self.crowded),
             *self.into_extensions,
-            f"Positional calls have more than {MANY_POSITIONAL} arguments; wide JavaScript is above "
+            f"Positional calls: more than {MANY_POSITIONAL} arguments; wide JavaScript: more than "
             f"{WIDE} columns.",
         ]
 

@@ -50,13 +50,13 @@ from vehicle_link.messages import Message, new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.termination_signal import EndSignal
-from vehicle_link.time_sync import TIME_SYNC, answers, exchange, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LinkState
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session
+from vehicle_link.transport.time_sync import TIME_SYNC, answers, exchange, serve_time_sync
 
 QUIC_PORT, LOOPBACK_PORT, UDP_PORT = 7447, 7447, 9100
 RATE, POSE_RATE, CALL_RATE, LOOK_RATE = 100, 100, 5, 200  # Hz

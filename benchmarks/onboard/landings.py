@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.flights.faults import in_a_copy
 from benchmarks.flights.watched_flight import TOUCHING, WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import CRAZYFLIE, MIKROKOPTER
 
 KINDS = ("none", "push", "step", "payload off", "payload on", "updraught", "thrust", "wind")

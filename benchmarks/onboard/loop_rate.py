@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Array
 from vehicle.simulator.parameters import SimulatorParameters
 

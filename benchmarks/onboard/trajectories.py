@@ -21,7 +21,7 @@ from control.trajectories.minimum_snap import minimum_snap
 from control.trajectories.polynomial import ORDER, Polynomial, hermite
 from control.trajectories.trajectory import Surveyed
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import REFERENCE, new_reference
 from quadrotor.vehicle_model import VehicleModel
 

@@ -21,7 +21,7 @@ from flight_log.fields import FORCE, MOTOR_REFERENCES, TRACKED_ATTITUDE
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Array
 
 MATRIX = tuple(f"imu.accelerometer_{row}{column}" for row in "xyz" for column in "xyz")

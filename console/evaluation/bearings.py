@@ -23,7 +23,7 @@ from flight_log.columns.log_columns import read_topics
 from flight_log.columns.topic import Topic
 from flight_log.fields import ODOMETRY, REFERENCE, TRACKED, TRACKED_ATTITUDE
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.plain_rotations import make_continuous, rotation_vectors_between
 from quadrotor.records import Array, Stamps, beacon_ids_of
 from vehicle_link.messages import decode

@@ -40,7 +40,7 @@ def flight_checks(log: Path) -> dict[str, float]:
     topics = read_columns(log, dtype=np.float64).topics
     figures: dict[str, float] = {}
     for motion in _named(topics, "truth") or _named(topics, "state"):
-        rows = motion.take(_MOTION)
+        rows = motion.take(_MOTION).astype(np.float64, copy=False)
         if len(rows) and np.isfinite(rows).all():
             _keep_worst(figures, _of_motion(motion, rows))
     for status in _named(topics, "status"):

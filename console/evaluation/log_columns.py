@@ -11,7 +11,7 @@ from flight_log.columns.log_columns import read_topics
 from flight_log.reader import read_attachments
 from flight_log.run import Series
 from quadrotor.errors import LogFormatError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 
 def read_columns(

@@ -8,7 +8,8 @@ from pathlib import Path
 from console.experiments.client import Calibrating, Experiment
 from console.experiments.user_file import load
 from quadrotor.errors import JobError, JobTimeoutError, QuadlabError
-from quadrotor.parameters import ParameterDescription, ParameterStore
+from quadrotor.parameter_description import ParameterDescription
+from quadrotor.parameters import ParameterStore
 from vehicle_link.jobs import run
 
 SECONDS = 30.0

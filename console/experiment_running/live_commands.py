@@ -15,7 +15,7 @@ from console.commands.stick_watchdog import StickWatchdog
 from console.experiment_running.vehicle import VehicleFeed
 from console.experiments.client import VehicleView
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.clock import monotonic
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.transport.client import ServiceClient

@@ -13,7 +13,7 @@ from quadrotor.errors import (
     UnreachableError,
     WrongTypeError,
 )
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.plain_rotations import roll_pitch_yaw
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_value, to_parameters

@@ -12,7 +12,7 @@ import numpy as np
 from console.experiments.client import VehicleView
 from console.parameters.vehicle import VehicleParameters
 from quadrotor.errors import LinkError, UnknownParameterError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.parameters.replica import MISSED

@@ -22,7 +22,8 @@ from control.presets import PRESETS as CONTROL_PRESETS
 from control.presets import preset_values
 from estimation.parameters import PRESETS as ESTIMATION_PRESETS
 from quadrotor.errors import RefusedError, UsageError
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, parameter
 
 RAMP = 4.0
 """Seconds, longer than the 8's ramp in or out."""

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import QuadlabError
-from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters
 
 
 class VehicleView(NamedTuple):

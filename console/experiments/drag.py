@@ -13,7 +13,8 @@ from console.experiments.calibration_flight import CLEAR, CalibrationFlight, Cal
 from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, fly_laps, landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, parameter
 
 STEPS = 3
 

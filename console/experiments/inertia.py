@@ -17,7 +17,8 @@ from console.experiments.client import Client, VehicleView
 from console.experiments.manoeuvres import arm, come_down, take_off, wait_ready
 from console.experiments.readings import Progress
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, parameter
 
 AXES = ("x", "y", "yaw")
 REPEATS = 3

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from console.experiments.client import Client
 from console.experiments.readings import Progress
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 LANDING = 30.0
 """Seconds for the landing after a calibration flight."""

@@ -21,7 +21,8 @@ from console.experiments.manoeuvres import arm, brake, come_down, wait_ready
 from console.experiments.readings import Progress
 from console.experiments.stick_sequences import RATE, SPEEDS, scripted
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, parameter
 
 USED_BY, INITIAL = "mass.used_by", "mass.initial"
 STICK_SPEEDS = (

@@ -19,7 +19,8 @@ from console.experiments.pose_guide import attitude_of, spread_poses, words_of
 from console.experiments.readings import Progress
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import QuadlabError, RefusedError
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, parameter
 
 POSES = 12
 TILT = math.radians(60.0)

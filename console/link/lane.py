@@ -20,10 +20,10 @@ from vehicle_link.lane.replay_window import ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.messages import Message, new
 from vehicle_link.security.access import LANE, PILOT_LANE
-from vehicle_link.security.whoami import DISCOVERY_TIMEOUT
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Publisher, Received
+from vehicle_link.transport.whoami import DISCOVERY_TIMEOUT
 
 DATAGRAM, QUIC = "datagram", "quic"
 HEARTBEAT = "station_heartbeat"

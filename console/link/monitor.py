@@ -12,10 +12,10 @@ from console.link.telemetry_quality import TelemetryWindow
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.messages import header, new
-from vehicle_link.time_sync import ClockOffset, Exchange
 from vehicle_link.topics import decode_heartbeat
 from vehicle_link.transport.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.time_sync import ClockOffset, Exchange
 
 OLDEST_NS = 250_000_000
 """Age in ns; older telemetry is recorded but not shown."""

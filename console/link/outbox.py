@@ -9,7 +9,7 @@ from typing import Any
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.commands.stick_watchdog import StickOrder
 from console.link.permission import CommandPermission
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record, has_attitude, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import time_ns

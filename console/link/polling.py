@@ -11,8 +11,8 @@ from console.calibrations import Calibrations
 from console.context import StationContext
 from console.parameters.vehicle import VehicleParameters
 from quadrotor.errors import LinkError
-from vehicle_link.time_sync import TIME_SYNC, exchange
 from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.time_sync import TIME_SYNC, exchange
 
 log = logging.getLogger(__name__)
 

@@ -16,8 +16,8 @@ from vehicle_link.clock import time_ns
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.telemetry import unpack
 from vehicle_link.topics import SCENE_TOPICS, TOPICS, SceneMessages
+from vehicle_link.topics.rmw_keys import full_name
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.rmw_keys import full_name
 
 
 class TelemetryReception:

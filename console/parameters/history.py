@@ -14,7 +14,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 
 from console.catalogue.transactions import transactions
 from flight_log.attached import literal_value
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 
 class Base(DeclarativeBase):

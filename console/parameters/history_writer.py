@@ -15,7 +15,7 @@ from functools import partial
 from console.parameters.history import ParameterHistory, RecordedChange
 from console.runs.disk_worker import DiskWorker
 from quadrotor.errors import StorageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.clock import time_ns
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import Snapshot

@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable, Mapping
 
 from console.parameters.station import StationParameters, StationTree
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 
 PREFIX = "station."
 

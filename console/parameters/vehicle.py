@@ -6,10 +6,10 @@ import threading
 from collections.abc import Callable, Mapping
 
 from quadrotor.errors import LinkError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.parameters.replica import ParameterReplica, Snapshot
-from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import ParameterClient
 
 
 class VehicleParameters(ParameterReplica):

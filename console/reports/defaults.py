@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 Defaults = Callable[[], Mapping[str, ParameterValue]]
 """Function that returns name → default, called only for logs without defaults."""

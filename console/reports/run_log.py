@@ -15,7 +15,7 @@ from flight_log.attached import json_value, parameters_of
 from flight_log.index import RECOVERED_METADATA
 from flight_log.run import Series
 from flight_log.writer import RUN_METADATA
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 Floats = npt.NDArray[np.float32]
 

@@ -13,7 +13,7 @@ from console.reports.references import FIGURES
 from console.reports.run_log import RunLog
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import QuadlabError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 SMALL_MASS = 0.1
 """Mass in kg below which masses are shown in grams."""

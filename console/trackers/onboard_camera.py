@@ -31,9 +31,9 @@ from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import decode
 from vehicle_link.parameters.messages import decode_change
-from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import ParameterClient
 from vehicle_link.transport.publisher import Received
 
 FAR_OFF = 3.0

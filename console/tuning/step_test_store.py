@@ -21,7 +21,7 @@ from console.atomic_file import replacing
 from console.tuning.collection import Gap, Samples
 from console.tuning.evaluation import Plan
 from quadrotor.errors import StorageError, os_errors
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 FOLDER = "tuning"
 DELETED = "deleted"

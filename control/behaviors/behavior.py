@@ -17,8 +17,8 @@ from control.parameters import ControlParameters
 from control.trajectories.polynomial import Polynomial
 from control.trajectories.trajectory import Trajectory
 from quadrotor.errors import RefusedError, UnknownParameterError
-from quadrotor.parameter_checks import coerce
-from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue, coerce
+from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.records import Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
 

@@ -20,8 +20,8 @@ from control.trajectories.feasibility import Feasibility, encounter, examine, fi
 from control.trajectories.limits import WALLS, Limits, with_margin
 from control.trajectories.trajectory import Trajectory
 from quadrotor.errors import RefusedError, UnknownParameterError
-from quadrotor.parameter_checks import coerce
-from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.parameter_description import ParameterValue, coerce
+from quadrotor.parameters import Parameters
 from quadrotor.records import Record
 
 _SLOWEST = 8.0

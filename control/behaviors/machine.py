@@ -36,7 +36,7 @@ from control.trajectories.limits import Limits
 from control.trajectories.polynomial import Polynomial
 from control.trajectories.retarget import stop
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from quadrotor.records import REFERENCE, Record, new_reference, new_state
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from quadrotor.errors import QuadlabError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 POINTS = 400
 IDLE = 30.0  # s without an order, after which the helper process ends

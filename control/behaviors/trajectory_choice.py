@@ -26,7 +26,7 @@ from control.trajectories.line import Line
 from control.trajectories.minimum_snap import within
 from control.trajectories.trajectory import Trajectory
 from quadrotor.errors import OutOfBoundsError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.rotations import wrap_angle
 
 NEAR = 2e-3

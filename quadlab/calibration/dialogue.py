@@ -9,7 +9,7 @@ from typing import Any
 
 from quadlab.calibration.lines import comparison_rows, notes, table
 from quadlab.calibration.screen import Screen
-from quadlab.commands.option_types import Flag
+from quadlab.option_types import Flag
 from quadlab.station_client import StationClient
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError

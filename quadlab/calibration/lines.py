@@ -8,7 +8,8 @@ from datetime import datetime
 from typing import Any
 
 from quadrotor.calibration_record import CalibrationRecord, Quality
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 
 FIGURES = 3
 """Number of key figures in a line of the list."""

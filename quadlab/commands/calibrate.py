@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.commands.option_types import Flag, Settings, optional
+from quadlab.option_types import Flag, Settings, optional
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import ParameterError, UsageError
 
@@ -62,7 +62,7 @@ class Calibrate:
 
     def _options(self, reply: Any) -> dict[str, Any]:
         """Return the options, checked against those of the station. Raises UsageError."""
-        from quadrotor.parameter_checks import parse_text
+        from quadrotor.parameter_description import parse_text
         from vehicle_link.parameters.messages import from_descriptor
 
         known = dict(zip(reply.names, reply.problems, strict=True))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from quadlab.commands.option_types import File, Flag, Folder
 from quadlab.data_folder import open_data_folder
+from quadlab.option_types import File, Flag, Folder
 from quadrotor.errors import MeasurementError, UsageError, os_errors
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib.metadata import version
 
-from quadlab.commands.option_types import Folder
+from quadlab.option_types import Folder
 
 
 @dataclass

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from quadlab.commands.option_types import Settings
+from quadlab.option_types import Settings
 from quadrotor.errors import StorageError, UsageError
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.option_types import File, Flag, Folder, Settings
+from quadlab.option_types import File, Flag, Folder, Settings
 from quadlab.settings import beacon_words
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from quadlab.commands.option_types import Settings
+from quadlab.option_types import Settings
 from quadlab.settings import parse_settings
 
 

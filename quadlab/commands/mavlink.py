@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.commands.option_types import File, Flag, Folder
 from quadlab.data_folder import open_data_folder
+from quadlab.option_types import File, Flag, Folder
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
 

@@ -9,8 +9,8 @@ from typing import Annotated, Literal, NamedTuple
 
 import tyro
 
-from quadlab.commands.option_types import Folder
 from quadlab.data_folder import open_data_folder
+from quadlab.option_types import Folder
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError, UsageError
 

@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from quadlab.commands.option_types import Flag, Folder, Names, Settings, optional
 from quadlab.data_folder import data_folder, open_data_folder
+from quadlab.option_types import Flag, Folder, Names, Settings, optional
 from quadlab.settings import (
     check_laws,
     offer_plugins,
@@ -119,7 +119,7 @@ class Vehicle:
 
 def check_tracker(words: str) -> None:
     """Check the words of `quadlab tracker` for a tracker of poses. Raises UsageError."""
-    from quadlab.__main__ import parse
+    from quadlab.commands.parsing import parse
     from quadlab.commands.tracker import Tracker
 
     try:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from quadlab.commands.option_types import File, Files, Folder, optional
 from quadlab.data_folder import data_folder
+from quadlab.option_types import File, Files, Folder, optional
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
 

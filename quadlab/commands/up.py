@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from quadlab.commands.option_types import Flag, Folder, Settings, optional
 from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD, check_tracker
 from quadlab.data_folder import data_folder, open_data_folder, owned
+from quadlab.option_types import Flag, Folder, Settings, optional
 from quadlab.settings import (
     check_laws,
     offer_plugins,
@@ -42,7 +42,7 @@ from vehicle_link.serial.capacity import check_rate
 from vehicle_link.termination_signal import EndSignal
 
 if TYPE_CHECKING:
-    from quadrotor.parameters import ParameterValue
+    from quadrotor.parameter_description import ParameterValue
     from vehicle_link.security.authority import TlsFiles
 
 MCU_PORTS = ("mcu0", "mcu1")

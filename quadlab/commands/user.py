@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import tyro
 
-from quadlab.commands.option_types import Flag, Folder, optional
 from quadlab.data_folder import open_data_folder
+from quadlab.option_types import Flag, Folder, optional
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:

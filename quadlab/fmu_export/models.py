@@ -7,13 +7,8 @@ from dataclasses import dataclass
 
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
-from quadrotor.parameters import (
-    ParameterDescription,
-    Parameters,
-    ParameterStore,
-    ParameterValue,
-    parameter,
-)
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
+from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.laws.contract import INPUT, OUTPUT, Field
 from vehicle.parameters import new_parameters
 from vehicle.plugins.contract import names_of

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.option_types import Folder, optional
 from quadlab.data_folder import open_data_folder
+from quadlab.option_types import Folder, optional
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import UsageError, os_errors
 from vehicle_link.security.authority import TlsFiles

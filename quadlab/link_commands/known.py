@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.commands.option_types import Flag, Folder
 from quadlab.data_folder import open_data_folder
+from quadlab.option_types import Flag, Folder
 
 STATES = {
     "answers": "answers",

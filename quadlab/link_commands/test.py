@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.option_types import Flag, Folder, optional
 from quadlab.data_folder import open_data_folder
+from quadlab.option_types import Flag, Folder, optional
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import UsageError
 

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from quadlab.commands.option_types import Folder, Names, optional
 from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
+from quadlab.option_types import Folder, Names, optional
 from quadrotor.errors import UsageError
 
 

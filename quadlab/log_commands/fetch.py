@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.commands.option_types import Flag, optional
 from quadlab.log_commands.log_file import progress_of
+from quadlab.option_types import Flag, optional
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import LinkError, StorageError, UsageError
 

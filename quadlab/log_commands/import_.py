@@ -8,8 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.commands.option_types import File, Flag, Folder, optional
 from quadlab.data_folder import open_data_folder
+from quadlab.option_types import File, Flag, Folder, optional
 from quadlab.vehicle_names import check_name
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from quadlab.commands.option_types import Flag
 from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
+from quadlab.option_types import Flag
 from quadrotor.errors import LogFormatError
 
 if TYPE_CHECKING:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from quadlab.commands.option_types import Flag, Folder
 from quadlab.log_commands.log_file import LogFile, check_log_file
+from quadlab.option_types import Flag, Folder
 
 if TYPE_CHECKING:
-    from quadrotor.parameters import ParameterValue
+    from quadrotor.parameter_description import ParameterValue
 
 
 @dataclass

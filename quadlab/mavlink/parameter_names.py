@@ -14,7 +14,7 @@ import struct
 import numpy as np
 
 from quadrotor.errors import WrongTypeError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 
 LONGEST = 16
 VOWELS = "aeiou"

@@ -19,7 +19,7 @@ from quadlab.mavlink.parameter_names import (
 )
 from quadlab.mavlink.peer import Peer
 from quadrotor.errors import ParameterError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
 
 

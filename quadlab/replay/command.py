@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from quadlab.commands.option_types import File, Flag, Names, Settings, optional
 from quadlab.data_folder import data_folder
 from quadlab.log_commands.log_file import check_log_file
+from quadlab.option_types import File, Flag, Names, Settings, optional
 from quadlab.settings import beacon_words
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 

@@ -21,7 +21,8 @@ from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record, Stamps
 from vehicle.estimators.choice import ESTIMATOR, NONE, SHADOW

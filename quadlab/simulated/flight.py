@@ -25,7 +25,7 @@ from quadlab.simulated.outside_cameras import OutsideCameras
 from quadlab.simulated.parameters import FlightParameters
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record, bearings_sample, has_attitude, pose_sample
 from vehicle.boards.kind import Kind
 from vehicle.boards.mikrokopter.microcontroller import KIND

@@ -27,7 +27,7 @@ from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.transport.rmw_keys import full_name
+from vehicle_link.topics.rmw_keys import full_name
 
 GROUP = 5
 """Number of ticks passed at once to the publisher of the slow topics, as in the comms process."""

@@ -17,7 +17,7 @@ from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import TICK, Record
 from quadrotor.rotations import euler_from_quaternion
 from vehicle.calibration.gyroscope_record import gyroscope_record

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.option_types import File, Flag
+from quadlab.option_types import File, Flag
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:

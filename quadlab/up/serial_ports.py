@@ -16,7 +16,7 @@ from vehicle_link.serial.ids import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
 
 if TYPE_CHECKING:
-    from quadrotor.parameters import ParameterValue
+    from quadrotor.parameter_description import ParameterValue
 
 AUTO = "auto"
 MAX_PORTS = 2

@@ -17,7 +17,7 @@ import pytest
 from console.base_station import BaseStation
 from console.beacon_layout import VEHICLE_LAYOUT
 from console.catalogue.catalogue import Catalogue
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from tests.waiting import free_port, until
 from vehicle.boards.board import Command, RawSample
 from vehicle.comms.process import Comms

@@ -25,12 +25,12 @@ from vehicle_link.messages import decode, encode, new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.telemetry import pack
-from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
+from vehicle_link.transport.time_sync import serve_time_sync
 
 NAMES = ("quad1", "quad2")
 

@@ -23,7 +23,7 @@ from console.catalogue.catalogue import Catalogue
 from flight_log import LogWriter, is_closed, read_attachments, read_log, read_metadata
 from flight_log.run_folder import run_bytes
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from quadrotor.records import TICK, Record, beacon_ids_of
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, until
@@ -32,13 +32,13 @@ from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
-from vehicle_link.parameters.service import ParameterClient, serve_parameters
 from vehicle_link.telemetry import pack
-from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import ParameterClient, serve_parameters
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
+from vehicle_link.transport.time_sync import serve_time_sync
 
 LIMIT = 15.0
 CALL_TIMEOUT = COMMANDS["change_parameters"].patience

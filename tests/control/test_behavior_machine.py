@@ -19,7 +19,7 @@ from quadrotor.errors import (
     UnknownParameterError,
     WrongTypeError,
 )
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record, new_reference, new_state, new_tick
 from tests.support.arrays import Array
 

@@ -14,7 +14,7 @@ from control.behaviors.table import BehaviorName
 from control.parameters import ControlParameters
 from control.trajectories.multistep import LEAD, Multistep
 from quadrotor.errors import QuadlabError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record, new_reference, new_state
 from tests.support.arrays import Array
 

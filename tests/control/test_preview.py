@@ -9,7 +9,7 @@ import pytest
 
 from control.behaviors.preview import POINTS, preview
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 HERE = (1.0, -0.5, 1.2, 0.3)
 

@@ -21,8 +21,9 @@ import pytest
 
 from control.margins import margins
 from control.presets import PRESETS, preset
-from quadlab.__main__ import main, parse
+from quadlab.__main__ import main
 from quadlab.commands.examples import EXAMPLES, examples_of
+from quadlab.commands.parsing import parse
 from quadlab.commands.table import COMMANDS
 from quadlab.settings import parse_settings
 from quadlab.simulated.parameters import FlightParameters

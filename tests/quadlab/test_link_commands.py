@@ -25,16 +25,16 @@ from tests.waiting import free_port
 from vehicle_link import topics
 from vehicle_link.security.authority import TlsFiles, check_certificate, ensure_certificates
 from vehicle_link.security.certificates import load_certificate
-from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.serial.ids import THE_ONE
 from vehicle_link.telemetry import pack
-from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport import quic_probe
 from vehicle_link.transport.link_measurement import Figures, measure
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.quic_probe import ProbeResult, own_networks, probe, probe_all
 from vehicle_link.transport.session import vehicle_session
+from vehicle_link.transport.time_sync import serve_time_sync
+from vehicle_link.transport.whoami import serve_whoami
 
 
 def _link(data: Path, *words: str) -> int:

@@ -16,8 +16,8 @@ from quadrotor.errors import (
     UnknownParameterError,
     WrongTypeError,
 )
-from quadrotor.parameter_checks import parse_text
-from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue, parse_text
+from quadrotor.parameters import Parameters, ParameterStore, parameter
 
 
 class Motor(Parameters):

@@ -12,7 +12,7 @@ import pytest
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from tests.support.kept_log import KeptLog
 from vehicle.flight.modes import Flag
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

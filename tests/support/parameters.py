@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from quadrotor.parameters import ParameterDescription
+from quadrotor.parameter_description import ParameterDescription
 
 
 def described(name: str, kind: str = "float", **changes: Any) -> ParameterDescription:

@@ -10,7 +10,8 @@ import pytest
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from tests.support.lab import Lab, flight_parameters
 from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore
 from vehicle.comms.calibrations import TYPE, Calibrations

@@ -12,7 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
-from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.calibration.imu import ImuCalibration
 from vehicle_link.messages import header, new

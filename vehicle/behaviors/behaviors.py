@@ -8,7 +8,7 @@ from pathlib import Path
 from control.behaviors.behavior import ExternalReference
 from control.behaviors.parameters import NONE
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.behaviors.contract import BEHAVIOR
 from vehicle.behaviors.external import ExternalBehavior
 from vehicle.plugins.plugins import Plugins

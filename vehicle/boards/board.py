@@ -14,7 +14,7 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand

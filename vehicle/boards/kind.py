@@ -16,7 +16,8 @@ from quadrotor.packaged_files import packaged
 from vehicle_link.serial.port import BAUD_RATE, Port
 
 if TYPE_CHECKING:
-    from quadrotor.parameters import Parameters, ParameterValue
+    from quadrotor.parameter_description import ParameterValue
+    from quadrotor.parameters import Parameters
     from vehicle.boards.board import Board, Traits
 
 MIKROKOPTER, BETAFLIGHT, CRAZYFLIE = "mikrokopter", "betaflight", "crazyflie"

@@ -8,7 +8,8 @@ from datetime import UTC, datetime
 
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import ParameterError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from vehicle.parameters import check_pairs, new_parameters
 
 GYROSCOPE = "gyroscope"

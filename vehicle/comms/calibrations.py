@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.calibration.gyroscope_record import drift_of, gyroscope_record
 from vehicle.calibration.in_force import GYROSCOPE, described
 from vehicle.calibration.store import AT_START, ON_REQUEST, CalibrationStore, encoded, parse_stored

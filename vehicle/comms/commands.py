@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
-from quadrotor.parameters import ParameterDescription, ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
+from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
 from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox

@@ -15,8 +15,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from quadrotor.errors import LinkError
+from vehicle_link.addresses import EVERYWHERE
 from vehicle_link.clock import monotonic
-from vehicle_link.lane import EVERYWHERE
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
 from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.lane.replay_window import NewestOnly

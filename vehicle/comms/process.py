@@ -47,13 +47,13 @@ from vehicle_link.defects import end_at_defect
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import COMMS_PROCESS, ProcessProgress
 from vehicle_link.security.authority import readable_keys
-from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.set_clock import SetClock
 from vehicle_link.termination_signal import Ending, EndSignal
 from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LINK_HEARTBEAT_EVERY
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import vehicle_session
+from vehicle_link.transport.whoami import serve_whoami
 
 SHORTEST_WAIT_S = 0.001
 STATION_LOST_S = 1.0

@@ -19,11 +19,11 @@ from vehicle.processes import mailbox
 from vehicle_link.commands import COMMANDS, Command
 from vehicle_link.messages import Message, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
-from vehicle_link.parameters.service import serve_parameters
-from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import Idempotent, prepare
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import serve_parameters
+from vehicle_link.transport.time_sync import serve_time_sync
 
 CALIBRATIONS = 3
 """Calibration requests answered at once: the history must not wait for a running calibration."""

@@ -14,7 +14,7 @@ from control.behaviors.machine import BehaviorMachine
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.estimators.choice import SOURCE, Change, hands_over
 from vehicle.estimators.estimator_runner import BEARINGS, POSES

@@ -17,7 +17,7 @@ from estimation.convergence import Difference, difference
 from estimation.estimator import Estimator
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.estimators.estimator_runner import BEARINGS, BOTH, POSES, Runner
 

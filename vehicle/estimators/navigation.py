@@ -14,7 +14,7 @@ from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from estimation.estimator import Estimator, TakesHeading
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UndeterminedStartError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record, beacon_ids_of
 from vehicle.estimators.agreement_watch import AgreementWatch
 from vehicle.estimators.bearings_watch import BearingsWatch

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from estimation.convergence import difference
 from estimation.parameters import EstimationParameters
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.estimators.choice import (
     AGREEMENT,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.errors import QuadlabError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation

@@ -10,7 +10,8 @@ from bearing_sim.beacons import parse_layout
 from control.behaviors.machine import BehaviorMachine
 from control.keep_out import COLUMN, check_around
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard

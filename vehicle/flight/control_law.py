@@ -14,7 +14,7 @@ from control.disturbance_observer import DisturbanceObserver
 from control.parameters import NONE, ControlParameters, control_record
 from control.rate_law import REFERENCE_MAX
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.laws.external import ExternalLaw

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 
 from estimation.identification.mass_estimator import MassEstimator, MassParameters
 from quadrotor.errors import OutOfBoundsError, RefusedError
-from quadrotor.parameters import ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import parameter
 
 MODEL, ESTIMATE = "model", "estimate"
 USED_BY = "mass.used_by"

@@ -62,8 +62,8 @@ class TickRecord:
         """Return the specific force along z_W in m/s², by the estimated attitude."""
         w, x, y, z = self._quaternion_wb.tolist()
         a, b, c = self.specific_force_b.tolist()
-        up: float = 2.0 * ((x * z - w * y) * a + (y * z + w * x) * b)
-        return up + (1.0 - 2.0 * (x * x + y * y)) * float(c)
+        across, along = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)
+        return float(across * a + along * b + (1.0 - 2.0 * (x * x + y * y)) * c)
 
     @property
     def saturated(self) -> bool:

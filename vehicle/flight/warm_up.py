@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import cache
 
 from control.behaviors.table import BehaviorName
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import pose_sample
 from vehicle.boards.board import RawSample
 from vehicle.flight.modes import Mode

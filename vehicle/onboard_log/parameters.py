@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, parameter
 
 PREFIX = "log."
 

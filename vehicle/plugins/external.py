@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.plugins.contract import Contract
 from vehicle.plugins.host import message_of

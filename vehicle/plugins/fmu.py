@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from quadrotor.errors import RefusedError, UsageError
-from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters
 from vehicle.plugins.contract import Array, Contract, Field, names_of
 from vehicle.plugins.fmu_parameters import check_size, declared_by
 

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from quadrotor.errors import QuadlabError, RefusedError, UsageError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from quadrotor.python_file import call_user_code, run_file
 from vehicle.plugins.contract import FMU, Contract, as_attributes
 

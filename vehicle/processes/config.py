@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import msgspec
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import BEARINGS_SAMPLE, JUDGED_READING, POSE_SAMPLE, TICK
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle.processes.rings import ByteRing, RecordRing, create
-from vehicle_link.lane import EVERYWHERE
+from vehicle_link.addresses import EVERYWHERE
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.ids import THE_ONE, Identity
 

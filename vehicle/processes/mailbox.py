@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import msgspec
 
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link import commands
 from vehicle_link.parameters.change import ParameterChange
 

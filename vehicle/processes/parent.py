@@ -20,16 +20,16 @@ import msgspec
 
 from quadrotor.checkout import PREFIX, ROOT
 from quadrotor.errors import StorageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.calibration.store import FOLDER, CalibrationStore
 from vehicle.processes import mailbox
 from vehicle.processes.config import PACKETS_A_SECOND, VehicleConfig, create_rings
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
+from vehicle_link.addresses import EVERYWHERE
 from vehicle_link.forked import Process, share, start
 from vehicle_link.jobs import how_it_ended
-from vehicle_link.lane import EVERYWHERE
 from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.ids import THE_ONE, Identity

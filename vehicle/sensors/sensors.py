@@ -7,7 +7,7 @@ from pathlib import Path
 
 from estimation.parameters import NO_SENSORS
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import OWN_SENSORS, Record
 from vehicle.estimators.navigation import Navigation
 from vehicle.plugins.plugins import Plugins

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 
-from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
+from quadrotor.parameters import Parameters, ParameterStore
 from vehicle.simulator.parameters import SimulatorParameters
 
 CHARGE = "simulator.battery_charge"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from vehicle.simulator.parameters import SimulatorParameters
 
 ROUGH: dict[str, ParameterValue] = {

@@ -21,7 +21,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.lockstep import LockstepPace

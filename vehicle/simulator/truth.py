@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from quadrotor.errors import LinkError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
@@ -136,7 +136,7 @@ def set_real_time(on: bool) -> None:
 
 def _sure(topic: Topic) -> Topic:
     """Return the topic, reliable in lockstep, where the next truth may wait for this one."""
-    from vehicle_link.transport.rmw_keys import RELIABLE
+    from vehicle_link.topics.rmw_keys import RELIABLE
 
     return topic if clock.page() is None else replace(topic, qos=RELIABLE)
 
@@ -154,11 +154,11 @@ def connect_to_station(
         from vehicle_link.messages import Message, new
         from vehicle_link.parameters.change import ParameterChange
         from vehicle_link.parameters.messages import from_parameters, to_parameters
-        from vehicle_link.parameters.service import serve_parameters
         from vehicle_link.process_instance import new_instance
         from vehicle_link.topics import SERVICES, TOPICS, encode_parameter_change
         from vehicle_link.transport.idempotent import Idempotent
         from vehicle_link.transport.node import Node
+        from vehicle_link.transport.parameter_service import serve_parameters
 
         node = Node(shared.open(), f"/{vehicle}", "simulator")
         publishers = {topic: node.advertise(_sure(TOPICS[topic])) for topic in PUBLISHED}

@@ -22,7 +22,7 @@ class Watch(Protocol):
         """Return whether a packet of the client may go up."""
         ...
 
-    def hear(self, packet: Packet, now_s: float) -> None:
+    def hear(self, packet: Packet) -> None:
         """Note a packet of the Crazyflie."""
         ...
 
@@ -70,7 +70,7 @@ class _Line:
         """Pass on what came."""
         watch = self._watch
         for data in self._down.feed(self._port.read()):
-            watch.hear(decode(data), now_s)
+            watch.hear(decode(data))
             self._server.write(frame(data))
         for data in self._up.feed(self._server.read()):
             if watch.passes(decode(data), now_s):

@@ -21,6 +21,3 @@ datagram; what then arrives there cannot be read. Sizes and times of datagrams c
 Programs on the base station's loopback may ask for a lane as for everything else. There is no
 forward secrecy within the life of a process: whoever reads its memory has its keys.
 """
-
-EVERYWHERE = "0.0.0.0"
-"""Address to listen on that stands for every one of this computer."""

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 from vehicle_link.clock import time_ns
 from vehicle_link.lane.replay_window import ReplayWindow
+from vehicle_link.topics.rmw_keys import GID_SIZE
 from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.rmw_keys import GID_SIZE
 
 VERSION = 0xD1
 KEY_SIZE = 32

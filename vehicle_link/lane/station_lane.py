@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from quadrotor.errors import LinkError
 from vehicle_link import clock
-from vehicle_link.lane import EVERYWHERE
+from vehicle_link.addresses import EVERYWHERE
 from vehicle_link.lane.datagram import (
     A_HELLO,
     HELLO,

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from vehicle_link import clock
-from vehicle_link.lane import EVERYWHERE
+from vehicle_link.addresses import EVERYWHERE
 from vehicle_link.lane.datagram import (
     HELLO,
     KEY_SIZE,

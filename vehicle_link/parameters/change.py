@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 
 class ParameterChange(msgspec.Struct, frozen=True, tag="parameter_change"):

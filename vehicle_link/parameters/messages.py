@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from quadrotor.errors import LinkError, WrongTypeError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link.messages import Message, decode, new, stamp_of
 from vehicle_link.parameters.change import ParameterChange
 

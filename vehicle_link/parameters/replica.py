@@ -11,7 +11,7 @@ import threading
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.clock import monotonic
 from vehicle_link.parameters.change import VEHICLE, authority_of
 

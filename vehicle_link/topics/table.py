@@ -7,7 +7,7 @@ from typing import Literal
 
 from quadrotor.records import OWN_SENSORS
 from vehicle_link.commands import COMMANDS
-from vehicle_link.transport.rmw_keys import RELIABLE, SENSOR_DATA, Qos
+from vehicle_link.topics.rmw_keys import RELIABLE, SENSOR_DATA, Qos
 
 Sender = Literal["vehicle", "station", "simulator", "tracker", "web"]
 Priority = Literal["real_time", "interactive_high", "data_high", "data", "background"]

@@ -13,7 +13,7 @@ import zenoh
 
 from quadrotor.errors import LinkError, NoAnswerError, RefusedError, UnreachableError
 from vehicle_link.messages import Message, decode, encode, new
-from vehicle_link.transport.rmw_keys import attachment
+from vehicle_link.topics.rmw_keys import attachment
 
 log = logging.getLogger(__name__)
 

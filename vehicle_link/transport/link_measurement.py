@@ -16,9 +16,7 @@ from vehicle_link import topics
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import TlsFiles
-from vehicle_link.security.whoami import WhoAmI
 from vehicle_link.telemetry import unpack
-from vehicle_link.time_sync import TIME_SYNC, ClockOffset, exchange
 from vehicle_link.topics import TOPICS, decode_heartbeat
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.protocol import disagreement
@@ -31,6 +29,8 @@ from vehicle_link.transport.session import (
     radio_session,
     wait_connected,
 )
+from vehicle_link.transport.time_sync import TIME_SYNC, ClockOffset, exchange
+from vehicle_link.transport.whoami import WhoAmI
 
 QUESTIONS = 20  # per second
 PATIENCE = 1.0  # s for an answer

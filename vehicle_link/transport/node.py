@@ -25,12 +25,7 @@ from zenoh.handlers import Callback, RingChannel
 from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link import clock, defects
 from vehicle_link.messages import Message, decode, encode
-from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of
-from vehicle_link.transport.executor_queue import ExecutorQueue
-from vehicle_link.transport.idempotent import answering
-from vehicle_link.transport.misrouted import PublisherTopics
-from vehicle_link.transport.publisher import Publisher, Received
-from vehicle_link.transport.rmw_keys import (
+from vehicle_link.topics.rmw_keys import (
     RELIABLE,
     SENSOR_DATA,
     EntityKind,
@@ -42,6 +37,11 @@ from vehicle_link.transport.rmw_keys import (
     gid_of,
     parse_attachment,
 )
+from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of
+from vehicle_link.transport.executor_queue import ExecutorQueue
+from vehicle_link.transport.idempotent import answering
+from vehicle_link.transport.misrouted import PublisherTopics
+from vehicle_link.transport.publisher import Publisher, Received
 
 if TYPE_CHECKING:
     from vehicle_link.topics.table import Priority, Topic

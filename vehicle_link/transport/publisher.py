@@ -11,8 +11,8 @@ import zenoh
 
 from quadrotor.errors import LinkError
 from vehicle_link import clock
+from vehicle_link.topics.rmw_keys import attachment
 from vehicle_link.transport.client import wait_for_match
-from vehicle_link.transport.rmw_keys import attachment
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
-from vehicle_link.lane import EVERYWHERE
+from vehicle_link.addresses import EVERYWHERE, LOOPBACK
 from vehicle_link.security.access import access_control
 from vehicle_link.security.authority import Role, TlsFiles, check_certificate
 from vehicle_link.transport.unused_memory import map_large_buffers
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import zenoh
 
 VEHICLE_PORT = 7447
-LOOPBACK = "127.0.0.1"
 OPEN_S = 0.3
 """Time limit, in s, of one attempt to open a link."""
 RETRY = {

@@ -12,11 +12,11 @@ from pydantic import Field
 
 from quadrotor.errors import RefusedError
 from web.access.people import People
+from web.access.requester import Admin, Asker
 from web.access.roles import Role
 from web.access.sessions import Seen
 from web.access.sign_in import Refusal, address_of
 from web.body import Body
-from web.requester import Admin, Asker
 
 
 class SignOutBody(Body):

@@ -18,12 +18,12 @@ from bearing_sim.beacon_file import COLUMNS, LARGEST, read_beacons
 from bearing_sim.beacons import PRESETS, Beacons, format_layout, parse_layout
 from estimation.parameters import PRESETS as GAINS
 from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
+from web.access.requester import Operator
 from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
 from web.body import Body, read_body
 from web.live.latest import Live
 from web.parameters.replica import LAYOUT, PageParameters
-from web.requester import Operator
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

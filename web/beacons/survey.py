@@ -19,9 +19,9 @@ from pydantic import Field
 from bearing_sim.beacons import Beacons, format_layout, parse_layout
 from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, os_errors
+from web.access.requester import Operator
 from web.body import Body
 from web.parameters.replica import LAYOUT
-from web.requester import Operator
 from web.runs.job_queue import Work, Workshop
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from fastapi import FastAPI, HTTPException
 
+from web.access.requester import Operator
 from web.access.roles import Role
 from web.commands.bodies import CommandBody
 from web.live.latest import Live
-from web.requester import Operator
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

@@ -20,11 +20,11 @@ from control.behaviors.parameters import flight_volume, keep_out
 from control.keep_out import MOST as LARGEST_NUMBER
 from control.keep_out import PARAMETER, KeepOutBox, check_around, format_keep_out, parse_keep_out
 from quadrotor.errors import OutOfBoundsError, QuadlabError, RefusedError
+from web.access.requester import Operator
 from web.beacons.shapes import Point
 from web.body import Body
 from web.commands.trajectories import Arguments, TrajectoryMonitor
 from web.live.events import Message
-from web.requester import Operator
 from web.view.draft import MOST, Draft, DraftView, Kind, is_sound, text_of
 
 PERIOD = 0.05  # s between two judgements while it is dragged

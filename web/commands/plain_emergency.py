@@ -18,11 +18,11 @@ from fastapi.responses import RedirectResponse, Response
 
 from quadrotor.errors import QuadlabError
 from web.access.pages import page_response, small_page
+from web.access.requester import Asker
 from web.access.roles import Role, Session
 from web.access.sign_in import read_form
 from web.commands.emergency import Message
 from web.fleet.fleet import Fleet
-from web.requester import Asker
 from web.vehicle_context import VehicleContext
 
 SOON = 0.3

@@ -8,9 +8,9 @@ from typing import Any
 from fastapi import FastAPI
 
 from vehicle_link.commands import COMMANDS, Command
+from web.access.requester import Asker, Operator, operator_of
 from web.commands.bodies import CommandBody, body_of
 from web.commands.trajectories import FOLLOW
-from web.requester import Asker, Operator, operator_of
 from web.vehicle_context import VehicleContext
 
 

@@ -13,15 +13,15 @@ from pydantic import Field
 
 from control.behaviors.preview import Preview
 from quadrotor.errors import JobTimeoutError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.plain_rotations import roll_pitch_yaw
 from vehicle_link.messages import stamp_of
+from web.access.requester import Operator
 from web.beacons.shapes import point_of, wxyz_of
 from web.body import Body
 from web.commands.previewer import Previewer
 from web.live.latest import Live
 from web.parameters.replica import PageParameters
-from web.requester import Operator
 from web.view.scene import Scene
 
 FOLLOW = "follow_trajectory"

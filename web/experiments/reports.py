@@ -8,7 +8,7 @@ from fastapi import FastAPI
 from fastapi.responses import FileResponse
 
 from console.runs.report_folders import read_result, report_file
-from web.requester import Operator
+from web.access.requester import Operator
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

@@ -12,10 +12,10 @@ from typing import Any
 
 from fastapi import FastAPI, WebSocket
 
+from web.access.requester import Asker
 from web.commands.bodies import CommandBody
 from web.fleet.fleet import Fleet
 from web.live.conversation import converse, send_json
-from web.requester import Asker
 
 PERIOD = 0.4  # s between states
 PLOT_PERIOD = 0.1  # s between positions

@@ -7,8 +7,8 @@ from typing import Any
 
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import definition, ros_name
+from vehicle_link.topics.rmw_keys import full_name
 from vehicle_link.topics.table import SERVICES, TOPICS
-from vehicle_link.transport.rmw_keys import full_name
 from web.foxglove.protocol import ENCODING
 
 CHANNELS = tuple(

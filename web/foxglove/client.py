@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterable
 
 from starlette.websockets import WebSocket
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from web.access.roles import Session
 from web.foxglove import protocol
 from web.foxglove.catalogue import CHANNELS

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 ENCODING = "cdr"

@@ -15,6 +15,7 @@ from fastapi import FastAPI, Request, WebSocket
 from fastapi.responses import JSONResponse, Response
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from web.access.requester import Asker
 from web.access.roles import Role, Session
 from web.access.sign_in_tokens import LINK_AGE
 from web.foxglove import protocol, services
@@ -23,7 +24,6 @@ from web.foxglove.catalogue import services as offered
 from web.foxglove.client import FoxgloveClient
 from web.foxglove.protocol import SUBPROTOCOLS, Asked, Call
 from web.live.conversation import converse
-from web.requester import Asker
 from web.runs.sharing import VIEWERS
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from quadrotor.errors import LinkError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.transport.publisher import Received
 
 PERIOD = 0.02  # s

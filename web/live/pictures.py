@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 from fastapi import FastAPI, WebSocket
 
 from quadrotor.errors import LinkError, MeasurementError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.topics import decode_picture
 from web.live.conversation import converse
 

@@ -18,7 +18,7 @@ from quadrotor.records import TICK, Record
 from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.telemetry import unpack
 from vehicle_link.topics import actuator_messages, imu_messages, reference_messages, state_messages
-from web.requester import Asker
+from web.access.requester import Asker
 from web.signals import NAMED_SOURCES, SIGNALS, Source
 from web.signals.plain import sources_of
 

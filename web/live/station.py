@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link.clock import host_time_ns
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
@@ -27,9 +27,9 @@ from web.live.latest import FAST, STALE, Live
 from web.live.optional_topics import OptionalTopics, subscribe_directly
 
 if TYPE_CHECKING:
-    from vehicle_link.parameters.service import ParameterClient
     from vehicle_link.transport.client import ServiceClient
     from vehicle_link.transport.node import Node
+    from vehicle_link.transport.parameter_service import ParameterClient
     from vehicle_link.transport.publisher import Publisher, Received
 
 CALL_TIMEOUT = 1.5  # s
@@ -170,7 +170,7 @@ class Station:
         return client.describe(), client.values()
 
     def _parameter_client(self, remote: str) -> ParameterClient:
-        from vehicle_link.parameters.service import ParameterClient
+        from vehicle_link.transport.parameter_service import ParameterClient
 
         node = self._require_node()
         with self._making:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from control.presets import PRESETS as CONTROL
 from control.presets import preset_values
 from estimation.parameters import PRESETS as ESTIMATION
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.parameters.change import SIMULATOR, authority_of
 from web.parameters.replica import LAYOUT, PageParameters
 

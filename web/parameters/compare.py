@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from quadrotor.errors import ParameterError, ReadOnlyError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from web.parameters.replica import PageParameters
 from web.parameters.stepwise import steps_between
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from quadrotor.errors import MeasurementError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 
 LARGEST = 256 * 1024
 """Largest file, in bytes; all parameters are about 20 kB."""

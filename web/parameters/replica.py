@@ -12,8 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from quadrotor.errors import LinkError, UnknownParameterError
-from quadrotor.parameter_checks import coerce
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue, coerce
 from vehicle_link.clock import wall_time
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import ParameterReplica, Snapshot

@@ -14,13 +14,13 @@ from fastapi.responses import PlainTextResponse
 from pydantic import Field
 
 from console.parameters.presets import Preset
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from web.access.requester import Operator
 from web.body import Body, read_body
 from web.parameters.built_in_presets import built_in
 from web.parameters.compare import compare, differing
 from web.parameters.file import LARGEST, read_file, write_file
 from web.parameters.replica import LAYOUT
-from web.requester import Operator
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

@@ -12,7 +12,7 @@ import math
 from collections.abc import Awaitable, Callable, Mapping
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from web.parameters.replica import PageParameters
 
 ROUNDING = 1e-9

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from quadrotor.errors import QuadlabError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.parameters.change import SIMULATOR, STATION, authority_of
 from web.parameters.replica import PageParameters
 from web.parameters.stepwise import step_towards, steps_between, walk

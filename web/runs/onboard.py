@@ -9,8 +9,8 @@ from fastapi import FastAPI
 from fastapi import Path as InPath
 
 from console.catalogue.catalogue import SUFFIX
+from web.access.requester import Operator
 from web.live.latest import Live
-from web.requester import Operator
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

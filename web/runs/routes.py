@@ -17,7 +17,7 @@ from console.catalogue.notes import notes_history, write_notes
 from console.catalogue.search import RunSearch
 from console.catalogue.tags import all_tags, change_tags
 from quadrotor.errors import StorageError
-from web.requester import Operator
+from web.access.requester import Operator
 from web.runs.bodies import MarkBody, NotesBody, TagsBody
 from web.runs.listing import about, lines
 from web.runs.onboard import add_onboard

@@ -12,8 +12,8 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 
 from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
+from web.access.requester import Asker
 from web.access.signed_links import AGE, SUFFIX
-from web.requester import Asker
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

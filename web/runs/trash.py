@@ -14,7 +14,7 @@ from console.parameters.station import RecorderParameters
 from console.runs.storage import storage
 from console.runs.trash import delete_run, deleted_runs, purge, restore_run
 from quadrotor.errors import QuadlabError
-from web.requester import Admin, Operator
+from web.access.requester import Admin, Operator
 from web.runs.bodies import RunsBody
 
 if TYPE_CHECKING:

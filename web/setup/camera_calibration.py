@@ -25,9 +25,9 @@ from estimation.tags.camera_calibration import FEWEST_VIEWS, CameraCalibration
 from estimation.tags.charuco import Board
 from quadrotor.errors import QuadlabError, RefusedError
 from vehicle_link.jobs import POLL, Job, run
+from web.access.requester import Operator
 from web.body import Body
 from web.live.conversation import converse, send_json
-from web.requester import Operator
 
 PACE = 0.08
 """Seconds between two pictures of the simulated camera."""

@@ -14,8 +14,8 @@ from fastapi import FastAPI
 
 from quadrotor.errors import LinkError
 from vehicle_link.checks import Check, from_messages
+from web.access.requester import Operator
 from web.access.users import shown
-from web.requester import Operator
 from web.setup.page_checks import page_checks
 from web.setup.vehicles import known_vehicles
 

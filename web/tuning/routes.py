@@ -13,9 +13,9 @@ from console.tuning.step_response import BAND
 from console.tuning.step_test_store import StepTest, StepTestStore
 from control.trajectories.multistep import AXES, SHAPES
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from web.access.requester import Operator
 from web.body import Body
-from web.requester import Operator
 from web.tuning.step_tests import StepTests
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from console.tuning.evaluation import COLUMNS, Plan, evaluate
 from console.tuning.step_test_store import StepTest, StepTestStore
 from control.trajectories.multistep import LEAD
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.messages import stamp_of
 from web.live.events import EventHub
 from web.live.latest import Live

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from web.beacons.drag import FARTHEST, Click, Drag
 from web.beacons.marks import Mark, only_offered
 from web.beacons.shapes import Point, along_axis, cones, distance_to_ray, on_plane, turns_from_z

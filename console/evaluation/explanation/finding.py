@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from flight_log.fields import ATTITUDE, MARKED, POSITION, TRACKED
 from flight_log.run import Series
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 Array = npt.NDArray[np.floating[Any]]
 Topics = Mapping[str, Series]

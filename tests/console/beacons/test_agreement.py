@@ -10,8 +10,8 @@ from console.beacon_layout import STATION_LAYOUT, VEHICLE_LAYOUT
 from quadrotor.errors import ParameterError
 from tests.waiting import until
 from vehicle.flight.modes import Mode
-from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.serial.ids import MotorState
+from vehicle_link.transport.parameter_service import ParameterClient
 
 
 def test_a_vehicle_that_connects_is_told_follows_and_has_a_veto(linked: Any) -> None:

@@ -9,7 +9,7 @@ import pytest
 from console.beacon_layout import AGAIN, STATION_LAYOUT, VEHICLE_LAYOUT, BeaconLayout
 from console.parameters.store import StationStore
 from quadrotor.errors import LinkError, OutOfBoundsError, ParameterError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 
 
 class Vehicle:

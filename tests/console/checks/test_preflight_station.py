@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from flight_log import read_log
-from quadrotor.parameters import ParameterDescription
+from quadrotor.parameter_description import ParameterDescription
 from quadrotor.records import TICK
 from tests.support.station import LinkedStation
 from tests.waiting import until
@@ -25,11 +25,11 @@ from vehicle_link import topics
 from vehicle_link.checks import Check, from_messages, to_messages
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import to_parameters
-from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.telemetry import pack
-from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import serve_parameters
+from vehicle_link.transport.time_sync import serve_time_sync
 
 LIMIT = 15.0
 PREFLIGHT = TOPICS["preflight"].type_name

@@ -17,7 +17,8 @@ from console.experiments import catalogue as experiments
 from console.experiments.client import Client, Result
 from quadlab.station_client import station
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterDescription, Parameters, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
+from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import TICK
 from tests.support.station import LinkedStation
 from tests.waiting import LIMIT, until
@@ -25,12 +26,12 @@ from vehicle_link import topics
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import from_descriptor, from_parameters, to_parameters
-from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.telemetry import pack
-from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import serve_parameters
 from vehicle_link.transport.publisher import Received
+from vehicle_link.transport.time_sync import serve_time_sync
 
 ENDED = ("passed", "failed", "stopped", "refused")
 

@@ -20,15 +20,14 @@ from console.link import identification
 from console.link.identification import VehicleIdentification
 from console.link.monitor import LinkMonitor
 from tests.waiting import free_port
-from vehicle_link.security import whoami
 from vehicle_link.security.authority import Role, TlsFiles, ensure_certificates
 from vehicle_link.security.enrolment import issue_station
-from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.serial.ids import THE_ONE
-from vehicle_link.transport import radio
+from vehicle_link.transport import radio, whoami
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session
+from vehicle_link.transport.whoami import serve_whoami
 
 WAIT = 10.0  # s: a bound, not an expectation
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from console.link.monitor import LinkMonitor
-from vehicle_link.time_sync import Exchange
 from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.time_sync import Exchange
 
 NOW = 1_700_000_000_000_000_000
 AHEAD = 5_000_000_000_000

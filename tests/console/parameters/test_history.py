@@ -20,7 +20,7 @@ from console.parameters.history_writer import (
 from console.parameters.presets import ParameterPresets
 from console.parameters.store import StationStore
 from quadrotor.errors import RefusedError, StorageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from tests.waiting import until
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import ParameterReplica

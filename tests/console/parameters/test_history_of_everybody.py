@@ -8,7 +8,7 @@ from console.parameters.history import ParameterHistory
 from console.parameters.history_writer import AT_RESTART
 from tests.waiting import until
 from vehicle_link.parameters.messages import from_parameters, to_parameters
-from vehicle_link.parameters.service import ROS_REQUESTER, ParameterClient
+from vehicle_link.transport.parameter_service import ROS_REQUESTER, ParameterClient
 
 KP, SIGMA = "control.position.kp_xy", "station.bearings.sigma"
 

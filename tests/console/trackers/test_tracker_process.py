@@ -21,10 +21,10 @@ from tests.support.station import LinkedStation
 from tests.waiting import free_port, wait_for
 from vehicle_link import topics
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
+from vehicle_link.transport.time_sync import serve_time_sync
 
 AHEAD_NS = 40_000_000_000
 """Time, ns, by which the vehicle's clock is ahead of the station's."""

@@ -594,7 +594,7 @@ def test_unsigned_messages_are_refused_where_a_passphrase_is_set(
     ],
 )
 def test_bad_options_are_refused_in_one_line(words: list[str], line: str) -> None:
-    from quadlab.__main__ import parse
+    from quadlab.commands.parsing import parse
 
     with pytest.raises(UsageError, match=line):
         parse(["mavlink", *words]).run()

@@ -21,7 +21,8 @@ from quadlab.mavlink.parameter_names import (
 )
 from quadlab.mavlink.parameter_server import ParameterServer
 from quadrotor.errors import WrongTypeError
-from quadrotor.parameters import ParameterDescription, ParameterStore
+from quadrotor.parameter_description import ParameterDescription
+from quadrotor.parameters import ParameterStore
 from vehicle.parameters import new_parameters
 
 STORE = ParameterStore(new_parameters())

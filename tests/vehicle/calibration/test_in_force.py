@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from quadrotor.calibration_record import CalibrationRecord
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import find_kind
 from vehicle.calibration.in_force import start_values
 from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore

@@ -10,7 +10,7 @@ import pytest
 
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import StorageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.calibration.store import (
     AT_START,
     FOLDER,

@@ -8,7 +8,7 @@ import pytest
 
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import MeasurementError, RefusedError, StorageError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.calibration.store import CalibrationStore
 from vehicle.comms.calibrations import ANSWER_BYTES, TYPE
 from vehicle.processes import mailbox

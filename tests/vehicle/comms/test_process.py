@@ -36,9 +36,9 @@ from vehicle.processes.parent import DEATHS_OUTLASTED
 from vehicle_link import messages, telemetry, topics
 from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import from_value, to_parameters
-from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import ParameterClient
 from vehicle_link.transport.publisher import Received
 
 SIMULATOR = """

@@ -13,7 +13,8 @@ import pytest
 
 from bearing_sim.emulator import BearingParameters
 from quadrotor.errors import OutOfBoundsError, RefusedError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from tests.support.lab import Lab, flight_parameters, refusal
 from vehicle.flight.modes import Flag
 from vehicle.parameters import check_pairs, new_parameters

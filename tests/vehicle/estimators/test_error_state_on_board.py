@@ -8,7 +8,7 @@ import pytest
 from bearing_sim.beacons import parse_layout
 from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS, Agreement
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record
 from tests.support.lab import Lab, flight_parameters
 from vehicle.flight.modes import Flag

@@ -17,7 +17,8 @@ import pytest
 from estimation import registry
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from quadrotor.records import ESTIMATE, IMU_SAMPLE, new_state, pose_sample
 from tests.support.lab import Lab, flight_parameters, refusal
 from vehicle.estimators.contract import ESTIMATOR, INPUT, OUTPUT, Answer, Input, load

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, Record, has_attitude
 from quadrotor.rotations import yaw_of
 from tests.support.lab import Lab, flight_parameters, refusal

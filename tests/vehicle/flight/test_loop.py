@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import LinkError
-from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import JUDGED_READING, Record, bearings_sample, new_tick, pose_sample
 from vehicle.boards.board import Command, RawSample
 from vehicle.boards.board_link import LinkStatistics

@@ -13,7 +13,7 @@ from control.controller import GeometricController
 from control.geometric_law import apply_wrench
 from control.parameters import PluginBounds
 from quadlab.simulated.parameters import FlightParameters
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from tests.support.lab import Lab, flight_parameters, refusal
 from tests.support.law_bench import LawBench
 from vehicle.laws.laws import Laws

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from quadrotor.errors import UsageError
-from quadrotor.parameters import ParameterDescription, ParameterStore
+from quadrotor.parameter_description import ParameterDescription
+from quadrotor.parameters import ParameterStore
 from tests.support.installed import install
 from vehicle.laws.contract import LAW
 from vehicle.parameters import new_parameters

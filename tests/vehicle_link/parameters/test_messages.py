@@ -7,7 +7,8 @@ import math
 import pytest
 
 from quadrotor.errors import LinkError, WrongTypeError
-from quadrotor.parameters import ParameterDescription, ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
+from quadrotor.parameters import ParameterStore
 from quadrotor.vehicle_model import VehicleModel
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.parameters.messages import (

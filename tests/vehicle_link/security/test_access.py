@@ -21,15 +21,15 @@ from vehicle_link.security import authority
 from vehicle_link.security.authority import ROLES, TlsFiles, check_certificate, ensure_certificates
 from vehicle_link.security.certificates import certificate_builder, load_certificate
 from vehicle_link.security.enrolment import issue_station, issue_vehicle
-from vehicle_link.security.whoami import WhoAmI, serve_whoami
 from vehicle_link.serial.ids import THE_ONE
-from vehicle_link.time_sync import TIME_SYNC, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.protocol import disagreement, protocol, version
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session
+from vehicle_link.transport.time_sync import TIME_SYNC, serve_time_sync
+from vehicle_link.transport.whoami import WhoAmI, serve_whoami
 
 WAIT = 10.0  # s: a bound, not an expectation
 ARM = SERVICES["arm"]

@@ -23,28 +23,22 @@ from quadrotor.errors import (
     UnreachableError,
     UsageError,
 )
-from quadrotor.parameters import (
-    ParameterDescription,
-    Parameters,
-    ParameterStore,
-    ParameterValue,
-    parameter,
-)
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
+from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import TICK
 from quadrotor.vehicle_model import VehicleModel
 from tests.support.station import StationLink
 from tests.waiting import free_port, wait_for
 from vehicle_link.messages import Message, new
 from vehicle_link.parameters.messages import from_value, to_parameters
-from vehicle_link.parameters.service import ParameterClient, serve_parameters
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.telemetry import pack, unpack
-from vehicle_link.time_sync import exchange, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS, decode_heartbeat, encode_heartbeat
+from vehicle_link.topics.rmw_keys import RELIABLE
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import ParameterClient, serve_parameters
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.rmw_keys import RELIABLE
 from vehicle_link.transport.session import (
     check_station,
     hub_session,
@@ -52,6 +46,7 @@ from vehicle_link.transport.session import (
     parse_endpoint,
     vehicle_session,
 )
+from vehicle_link.transport.time_sync import exchange, serve_time_sync
 
 WAIT = 10.0  # s: a bound, not an expectation
 REQUEST, RESPONSE = f"{SERVICES['arm']}_Request", f"{SERVICES['arm']}_Response"

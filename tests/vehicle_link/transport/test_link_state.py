@@ -10,9 +10,9 @@ import pytest
 from quadrotor.errors import RefusedError
 from tests.support.narrowing import now
 from vehicle_link.messages import Message, new
-from vehicle_link.time_sync import ClockOffset, Exchange
 from vehicle_link.transport.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.time_sync import ClockOffset, Exchange
 
 MS = 1_000_000
 REQUEST = "quadlab_msgs/srv/Command_Request"

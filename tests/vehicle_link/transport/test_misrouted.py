@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from tests.waiting import wait_for
+from vehicle_link.topics.rmw_keys import attachment, data_key
 from vehicle_link.transport.misrouted import ESTABLISHED, FORGIVEN, KNOWN, PublisherTopics
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.rmw_keys import attachment, data_key
 
 GID = bytes(range(16))
 

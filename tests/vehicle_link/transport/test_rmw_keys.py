@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vehicle_link.transport.rmw_keys import (
+from vehicle_link.topics.rmw_keys import (
     RELIABLE,
     SENSOR_DATA,
     NodeIdentity,

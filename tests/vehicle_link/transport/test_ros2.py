@@ -22,10 +22,10 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 from tests.waiting import free_port
 from vehicle_link import messages
 from vehicle_link.messages import encode, header, new
-from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import SERVICES, TOPICS, decode_external_reference, decode_joy, decode_pose
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.parameter_service import serve_parameters
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session

@@ -10,7 +10,7 @@ import pytest
 
 from control.behaviors.preview import preview
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.messages import decode, encode, header, new
 from web.commands.previewer import Previewer
 from web.commands.trajectories import TrajectoryMonitor

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from tests.support.parameters import described
 from vehicle_link.parameters.change import ParameterChange
 from web.parameters.replica import PageParameters

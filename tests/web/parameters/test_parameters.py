@@ -17,7 +17,7 @@ from quadrotor.errors import (
     UnknownParameterError,
     WrongTypeError,
 )
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from tests.support.parameters import described
 from web.parameters.replica import PageParameters
 from web.parameters.writer import ParameterWriter

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import LinkError
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
 from vehicle.simulator.live_parameters import SimulatorTree
 from web.parameters.follower import ParameterFollower
 from web.parameters.replica import PageParameters

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from quadrotor.errors import LinkError, OutOfBoundsError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
 from vehicle.boards.crazyflie.arming import why_not_armed

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from pydantic import create_model
 
-from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle.boards.offered import FIRMWARE
 

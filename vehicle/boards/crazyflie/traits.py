@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.board import CommandKind, Traits
 from vehicle.boards.crazyflie.messages import ACCELEROMETER_SCALE, GYROSCOPE_SCALE
 

@@ -109,7 +109,7 @@ SINK = round(0.7 * 2**22)  # 2^-22 m/s
 SINK_FLARE = round(0.35 * 2**22)
 FLARE_HEIGHT = round(0.7 * 2**18)  # 2^-18 m above the take-off point
 DEEPEST = round(-1.5 * 2**18)  # 2^-18 m above the take-off point
-"""Below it the ground should have been found: the barometer leaks, so the descent becomes faster."""
+"""Below it the ground should have been found: the barometer leaks, the descent becomes faster."""
 FASTER_SHIFT = 3  # by 2^-3 m/s^2
 SINK_ERROR_MAX = 4 << 22  # 2^-22 m/s: a larger error asks for more than the greatest thrust
 CLIMB_GAIN = round(5.0 * _model.mass * 2**12)  # 5/s: 2^-24 N per 2^-28 m/s, times 2^16

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from quadrotor.errors import ParameterError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link.messages import Message, new
 from vehicle_link.parameters.messages import (
     ROS_TYPES,

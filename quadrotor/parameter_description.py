@@ -1,14 +1,30 @@
-"""Checks of values against the descriptions of their parameters."""
+"""The description of a parameter, and checks of values against it."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from quadrotor.errors import OutOfBoundsError, WrongTypeError
 
-if TYPE_CHECKING:
-    from quadrotor.parameters import ParameterDescription, ParameterValue
+ParameterValue = bool | int | float | str
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterDescription:
+    """The description of a parameter: what a client needs to display and edit it."""
+
+    name: str
+    type: str  # "bool", "int", "float" or "str"
+    default: ParameterValue
+    description: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    step: float | None
+    read_only: bool
+    choices: tuple[str, ...]
+    flight_step: float | None = None  # largest change in flight
 
 
 def coerce(description: ParameterDescription, value: object) -> ParameterValue:
