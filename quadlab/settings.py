@@ -54,7 +54,7 @@ SETS = {
 
 def offer_plugins(data: Path) -> None:
     """Make what the plugins of the data folder add part of the vehicle's parameters."""
-    from vehicle.plugins import offer
+    from vehicle.estimators import offer
     from vehicle.processes.parent import PLUGINS
 
     offer.offer_plugins(data / PLUGINS)

@@ -183,12 +183,12 @@ ESTIMATE = np.dtype(
 
 STATUS = np.dtype(
     [
-        ("mode", "u1"),  # vehicle.flight.modes.Mode
+        ("mode", "u1"),  # vehicle.modes.Mode
         ("behavior", "u1"),  # index into control.behaviors.table.BehaviorName
         ("armed", "u1"),
         ("airborne", "u1"),
-        ("control_mode", "u1"),  # vehicle.flight.modes.ControlMode
-        ("flags", "u4"),  # bit set of vehicle.flight.modes.Flag
+        ("control_mode", "u1"),  # vehicle.modes.ControlMode
+        ("flags", "u4"),  # bit set of vehicle.modes.Flag
         ("parameter_revision", "u4"),
         ("tick_rate", "f8"),  # Hz
         ("lateness_p50", "f8"),  # s, over the last second

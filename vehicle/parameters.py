@@ -15,10 +15,9 @@ from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, thrust_of_reference
+from vehicle.boards.imu import ImuCalibration
 from vehicle.boards.offered import offered
-from vehicle.calibration.imu import ImuCalibration
-from vehicle.flight.flown_mass import FlownMassParameters
-from vehicle.flight.near_hovering import NearHoveringParameters
+from vehicle.flight_parameters import FlownMassParameters, NearHoveringParameters
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.plugins import declared
 from vehicle.safety.parameters import SafetyParameters

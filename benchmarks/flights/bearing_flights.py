@@ -25,7 +25,7 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
-from vehicle.processes import mailbox
+from vehicle import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 SEEDS = 12

@@ -37,7 +37,7 @@ from quadrotor.rotations import (
     quaternion_log,
     quaternion_multiply,
 )
-from vehicle.flight.modes import Flag
+from vehicle.modes import Flag
 from vehicle.simulator.presets import preset_values
 
 FLIGHTS = 60

@@ -18,8 +18,8 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Array
+from vehicle import mailbox
 from vehicle.boards.kind import MIKROKOPTER, find_kind
-from vehicle.processes import mailbox
 from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 

@@ -32,9 +32,9 @@ from flight_log.tick_columns import TICK_TOPICS
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import TICK
+from vehicle import mailbox
 from vehicle.onboard_log.repair import FOLDER, recover_logs, torn_logs
 from vehicle.parameters import new_parameters
-from vehicle.processes import mailbox
 from vehicle.processes.config import RingDescriptors, Rings, VehicleConfig, create_rings, open_rings
 from vehicle.processes.rings import READ
 from vehicle_link.security.authority import ensure_certificates

@@ -19,8 +19,8 @@ import numpy.typing as npt
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.records import Record
-from vehicle.flight.modes import Mode
-from vehicle.processes import mailbox
+from vehicle import mailbox
+from vehicle.modes import Mode
 from vehicle.processes.config import VehicleConfig, create_rings, open_rings
 
 STEP_S = 0.01

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.onboard.flight_under_test import FlightUnderTest, Notes
-from vehicle.flight.realtime import PRIORITY
+from vehicle.realtime import PRIORITY
 
 RATES = (500, 1000)
 SECONDS = 60, 8, 1  # of each size

@@ -199,7 +199,7 @@ def ticks(seconds: float) -> list[tuple[int, int]]:
     """Return the ns of each tick, wall and processor time, over `seconds` of a simulated 8."""
     from quadlab.simulated.flight import SimulatedFlight
     from quadlab.simulated.parameters import FlightParameters
-    from vehicle.flight.realtime import freeze_garbage
+    from vehicle.realtime import freeze_garbage
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
     parameters = FlightParameters()

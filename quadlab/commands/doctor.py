@@ -23,7 +23,7 @@ class Doctor:
 
         from flight_log.provenance import provenance
         from quadlab.data_folder import FREE_SPACE_FLOOR
-        from vehicle.flight.realtime import PRIORITY
+        from vehicle.realtime import PRIORITY
         from vehicle_link import machine_checks as machine
         from vehicle_link.serial.devices import candidates
 

@@ -70,8 +70,8 @@ def fly(
     from quadlab.simulated.parameters import FlightParameters
     from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
+    from vehicle.estimators.offer import offer_plugins
     from vehicle.flight.kernels import prepare
-    from vehicle.plugins.offer import offer_plugins
     from vehicle.processes.parent import PLUGINS
     from vehicle.simulator.boards import firmware_of
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle

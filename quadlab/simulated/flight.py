@@ -27,14 +27,14 @@ from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record, bearings_sample, has_attitude, pose_sample
+from vehicle import mailbox
 from vehicle.boards.kind import Kind
 from vehicle.boards.mikrokopter.microcontroller import KIND
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.estimators.measurement_reports import WARN_NS
 from vehicle.flight.microcontroller_commands import CommandSender
-from vehicle.flight.modes import MOTORS_ON
 from vehicle.flight.stack import FlightStack
-from vehicle.processes import mailbox
+from vehicle.modes import MOTORS_ON
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.topics import encode_joy
 

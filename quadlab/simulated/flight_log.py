@@ -22,8 +22,8 @@ from quadrotor.records import (
     has_attitude,
     pose_sample,
 )
+from vehicle import mailbox
 from vehicle.comms.publish import FLOWN_ON, Publisher
-from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.parameters.change import ParameterChange

@@ -20,10 +20,10 @@ from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import TICK, Record
 from quadrotor.rotations import euler_from_quaternion
+from vehicle import mailbox
 from vehicle.calibration.gyroscope_record import gyroscope_record
-from vehicle.flight.modes import Mode
 from vehicle.flight.stack import FlightStack
-from vehicle.processes import mailbox
+from vehicle.modes import Mode
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.parameters.change import ParameterChange

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from vehicle.processes import mailbox
+from vehicle import mailbox
 from vehicle_link.parameters.change import ParameterChange
 
 

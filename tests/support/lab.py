@@ -14,7 +14,7 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
 from tests.support.kept_log import KeptLog
-from vehicle.flight.modes import Flag
+from vehicle.modes import Flag
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 

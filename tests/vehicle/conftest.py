@@ -13,10 +13,10 @@ from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from tests.support.lab import Lab, flight_parameters
+from vehicle import mailbox
 from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore
 from vehicle.comms.calibrations import TYPE, Calibrations
-from vehicle.flight.modes import Mode
-from vehicle.processes import mailbox
+from vehicle.modes import Mode
 from vehicle_link.messages import Message, new
 
 NS = 1_780_000_000_000_000_000

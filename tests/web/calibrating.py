@@ -15,7 +15,7 @@ from quadrotor.calibration_record import CalibrationRecord, Quality, parse_recor
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.calibration.imu import ImuCalibration
+from vehicle.boards.imu import ImuCalibration
 from vehicle_link.messages import header, new
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import to_descriptor

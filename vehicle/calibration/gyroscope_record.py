@@ -6,7 +6,7 @@ import math
 
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from vehicle.calibration.in_force import GYROSCOPE
-from vehicle.processes.mailbox import GyroscopeFound
+from vehicle.mailbox import GyroscopeFound
 
 ERROR_MAX = 0.03
 """deg/s, largest standard error of the mean."""

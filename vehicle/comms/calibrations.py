@@ -13,11 +13,11 @@ from collections.abc import Callable
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from quadrotor.parameter_description import ParameterValue
+from vehicle import mailbox
 from vehicle.calibration.gyroscope_record import drift_of, gyroscope_record
 from vehicle.calibration.in_force import GYROSCOPE, described
 from vehicle.calibration.store import AT_START, ON_REQUEST, CalibrationStore, encoded, parse_stored
 from vehicle.comms.commands import FlightMailbox
-from vehicle.processes import mailbox
 from vehicle_link.messages import Message, new
 from vehicle_link.topics import SERVICES
 

@@ -13,8 +13,8 @@ from quadrotor.errors import LinkError, NoAnswerError, ParameterError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
+from vehicle import mailbox
 from vehicle.parameters import new_parameters
-from vehicle.processes import mailbox
 from vehicle.processes.config import Rings
 from vehicle_link.commands import Request
 from vehicle_link.parameters.change import ParameterChange

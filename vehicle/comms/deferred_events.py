@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from vehicle.processes import mailbox
+from vehicle import mailbox
 from vehicle_link.topics import DELAYED_PREFIX
 
 CAPACITY = 8

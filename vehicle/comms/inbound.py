@@ -24,11 +24,11 @@ from estimation.outcome import LATEST_NS
 from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import Record
+from vehicle import mailbox
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.comms.commands import FlightMailbox
 from vehicle.comms.held_sticks import AGAIN, HeldSticks
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.process_instance import short_id

@@ -18,6 +18,7 @@ from pathlib import Path
 import msgspec
 
 from quadrotor.errors import QuadlabError
+from vehicle import mailbox
 from vehicle.boards.kind import find_kind
 from vehicle.boards.offered import offer
 from vehicle.calibration.store import CalibrationStore
@@ -31,13 +32,12 @@ from vehicle.comms.self_checks import SelfChecks
 from vehicle.comms.services import serve
 from vehicle.comms.start_certificates import certificates_in_time
 from vehicle.comms.vehicle_clock import VehicleClock
+from vehicle.estimators.offer import offer_plugins
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.parameters import log_parameters
 from vehicle.onboard_log.reader import OnboardReader
 from vehicle.onboard_log.ring import Fetched
-from vehicle.plugins.offer import offer_plugins
-from vehicle.processes import mailbox
 from vehicle.processes.config import TICK_SLOTS, Rings, VehicleConfig, open_rings
 from vehicle.processes.parent import DEAF, GIVEN_UP, PLUGINS
 from vehicle.processes.terminal import say, speak_for

@@ -19,8 +19,8 @@ import numpy as np
 
 from control.behaviors.table import BehaviorName
 from quadrotor.records import TICK, Record, offset_of
-from vehicle.flight.modes import ControlMode, Flag, Mode
-from vehicle.processes import mailbox
+from vehicle import mailbox
+from vehicle.modes import ControlMode, Flag, Mode
 from vehicle.processes.config import PACKETS_A_SECOND
 from vehicle_link import telemetry, topics
 from vehicle_link.parameters.change import ParameterChange

@@ -13,9 +13,9 @@ from typing import Protocol
 
 from flight_log.provenance import provenance
 from quadrotor.errors import RefusedError
-from vehicle.flight.realtime import PRIORITY
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.repair import FOLDER
+from vehicle.realtime import PRIORITY
 from vehicle_link.checks import Check, Place, to_messages
 from vehicle_link.machine_checks import (
     clock_check,

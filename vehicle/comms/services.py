@@ -12,10 +12,10 @@ from functools import partial
 from msgspec.structs import fields as fields_of
 
 from quadrotor.errors import RefusedError
+from vehicle import mailbox
 from vehicle.comms.calibrations import Calibrations
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle.processes import mailbox
 from vehicle_link.commands import COMMANDS, Command
 from vehicle_link.messages import Message, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from estimation.outcome import Agreement
 from quadrotor.records import Record
-from vehicle.flight.modes import Flag
-from vehicle.processes import mailbox
+from vehicle import mailbox
+from vehicle.modes import Flag
 
 HOLD_NS = 1_000_000_000
 """Time for which a flag stays set after its cause: a single outlier lasts only 10 ms."""
@@ -34,7 +34,7 @@ class AgreementWatch:
         say: takes a line for the log and its level.
 
     Attributes:
-        flags: bits of vehicle.flight.modes.Flag.
+        flags: bits of vehicle.modes.Flag.
     """
 
     def __init__(self, say: Callable[[str, int], None]) -> None:

@@ -16,12 +16,12 @@ from control.behaviors.table import BehaviorName
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
+from vehicle import mailbox
 from vehicle.estimators.choice import SOURCE, Change, hands_over
 from vehicle.estimators.estimator_runner import BEARINGS, POSES
 from vehicle.estimators.navigation import Navigation
-from vehicle.flight.modes import Flag
+from vehicle.modes import Flag
 from vehicle.parameters import VehicleParameters
-from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 
 LAYOUT = "beacons.layout"
@@ -34,7 +34,7 @@ class BearingsGuard:
 
     Attributes:
         on: whether bearings are used, alone or with poses; if so, call `step` each tick.
-        flags: bits of vehicle.flight.modes.Flag.
+        flags: bits of vehicle.modes.Flag.
     """
 
     def __init__(

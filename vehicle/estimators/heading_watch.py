@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 
 from quadrotor.records import Record
-from vehicle.flight.modes import Flag
-from vehicle.processes import mailbox
+from vehicle import mailbox
+from vehicle.modes import Flag
 
 UNKNOWN, KNOWN = math.radians(15.0), math.radians(12.0)
 """rad, deviation above which the heading counts as unknown, and below which as known again: three
@@ -21,7 +21,7 @@ class HeadingWatch:
         say: takes a line for the log and its level.
 
     Attributes:
-        flags: bits of vehicle.flight.modes.Flag.
+        flags: bits of vehicle.modes.Flag.
     """
 
     def __init__(self, say: Callable[[str, int], None]) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 
 from estimation.estimator import Estimator
 from estimation.outcome import AHEAD_NS, Outcome
-from vehicle.processes import mailbox
+from vehicle import mailbox
 
 WINDOW_NS = 2_000_000_000
 CHANGE = 0.1

@@ -16,6 +16,7 @@ from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UndeterminedStartError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record, beacon_ids_of
+from vehicle import mailbox
 from vehicle.estimators.agreement_watch import AgreementWatch
 from vehicle.estimators.bearings_watch import BearingsWatch
 from vehicle.estimators.choice import ESTIMATOR, SHADOW, Choice, EstimatorSet, check
@@ -28,7 +29,6 @@ from vehicle.estimators.heading_watch import HeadingWatch
 from vehicle.estimators.measurement_reports import MeasurementReports
 from vehicle.estimators.suspect_beacon import SuspectBeacon
 from vehicle.parameters import FallBackParameters
-from vehicle.processes import mailbox
 
 
 class Navigation:

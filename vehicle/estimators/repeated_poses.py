@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from quadrotor.records import NO_ATTITUDE, Array, Record
-from vehicle.processes import mailbox
+from vehicle import mailbox
 
 TOLD_NS = 100_000_000
 """Time, in ns, for which a whole pose repeats until it is reported, and a part of it until the

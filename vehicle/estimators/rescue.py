@@ -13,6 +13,7 @@ from estimation.convergence import difference
 from estimation.parameters import EstimationParameters
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
+from vehicle import mailbox
 from vehicle.estimators.choice import (
     AGREEMENT,
     ESTIMATOR,
@@ -24,8 +25,7 @@ from vehicle.estimators.choice import (
 )
 from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.navigation import Navigation
-from vehicle.flight.modes import Flag
-from vehicle.processes import mailbox
+from vehicle.modes import Flag
 
 MEMORY, DOUBTED = 0.05, 0.5
 """Weight of the newest measurement in the share that the shadow did not agree with, and the share
@@ -39,7 +39,7 @@ class Rescue:
     """Judges the estimator in use after each measurement.
 
     Attributes:
-        flags: bits of vehicle.flight.modes.Flag.
+        flags: bits of vehicle.modes.Flag.
     """
 
     def __init__(

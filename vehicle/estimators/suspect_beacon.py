@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable
 
+from vehicle import mailbox
 from vehicle.estimators.beacon_offsets import LEAST, Offset
-from vehicle.flight.modes import Flag
-from vehicle.processes import mailbox
+from vehicle.modes import Flag
 
 UNIDENTIFIED = -1
 """Used in place of an id when the beacon cannot be identified."""
@@ -20,7 +20,7 @@ class SuspectBeacon:
         say: takes a line for the log and its level.
 
     Attributes:
-        flags: bits of vehicle.flight.modes.Flag.
+        flags: bits of vehicle.modes.Flag.
         status: id (UNIDENTIFIED when not known), mean offset (rad), whether it is left out.
     """
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from control.behaviors.parameters import NONE as NO_PLUGIN
 from control.parameters import GEOMETRIC, NONE
+from vehicle import mailbox
 from vehicle.behaviors.behaviors import PARAMETER as BEHAVIOR
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.estimators.bearings_guard import BearingsGuard
@@ -18,11 +19,10 @@ from vehicle.estimators.rescue import Rescue
 from vehicle.flight.configuration import Configuration
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import FLYING, Mode
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.laws.laws import LAW, SHADOW_LAW
+from vehicle.modes import FLYING, Mode
 from vehicle.plugins.external import External
-from vehicle.processes import mailbox
 from vehicle.sensors.sensors import PARAMETER as SENSORS
 from vehicle.sensors.sensors import OwnSensors
 

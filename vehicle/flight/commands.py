@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.parameter_description import ParameterValue
+from vehicle import mailbox
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.configuration import Configuration
 from vehicle.flight.gyroscope import GyroscopeStart
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import MOTORS_ON, Flag, Mode
 from vehicle.flight.motor_bench import Bench, check_bench
 from vehicle.flight.tick_record import Outbox, TickRecord
+from vehicle.modes import MOTORS_ON, Flag, Mode
 from vehicle.parameters import VehicleParameters
-from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 

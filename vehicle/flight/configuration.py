@@ -13,15 +13,15 @@ from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from vehicle.behaviors.behaviors import OwnBehaviors
-from vehicle.calibration.imu import ImuCalibrator
+from vehicle.boards.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import ModelInUse
-from vehicle.flight.modes import FLYING
 from vehicle.flight.tick_record import Outbox, TickRecord
+from vehicle.modes import FLYING
 from vehicle.parameters import VehicleParameters, check_hover, check_pairs
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.sensors.sensors import OwnSensors

@@ -8,32 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from estimation.identification.mass_estimator import MassEstimator, MassParameters
-from quadrotor.errors import OutOfBoundsError, RefusedError
+from estimation.identification.mass_estimator import MassEstimator
+from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
-from quadrotor.parameters import parameter
+from vehicle.flight_parameters import ESTIMATE, MODEL, FlownMassParameters
 
-MODEL, ESTIMATE = "model", "estimate"
 USED_BY = "mass.used_by"
-
-
-class FlownMassParameters(MassParameters):
-    """The mass estimator's gains, and whether the control law uses the estimate."""
-
-    used_by: str = parameter(MODEL, choices=(MODEL, ESTIMATE))
-    """mass used by the control law, the feed-forward and the touch-down detection: model.mass or
-    the estimate; cannot be changed while armed"""
-    initial: float = parameter(0.0, unit="kg", ge=0.0, le=2.4, step=0.001)
-    """initial value of the mass estimate, used from the next arming on; 0 means model.mass; if too
-    large, the vehicle jumps off the ground"""
-
-    def check_together(self) -> None:
-        """Check that the values fit together. Raises OutOfBoundsError."""
-        if self.initial and not self.mass_min <= self.initial <= self.mass_max:
-            raise OutOfBoundsError(
-                f"mass.initial = {self.initial:g} kg is not between mass.mass_min = "
-                f"{self.mass_min:g} and mass.mass_max = {self.mass_max:g} kg; 0 is model.mass"
-            )
 
 
 class FlownMass(MassEstimator):

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from estimation.calibration.gyroscope import GyroscopeCalibration
 from quadrotor.errors import MeasurementError
+from vehicle import mailbox
 from vehicle.boards.board import RawSample
+from vehicle.boards.imu import ImuCalibrator
 from vehicle.calibration.gyroscope import GyroCalibration
-from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import Mode
 from vehicle.flight.tick_record import Outbox, TickRecord
-from vehicle.processes import mailbox
+from vehicle.modes import Mode
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.serial.ids import MotorState
 

@@ -10,8 +10,8 @@ from quadrotor.vehicle_model import GRAVITY
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import LANDING
-from vehicle.flight.modes import Mode
 from vehicle.flight.tick_record import Outbox, TickRecord
+from vehicle.modes import Mode
 from vehicle.parameters import VehicleParameters
 from vehicle.safety.barometric_height import BarometricHeight
 from vehicle.safety.ground_contact import GroundContact

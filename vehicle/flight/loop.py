@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Protocol
 
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
+from vehicle import mailbox
 from vehicle.boards.board import Board, Command, ConfirmsParameters, RawSample
 from vehicle.boards.board_link import BoardLink, LinkStatistics
 from vehicle.boards.offered import FIRMWARE
 from vehicle.flight.lateness import Lateness, LoopCounts, LoopStatistics
 from vehicle.flight.microcontroller_commands import CommandedModes, CommandSender
-from vehicle.flight.modes import Mode
 from vehicle.flight.pacing import Pacer
-from vehicle.processes import mailbox
+from vehicle.modes import Mode
 from vehicle.processes.config import Rings
 from vehicle.processes.terminal import say
 from vehicle_link.clock import monotonic, monotonic_ns

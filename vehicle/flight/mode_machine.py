@@ -10,15 +10,15 @@ from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from quadrotor.errors import QuadlabError
 from quadrotor.records import Record
+from vehicle import mailbox
 from vehicle.boards.board import MotorReferences, RawSample
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
-from vehicle.flight.modes import EMERGENCY, ControlMode, Mode, check_control_move, check_move
 from vehicle.flight.motor_bench import Bench
 from vehicle.flight.tick_record import Outbox, TickRecord
-from vehicle.processes import mailbox
+from vehicle.modes import EMERGENCY, ControlMode, Mode, check_control_move, check_move
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.parameters import SafetyParameters
 from vehicle.safety.supervisor import Reaction, Supervisor, Verdict
@@ -82,7 +82,7 @@ class ModeMachine:
         self.lost_ports, self.obstacle = lost_ports, obstacle
 
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
-        """Change the mode by the table of vehicle.flight.modes and log it. Raises RefusedError."""
+        """Change the mode by the table of vehicle.modes and log it. Raises RefusedError."""
         check_move(self.mode, mode)
         self.mode = mode
         if mode in (Mode.ARMED, Mode.BENCH):

@@ -10,8 +10,8 @@ from vehicle.boards.board import RawSample
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import DIRECT, FLYING
 from vehicle.flight.tick_record import TickRecord
+from vehicle.modes import DIRECT, FLYING
 from vehicle.safety.ground_contact import GroundContact
 
 LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)

@@ -9,29 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from control.behaviors.near_hovering import Level
-from quadrotor.parameters import Parameters, parameter
 from vehicle.flight.control_law import ControlLaw
+from vehicle.flight_parameters import NearHoveringParameters
 from vehicle.safety.barometric_height import BarometricHeight
 from vehicle.safety.blind_descent import BlindDescent
 from vehicle_link.serial.attitude_command import THRUST_SHARE_MAX, THRUST_SHARE_MIN, AttitudeCommand
 
 AVERAGE = 0.5
 """Time, in s, of the thrust average that is the hover thrust when the mode begins."""
-
-
-class NearHoveringParameters(Parameters):
-    """The parameters of the climb-rate control in near-hovering mode."""
-
-    stick_thrust: float = parameter(12.83, unit="N", ge=0.1, le=40.0, step=0.01)
-    """thrust of the microcontroller's stick in its hovering position, 110"""
-    climb_gain: float = parameter(3.0, unit="1/s", ge=0.5, le=8.0, step=0.1)
-    """proportional gain of the climb-rate control"""
-    lift_gain: float = parameter(2.0, unit="1/s²", ge=0.0, le=8.0, step=0.1)
-    """integral gain of the climb-rate control"""
-    flare_height: float = parameter(0.7, unit="m", ge=0.0, le=3.0, step=0.1)
-    """height above the take-off point below which a descent slows down"""
-    flare_speed: float = parameter(0.35, unit="m/s", ge=0.1, le=0.8, step=0.05)
-    """descent rate below flare_height"""
 
 
 class NearHovering:

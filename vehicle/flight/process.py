@@ -17,17 +17,17 @@ import msgspec
 
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameters import Parameters, ParameterStore
+from vehicle import mailbox
 from vehicle.boards.board import Board
 from vehicle.boards.kind import MIKROKOPTER, Check, Kind, find_kind
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.boards.offered import offer
 from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
-from vehicle.flight.realtime import become_real_time, freeze_garbage
-from vehicle.processes import mailbox
 from vehicle.processes.config import VehicleConfig, open_rings
 from vehicle.processes.parent import PLUGINS, TRAJECTORIES
 from vehicle.processes.terminal import say, speak_for
+from vehicle.realtime import become_real_time, freeze_garbage
 from vehicle_link import clock
 from vehicle_link.crtp.links import open_port
 from vehicle_link.defects import end_at_defect
@@ -58,9 +58,9 @@ def fly(config: VehicleConfig) -> None:
 
     refusals, later = prepare(say)
 
+    from vehicle.estimators.offer import offer_plugins
     from vehicle.flight.stack import FlightStack
     from vehicle.parameters import new_parameters
-    from vehicle.plugins.offer import offer_plugins
 
     rings = open_rings(config.rings)
     kind = find_kind(config.board)

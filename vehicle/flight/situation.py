@@ -9,8 +9,8 @@ from estimation.outcome import Agreement
 from quadrotor.compiled import direct
 from vehicle.boards.board import RawSample
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import DIRECT
 from vehicle.flight.tick_record import TickRecord
+from vehicle.modes import DIRECT
 from vehicle.safety.excursion import excursion
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Situation

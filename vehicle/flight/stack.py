@@ -19,10 +19,11 @@ from control.behaviors.table import BehaviorName
 from estimation.estimator import Estimator
 from estimation.outcome import Agreement
 from quadrotor.records import POSE_SAMPLE, Record
+from vehicle import mailbox
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.boards.board import Command, CommandKind, RawSample, Traits
+from vehicle.boards.imu import ImuCalibrator
 from vehicle.boards.mikrokopter.microcontroller import TRAITS
-from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.estimators import Estimators
 from vehicle.estimators.navigation import Navigation
@@ -38,15 +39,14 @@ from vehicle.flight.landing import Landing
 from vehicle.flight.microcontroller_commands import command_maker
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import ModelInUse
-from vehicle.flight.modes import BENCH, DIRECT, EMERGENCY, FLYING, STARTING, ControlMode, Mode
 from vehicle.flight.motor_bench import Bench
 from vehicle.flight.near_hovering import NearHovering
 from vehicle.flight.situation import SituationReader
 from vehicle.flight.status_writer import StatusWriter
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.laws.laws import Laws
+from vehicle.modes import BENCH, DIRECT, EMERGENCY, FLYING, STARTING, ControlMode, Mode
 from vehicle.parameters import VehicleParameters
-from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 from vehicle.sensors.sensors import OwnSensors

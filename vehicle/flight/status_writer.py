@@ -14,8 +14,8 @@ from vehicle.estimators.rescue import Rescue
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.modes import EMERGENCY, MOTORS_ON, STARTING, Flag
 from vehicle.flight.tick_record import TickRecord
+from vehicle.modes import EMERGENCY, MOTORS_ON, STARTING, Flag
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 from vehicle_link.serial.ids import MotorState

@@ -7,7 +7,7 @@ import numpy as np
 from control.behaviors.ground import rest_reference
 from quadrotor.plain_rotations import tilt_of
 from quadrotor.records import ACTUATORS, Record, new_tick
-from vehicle.processes import mailbox
+from vehicle import mailbox
 
 LONGEST_GAP = 1.0
 """Longest time, in s, that estimators predict: beyond it the motion is unknown, and a stamp that

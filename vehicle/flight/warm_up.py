@@ -12,11 +12,11 @@ from functools import cache
 from control.behaviors.table import BehaviorName
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import pose_sample
+from vehicle import mailbox
 from vehicle.boards.board import RawSample
-from vehicle.flight.modes import Mode
 from vehicle.flight.stack import FlightStack
+from vehicle.modes import Mode
 from vehicle.parameters import new_parameters
-from vehicle.processes import mailbox
 
 PERIOD_NS = 10_000_000  # at fewer ticks a second the hop takes less of the start
 STILL = 512  # counts of a sensor at zero

@@ -16,11 +16,11 @@ from pathlib import Path
 from flight_log.provenance import provenance
 from quadrotor.errors import QuadlabError, StorageError, os_errors
 from quadrotor.records import Record
+from vehicle.mailbox import ERROR, INFO, WARN
 from vehicle.onboard_log.file import Batch, Message, OnboardFile, Written, prepare, runs
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.repair import FOLDER, LogRepair
 from vehicle.onboard_log.ring import Fetched, Ring, free_bytes
-from vehicle.processes.mailbox import ERROR, INFO, WARN
 
 BUFFER_BYTES = 32_000_000
 AFTER_DISARMING_NS = 500_000_000

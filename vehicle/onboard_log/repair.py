@@ -19,7 +19,7 @@ from flight_log import is_closed, recover
 from flight_log.file import is_being_written
 from flight_log.index import holds_nothing
 from quadrotor.errors import JobError, QuadlabError, StorageError
-from vehicle.processes.mailbox import INFO, WARN
+from vehicle.mailbox import INFO, WARN
 from vehicle_link.jobs import IDLE, Job
 
 FOLDER = "onboard"

@@ -21,9 +21,9 @@ import msgspec
 from quadrotor.checkout import PREFIX, ROOT
 from quadrotor.errors import StorageError
 from quadrotor.parameter_description import ParameterValue
+from vehicle import mailbox
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.calibration.store import FOLDER, CalibrationStore
-from vehicle.processes import mailbox
 from vehicle.processes.config import PACKETS_A_SECOND, VehicleConfig, create_rings
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from vehicle.flight.modes import Flag
+from vehicle.modes import Flag
 from vehicle.safety.parameters import SafetyParameters
 
 _NEVER = -(1 << 62)
@@ -57,7 +57,7 @@ class Supervisor:
     """Monitor of a flight; each cause reacts at most once per flight.
 
     Attributes:
-        flags: bits of vehicle.flight.modes.Flag.
+        flags: bits of vehicle.modes.Flag.
     """
 
     def __init__(self, parameters: SafetyParameters) -> None:

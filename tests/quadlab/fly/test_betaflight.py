@@ -15,7 +15,7 @@ from flight_log import read_log, read_metadata
 from quadlab.__main__ import main
 from quadrotor.errors import LinkError
 from tests.quadlab.fly.hovering import Hovering
-from vehicle.processes import mailbox
+from vehicle import mailbox
 from vehicle.simulator.betaflight.firmware import BetaflightFirmware
 
 pytestmark = pytest.mark.needs("betaflight")

@@ -13,7 +13,7 @@ from console.experiments import figure_eight
 from flight_log import read_log, read_metadata
 from quadlab.__main__ import main
 from tests.quadlab.fly.hovering import Hovering
-from vehicle.processes import mailbox
+from vehicle import mailbox
 
 LANDING_SPEED = 0.8
 """Vertical speed at touch-down, m/s."""

@@ -8,10 +8,10 @@ import pytest
 
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.parameter_description import ParameterValue
+from vehicle import mailbox
 from vehicle.boards.kind import find_kind
 from vehicle.calibration.in_force import start_values
 from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore
-from vehicle.processes import mailbox
 from vehicle.processes.parent import _with_calibrations
 
 NS = 1_780_000_000_000_000_000

@@ -9,10 +9,10 @@ import pytest
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters, ParameterStore
 from tests.vehicle.flight.test_loop import Bench
+from vehicle import mailbox
 from vehicle.boards.crazyflie.firmware_parameters import describe
 from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle.comms.commands import FlightMailbox, FlightParameters
-from vehicle.processes import mailbox
 from web.parameters.replica import PageParameters
 
 NAMED = {"stabilizer.estimator": (struct.Struct("<B"), 2.0)}

@@ -9,9 +9,9 @@ import pytest
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import MeasurementError, RefusedError, StorageError
 from quadrotor.parameter_description import ParameterValue
+from vehicle import mailbox
 from vehicle.calibration.store import CalibrationStore
 from vehicle.comms.calibrations import ANSWER_BYTES, TYPE
-from vehicle.processes import mailbox
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.transport.idempotent import Idempotent, answering
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from vehicle.comms.deferred_events import CAPACITY, CONNECTED_FOR, SILENT_AFTER, DeferredEvents
-from vehicle.processes.mailbox import ERROR, INFO, WARN, Event
+from vehicle.mailbox import ERROR, INFO, WARN, Event
 from vehicle_link.topics import DELAYED_PREFIX
 
 BRAKING, LANDING = Event(1, WARN, "braking: a"), Event(2, ERROR, "emergency land: b")

@@ -13,10 +13,10 @@ import pytest
 
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import LinkError, RefusedError
+from vehicle import mailbox
 from vehicle.calibration.store import AT_START, FOLDER
 from vehicle.comms.calibrations import KEEPER
-from vehicle.flight.modes import Mode
-from vehicle.processes import mailbox
+from vehicle.modes import Mode
 
 
 # -------------------------------------------------------------------------------- gyroscope

@@ -16,14 +16,14 @@ from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.records import JUDGED_READING, NO_ATTITUDE, POSE_SAMPLE, TICK, Record, pose_sample
 from tests.support.narrowing import now
+from vehicle import mailbox
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.deferred_events import DeferredEvents
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
 from vehicle.comms.services import check_in_time
 from vehicle.comms.vehicle_clock import WINDOW_NS, VehicleClock
-from vehicle.flight.modes import Flag, Mode
-from vehicle.processes import mailbox
+from vehicle.modes import Flag, Mode
 from vehicle.processes.config import create_rings, open_rings
 from vehicle_link import clock, messages, telemetry, topics
 from vehicle_link.parameters.change import ParameterChange

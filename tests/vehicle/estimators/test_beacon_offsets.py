@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from bearing_sim.beacons import PAPER_BEACONS, PRESETS, Beacons
 from bearing_sim.emulator import perturbed
+from vehicle import mailbox
 from vehicle.estimators.beacon_offsets import BeaconOffsets, Offset
 from vehicle.estimators.suspect_beacon import UNIDENTIFIED, SuspectBeacon
-from vehicle.flight.modes import Flag
-from vehicle.processes import mailbox
+from vehicle.modes import Flag
 
 SIGMA = math.radians(1.5)
 PERIOD = 1.0 / 30.0

@@ -16,7 +16,7 @@ from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from tests.support.lab import Lab, flight_parameters, refusal
-from vehicle.flight.modes import Flag
+from vehicle.modes import Flag
 from vehicle.parameters import check_pairs, new_parameters
 
 

@@ -11,8 +11,8 @@ from estimation.outcome import LATEST_NS, Agreement
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record
 from tests.support.lab import Lab, flight_parameters
-from vehicle.flight.modes import Flag
-from vehicle.processes import mailbox
+from vehicle import mailbox
+from vehicle.modes import Flag
 
 HOUSE = "1 1 1 0.1; 2 -1 1 0.6; 3 -1 -1 0.1; 4 1 -1 1.1; 5 0 1.4 1.5"
 """Beacons at five heights."""

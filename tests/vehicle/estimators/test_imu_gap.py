@@ -10,7 +10,7 @@ import pytest
 from quadrotor.records import POSE_SAMPLE, Record
 from quadrotor.vehicle_model import GRAVITY
 from tests.support.lab import Lab, flight_parameters
-from vehicle.processes.mailbox import Measurement
+from vehicle.mailbox import Measurement
 from vehicle.safety.barometric_height import PASCALS_PER_METRE, BarometricHeight
 
 GAP = 0.2

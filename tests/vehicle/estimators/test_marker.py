@@ -12,8 +12,8 @@ from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, Record, has_attitude
 from quadrotor.rotations import yaw_of
 from tests.support.lab import Lab, flight_parameters, refusal
 from tests.support.narrowing import now
-from vehicle.flight.modes import Flag
-from vehicle.processes import mailbox
+from vehicle import mailbox
+from vehicle.modes import Flag
 
 FILTER = "estimation.error_state"
 

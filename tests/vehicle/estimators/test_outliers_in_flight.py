@@ -12,9 +12,9 @@ from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record
 from tests.support.arrays import Array
 from tests.support.lab import Lab
 from tests.support.narrowing import now
+from vehicle import mailbox
 from vehicle.estimators.agreement_watch import HOLD_NS, MOVE_NS, QUIET_NS, AgreementWatch
-from vehicle.flight.modes import Flag
-from vehicle.processes import mailbox
+from vehicle.modes import Flag
 
 Place = tuple[float, float, float]
 Displace = Callable[[Place], Place]

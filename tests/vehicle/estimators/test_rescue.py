@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.vehicle.estimators.test_stack_estimators import EstimatorLab
-from vehicle.flight.modes import Flag
+from vehicle.modes import Flag
 
 
 def flown(lab: EstimatorLab) -> str:

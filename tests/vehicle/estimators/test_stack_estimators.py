@@ -14,7 +14,7 @@ from estimation.parameters import PRESETS, EstimationParameters
 from quadrotor.errors import UnknownParameterError
 from quadrotor.records import Record, bearings_sample
 from tests.support.lab import Lab, refusal
-from vehicle.processes import mailbox
+from vehicle import mailbox
 
 
 class EstimatorLab(Lab):

@@ -6,11 +6,11 @@ import pytest
 
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
+from vehicle import mailbox
 from vehicle.boards.board import BodyRates, CommandKind, RawSample, Traits
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.stack import FlightStack
 from vehicle.parameters import new_parameters
-from vehicle.processes import mailbox
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import memory_port_pair

@@ -16,14 +16,14 @@ from quadrotor.errors import LinkError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import JUDGED_READING, Record, bearings_sample, new_tick, pose_sample
+from vehicle import mailbox
 from vehicle.boards.board import Command, RawSample
 from vehicle.boards.board_link import LinkStatistics
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.loop import MESSAGES_A_TICK, FlightLoop
-from vehicle.flight.modes import Mode
 from vehicle.flight.pacing import Deadlines, PortPacer
 from vehicle.flight.process import open_ports
-from vehicle.processes import mailbox
+from vehicle.modes import Mode
 from vehicle.processes.config import Rings, create_rings, open_rings
 from vehicle_link import clock
 from vehicle_link.link_counts import LinkCounts

@@ -8,9 +8,9 @@ import pytest
 
 from quadrotor.errors import RefusedError
 from tests.support.narrowing import now
-from vehicle.flight.modes import LEGAL_MOVES, Mode
+from vehicle import mailbox
 from vehicle.flight.motor_bench import REFERENCE_MAX
-from vehicle.processes import mailbox
+from vehicle.modes import LEGAL_MOVES, Mode
 from vehicle_link.serial.ids import MotorState
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from vehicle.flight import realtime
+from vehicle import realtime
 
 
 def test_the_kernel_s_count_of_locked_memory_is_read(tmp_path: Path) -> None:

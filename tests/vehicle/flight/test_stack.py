@@ -9,8 +9,8 @@ import pytest
 
 from quadrotor.errors import UnknownParameterError
 from tests.support.lab import Lab, refusal
-from vehicle.flight.modes import Flag, Mode
-from vehicle.processes import mailbox
+from vehicle import mailbox
+from vehicle.modes import Flag, Mode
 
 
 class StationLab(Lab):

@@ -13,11 +13,11 @@ from quadrotor.errors import RefusedError
 from quadrotor.records import Record
 from tests.support.lab import Lab
 from tests.support.narrowing import now
+from vehicle import mailbox
 from vehicle.boards.board import RawSample
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
-from vehicle.flight.modes import ControlMode, Mode
 from vehicle.flight.stack import FlightStack
-from vehicle.processes import mailbox
+from vehicle.modes import ControlMode, Mode
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 

@@ -11,11 +11,11 @@ from quadrotor.checkout import ROOT
 PROGRAM = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from vehicle.processes import mailbox
+from vehicle import mailbox
 from vehicle.flight.kernels import LATER
 from vehicle.flight.warm_up import warm_up
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
-from vehicle.flight.modes import Mode
+from vehicle.modes import Mode
 from vehicle.parameters import new_parameters
 from vehicle.simulator.parameters import SimulatorParameters
 from quadrotor.records import pose_sample

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flight_log import LogWriter, is_closed, read_log, read_metadata
+from vehicle.mailbox import INFO, WARN
 from vehicle.onboard_log.repair import (
     FIRST_S,
     LATER,
@@ -20,7 +21,6 @@ from vehicle.onboard_log.repair import (
     LogRepair,
     start_repair,
 )
-from vehicle.processes.mailbox import INFO, WARN
 
 BOUND = 30.0
 """Time, in s, after which a waiting test fails."""

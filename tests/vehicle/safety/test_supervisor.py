@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import RefusedError
-from vehicle.flight.modes import (
+from vehicle.modes import (
     CONTROL_MOVES,
     LEGAL_MOVES,
     ControlMode,

@@ -27,7 +27,7 @@ from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.calibration.imu import ImuCalibration
+from vehicle.boards.imu import ImuCalibration
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new

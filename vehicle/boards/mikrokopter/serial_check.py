@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from quadrotor.errors import LinkError
+from vehicle.boards.imu import ImuCalibration
 from vehicle.boards.mikrokopter.motor_bus import REFERENCES, MotorBus
-from vehicle.calibration.imu import ImuCalibration
-from vehicle.flight.realtime import RealTime, become_real_time
+from vehicle.realtime import RealTime, become_real_time
 from vehicle_link.serial.commands import decode_data, encode_request
 from vehicle_link.serial.devices import PATIENCE_S, await_devices
 from vehicle_link.serial.discovery import Device, Finding

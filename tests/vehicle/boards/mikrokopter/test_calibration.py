@@ -9,8 +9,8 @@ import pytest
 
 from quadrotor.records import IMU_SAMPLE, Record
 from vehicle.boards.board import RawSample
+from vehicle.boards.imu import ImuCalibration, ImuCalibrator
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
-from vehicle.calibration.imu import ImuCalibration, ImuCalibrator
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import MotorState

@@ -9,7 +9,7 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
 from vehicle.boards.mikrokopter.motor_bus import NO_ANSWER, PERIOD_S, REFERENCES, MotorBus
-from vehicle.flight.modes import Mode
+from vehicle.modes import Mode
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.commands import decode_instruction

@@ -13,7 +13,7 @@ import pytest
 
 from vehicle.boards.mikrokopter import serial_check
 from vehicle.boards.mikrokopter.serial_check import check_connection
-from vehicle.flight.realtime import RealTime
+from vehicle.realtime import RealTime
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
 from vehicle.simulator.pseudo_terminal import PseudoTerminal

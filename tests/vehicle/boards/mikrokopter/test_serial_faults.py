@@ -10,7 +10,7 @@ import pytest
 from benchmarks.flights.failing_flights import FailingFlight, watch_failure
 from benchmarks.flights.touch_down import Outcome
 from quadrotor.errors import LinkError
-from vehicle.flight.modes import ControlMode, Mode
+from vehicle.modes import ControlMode, Mode
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.serial_faults import configure_wires, new_wires
 from vehicle_link.serial.ids import Id
