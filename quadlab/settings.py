@@ -36,10 +36,13 @@ def _estimation_preset(name: str) -> dict[str, ParameterValue]:
 
 
 def _simulator_preset(name: str) -> dict[str, ParameterValue]:
-    """Return the values of the named set, by parameter name. Raises ParameterError."""
-    from vehicle.simulator.presets import preset_values
+    """Return the values of the named world, and what is identified in it, by parameter name.
+    Raises ParameterError.
+    """
+    from vehicle.simulator.presets import IDENTIFIED, preset_values
 
-    return {f"simulator.{k}": v for k, v in preset_values(name).items()}
+    world = {f"simulator.{k}": v for k, v in preset_values(name).items()}
+    return world | IDENTIFIED.get(name, {})
 
 
 BOARD = "board."

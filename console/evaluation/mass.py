@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
+from console.evaluation.world import gusts_of
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
@@ -107,7 +108,8 @@ class MassFlight:
     def limits(self) -> dict[str, float]:
         """Return the largest acceptable values."""
         known = {"error_share": ERROR_MAX} if math.isfinite(self.truth) else {}
-        return {**known, "erratic_std_kg": DEVIATION_MAX, "within_1_percent_s": WITHIN_MAX}
+        limits = {**known, "erratic_std_kg": DEVIATION_MAX, "within_1_percent_s": WITHIN_MAX}
+        return gusts_of(self.parameters.truth).widened(limits)
 
     def record(self) -> CalibrationRecord:
         """Return the record of the mass. Raises MeasurementError when the model does

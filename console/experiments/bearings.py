@@ -15,6 +15,7 @@ import numpy.typing as npt
 from console.evaluation.bearings import read_flight
 from console.evaluation.bearings_limits import limits
 from console.evaluation.verdict import judged
+from console.evaluation.world import read_world
 from console.experiments.client import Client, Result
 from console.experiments.manoeuvres import arm, brake, take_off, wait_landed, wait_ready
 from console.experiments.stick_sequences import RATE, recorded, scripted
@@ -244,7 +245,9 @@ class BearingsExperiment:
         p = self.parameters
         flight = read_flight(log, self._vehicle, RAMP)
         gains = p.gains if p.estimator == "complementary" else "auto"
-        return judged(flight.metrics(), *limits(flight.bound, p.estimator, gains))
+        world, (allowed, deciding, why) = read_world(log), limits(flight.bound, p.estimator, gains)
+        figures = flight.metrics() | world.metrics()
+        return judged(figures, world.widened(allowed), deciding, why)
 
     def report(self, log: Path, folder: Path) -> list[Path]:
         """Write the plots of Fig. 6 and the figures. Raises UsageError without matplotlib."""

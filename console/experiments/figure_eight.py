@@ -10,6 +10,7 @@ from pathlib import Path
 
 from console.evaluation.tracking import tracking_errors
 from console.evaluation.verdict import judged
+from console.evaluation.world import read_world
 from console.experiments.client import Client, Result
 from console.experiments.manoeuvres import arm, brake, land, take_off, wait_ready
 from flight_log import summarize
@@ -136,4 +137,5 @@ class FigureEight:
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
         board = summarize(log).run.get("board", MIKROKOPTER)
         is_ours = board == MIKROKOPTER or self.parameters.laps == REST_TO_REST
-        return judged(metrics, LIMITS[self.parameters.laps] if is_ours else BY_RATES)
+        world, limits = read_world(log), LIMITS[self.parameters.laps] if is_ours else BY_RATES
+        return judged(metrics | world.metrics(), world.widened(limits))

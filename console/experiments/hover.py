@@ -6,6 +6,7 @@ from pathlib import Path
 
 from console.evaluation.tracking import tracking_errors
 from console.evaluation.verdict import judged
+from console.evaluation.world import read_world
 from console.experiments.client import Client, Result
 from console.experiments.manoeuvres import arm, land, take_off, wait_ready
 from quadrotor.errors import RefusedError
@@ -48,4 +49,5 @@ class Hover:
         if self._window is None:
             raise RefusedError("the hover was not flown to its end")
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
-        return judged(metrics, self.limits)
+        world = read_world(log)
+        return judged(metrics | world.metrics(), world.widened(self.limits))

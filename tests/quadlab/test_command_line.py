@@ -337,6 +337,7 @@ def test_a_world_as_rough_as_a_real_one_is_one_word_and_clean_takes_it_back() ->
     parse_settings(parameters, ["simulator.preset=rough", "simulator.gust=0"])
     assert parameters.simulator.vibration == 0.5
     assert parameters.simulator.gust == 0.0
+    assert (parameters.model.drag, parameters.model.drag_lever) == (0.47, 0.02)
     parse_settings(parameters, ["simulator.preset=clean"])
     assert parameters.simulator == SimulatorParameters()
     simulator = SimulatorParameters()  # as `quadlab simulator` and `quadlab up` set it

@@ -32,6 +32,12 @@ three flights, the gyroscope 0.4 and 1 to 10 deg/s: the figures here are those o
 between them. Lever, gusts and warm-up are assumptions, not fitted to data. The jitter of the
 sampling clock is left out (docs/changing_parameters.md)."""
 
+IDENTIFIED: dict[str, dict[str, ParameterValue]] = {
+    "rough": {"model.drag": 0.47, "model.drag_lever": 0.02}
+}
+"""What the experiment `drag` finds on a vehicle in each of these worlds, which it then feeds
+forward: who flies in air has identified its drag."""
+
 
 def preset_values(name: str) -> dict[str, ParameterValue]:
     """Return all values of a set, by name: `clean` (the defaults) or `rough`.

@@ -1,0 +1,65 @@
+"""What a simulated world with gusts costs a good vehicle: limits are wider by it.
+
+On a real vehicle nobody knows the gusts, so nothing is allowed for them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from console.evaluation.log_columns import read_parameters
+from quadrotor.parameter_description import ParameterValue
+
+STIFFNESS = 4.0
+"""Position gain, in 1/s², of the gain set `standard`, whatever the vehicle flies with."""
+PEAK = 3.0
+"""Largest displacement by gusts, in rms."""
+AVERAGED = 0.3
+"""Share of the thrust that gusts take and give which an average over seconds still shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """The gusts of a simulated flight.
+
+    Attributes:
+        displacement: m rms, by which gusts displace a vehicle with the gains `standard`, without a
+            disturbance observer: their drag over mass and STIFFNESS, as they are slower than it.
+        mass: kg, by which they disturb an estimate of the mass.
+    """
+
+    displacement: float = 0.0
+    mass: float = 0.0
+
+    def widened(self, limits: Mapping[str, float]) -> dict[str, float]:
+        """Return limits of a flight with what the gusts cost added to them."""
+        costs = {
+            "position_rms_m": self.displacement,
+            "position_max_m": PEAK * self.displacement,
+            "erratic_std_kg": self.mass,
+        }
+        return {name: limit + costs.get(name, 0.0) for name, limit in limits.items()}
+
+    def metrics(self) -> dict[str, float]:
+        """Return the displacement by gusts, by which limits are wider, where there are any."""
+        return {"gusts_alone_m": self.displacement} if self.displacement else {}
+
+
+def read_world(log: Path) -> World:
+    """Return the gusts of a flight; none where the log has no simulated world. Raises
+    LogFormatError.
+    """
+    return gusts_of(read_parameters(log).truth)
+
+
+def gusts_of(truth: Mapping[str, ParameterValue]) -> World:
+    """Return the gusts of a simulator with these parameters, named without prefix."""
+    gust, mass = float(truth.get("gust", 0.0)), float(truth.get("mass", math.inf))
+    drags = [float(truth.get(f"rotor_drag_{axis}", 0.0)) for axis in "xy"]
+    along = math.hypot(*(drag + float(truth.get("drag", 0.0)) for drag in drags))
+    loss = float(truth.get("inflow_loss", 0.0))
+    taken = mass * loss * gust if math.isfinite(mass) else 0.0
+    return World(gust * along / (mass * STIFFNESS), AVERAGED * taken)

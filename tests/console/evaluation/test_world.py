@@ -1,0 +1,43 @@
+"""What gusts cost, which widens limits: against a simulated hover, and without gusts nothing."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from console.evaluation.mass import DEVIATION_MAX
+from console.evaluation.world import AVERAGED, PEAK, World, gusts_of
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.presets import preset_values
+
+LIMITS = {"position_rms_m": 0.005, "position_max_m": 0.010, "yaw_rms_deg": 0.4}
+
+
+def test_without_gusts_or_on_a_real_vehicle_no_limit_changes() -> None:
+    for truth in ({}, dict(SimulatorParameters()), {"gust": 0.0, "mass": 1.3, "drag": 0.3}):
+        world = gusts_of(truth)
+        assert world.widened(LIMITS) == LIMITS
+        assert world.metrics() == {}
+
+
+def test_gusts_displace_by_their_drag_over_the_stiffness_of_the_position() -> None:
+    truth = dict(SimulatorParameters()) | preset_values("rough")
+    world = gusts_of(truth)
+    # N rms along both axes, over the mass, over 4 1/s²; a simulated hover had 0.0383 m.
+    assert world.displacement == pytest.approx(
+        0.3 * math.hypot(0.42, 0.52) / truth["mass"] / 4.0, rel=1e-12
+    )
+    assert world.displacement == pytest.approx(0.0383, abs=2e-4)
+    assert world.mass == pytest.approx(AVERAGED * 0.025 * 0.3 * truth["mass"], rel=1e-12)
+
+
+def test_limits_are_wider_by_what_gusts_cost_and_those_of_other_figures_are_not() -> None:
+    world = World(displacement=0.02, mass=0.003)
+    assert world.widened(LIMITS) == pytest.approx(
+        {"position_rms_m": 0.025, "position_max_m": 0.010 + PEAK * 0.02, "yaw_rms_deg": 0.4}
+    )
+    assert world.widened({"erratic_std_kg": DEVIATION_MAX}) == {
+        "erratic_std_kg": DEVIATION_MAX + 0.003
+    }
+    assert world.metrics() == {"gusts_alone_m": 0.02}
