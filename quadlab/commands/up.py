@@ -11,7 +11,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import tyro
 
@@ -23,6 +23,7 @@ from quadlab.settings import (
     offer_plugins,
     parse_board_options,
     parse_settings,
+    split_faults,
     vehicle_parameters,
 )
 from quadlab.simulated.fleet import SimulatedFleet
@@ -46,6 +47,15 @@ if TYPE_CHECKING:
     from vehicle_link.security.authority import TlsFiles
 
 MCU_PORTS = ("mcu0", "mcu1")
+
+
+class ChildWords(NamedTuple):
+    """The `--set` words of the child processes, and the values that the vehicle gets."""
+
+    vehicle: list[str]
+    simulator: list[str]
+    station: list[str]
+    values: dict[str, ParameterValue]
 
 
 @dataclass
@@ -93,10 +103,10 @@ class Up(PageOptions):
             raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
         if self.tracker:
             check_tracker(self._tracker_words(fleet))
-        vehicle_words, simulator_words, values = self._check_settings()
+        settings = self._check_settings()
         self._build_firmware()  # after all words: a mistake in them needs no compiler
         folder = open_data_folder(self.data)
-        check_laws(values, folder)
+        check_laws(settings.values, folder)
         self.check_page(folder)
         if self.host != PageOptions.host:
             require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
@@ -112,7 +122,7 @@ class Up(PageOptions):
             progress = Progress(self.host, self.port)
             if self.tracker:
                 print("quadlab: in real time, as poses come by quadlab tracker", flush=True)
-            groups = self._children(fleet, folder, Path(run_folder), vehicle_words, simulator_words)
+            groups = self._children(fleet, folder, Path(run_folder), settings)
             from vehicle.processes.parent import IMPORTED
 
             share([*IMPORTED, f"{PREFIX}vehicle.simulator.process", f"{PREFIX}console.station"])
@@ -152,29 +162,40 @@ class Up(PageOptions):
 
             lockstep_library()
 
-    def _check_settings(self) -> tuple[list[str], list[str], dict[str, ParameterValue]]:
+    def _check_settings(self) -> ChildWords:
         words, _ = parse_board_options(self.board, self.set)
         of_board = _set_words([word for word in self.set if word not in words])
         if not words:
-            return of_board, of_board, {}
+            return ChildWords(of_board, of_board, [], {})
         # Imported only for their names and bounds: a plain start saves these 100 MB.
+        from console.parameters.station import StationParameters
         from vehicle.simulator.parameters import SimulatorParameters
 
         prefix = "simulator."
+        words, station = split_faults(words)
         vehicle = [word for word in words if not word.startswith(prefix)]
         simulator = [word.removeprefix(prefix) for word in words if word.startswith(prefix)]
         offer_plugins(data_folder(self.data))
         values = parse_settings(vehicle_parameters(self.board), vehicle)
         parse_settings(SimulatorParameters(), simulator, prefix)
-        return of_board + _set_words(vehicle), of_board + _set_words(simulator), values
+        parse_settings(StationParameters(), station)
+        if self.tracker:  # the simulator then serves the poses, or nothing simulated does
+            served = [word for word in station if word.startswith("tracker.")]
+            if served and not self._serve_words():
+                raise UsageError(
+                    "--set faults has faults of the simulated tracker, which --tracker turns off"
+                )
+            station = [word for word in station if word not in served]
+            simulator += served
+        return ChildWords(
+            of_board + _set_words(vehicle),
+            of_board + _set_words(simulator),
+            _set_words(station),
+            values,
+        )
 
     def _children(
-        self,
-        fleet: SimulatedFleet,
-        data: Path,
-        run_folder: Path,
-        vehicle: list[str],
-        simulator: list[str],
+        self, fleet: SimulatedFleet, data: Path, run_folder: Path, settings: ChildWords
     ) -> list[list[Child]]:
         """Return the child processes in the order of their start; each list starts and stops
         together.
@@ -202,13 +223,14 @@ class Up(PageOptions):
         first = -10
         # With equal niceness, the one station would get no more time than each of its vehicles.
         station = first if fleet.count == 1 else -19
+        simulator = settings.simulator
         if not any(word.startswith("imu_rate=") for word in simulator):
             simulator = ["--set", f"imu_rate={self._rate(fleet)}", *simulator]
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
         robot += ["--firmware", self.firmware, "--board", self.board]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
         of_station = find_kind(self.board).station.items()
-        base += _set_words([f"{name}={value}" for name, value in of_station])
+        base += _set_words([f"{name}={value}" for name, value in of_station]) + settings.station
         if self.tracker:
             base += ["--tracker", self._tracker_words(fleet)]
             robot += self._serve_words()
@@ -216,7 +238,7 @@ class Up(PageOptions):
         return [
             [Child("simulator", robot, niceness=first)],
             [
-                Child(called, [*words, *vehicle], niceness=first)
+                Child(called, [*words, *settings.vehicle], niceness=first)
                 for called, words in self._on_board(fleet, data, run_folder, files).items()
             ],
             [Child("station", base, niceness=station)],

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
+from bearing_sim.faults.fault import OF_SIMULATOR
 from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore, ParameterValue
+from vehicle.simulator.faults.table import CATALOGUE
 from vehicle.simulator.parameters import SimulatorParameters
 
 CHARGE = "simulator.battery_charge"
@@ -23,11 +26,17 @@ class SimulatorTree(Parameters):
 class LiveParameters:
     """Backend of the simulator's parameter services; thread-safe.
 
+    Args:
+        lacking: faults that the vehicle's board cannot have, and why.
+
     Attributes:
         on_change: called once for each value that changed.
     """
 
-    def __init__(self, parameters: SimulatorParameters) -> None:
+    def __init__(
+        self, parameters: SimulatorParameters, lacking: Mapping[str, str] | None = None
+    ) -> None:
+        self._catalogue = replace(CATALOGUE, lacking=lacking or {})
         self._tree = SimulatorTree(simulator=parameters.model_copy(deep=True))
         self._store = ParameterStore(self._tree)
         self._lock = threading.Lock()
@@ -47,6 +56,7 @@ class LiveParameters:
         """Return (applied values, revision); all or nothing. Raises ParameterError."""
         with self._lock:
             before = self._store.values()
+            self._catalogue.parse(str(values.get(OF_SIMULATOR, "")), self._tree.simulator)
             applied = self._store.set(values)
             revision = self._store.revision
             self._is_news = True

@@ -6,14 +6,18 @@ import math
 import random
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from bearing_sim.faults.fault import Faults
 from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
 from vehicle.simulator.battery import charge_battery
 from vehicle.simulator.board_firmware import BoardFirmware
+from vehicle.simulator.faults.table import CATALOGUE, state_of, truth_of
+from vehicle.simulator.faults.truth import Truth
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
@@ -21,7 +25,7 @@ from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, new_ho
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.periods import Command, compile_periods, runner
 from vehicle.simulator.plant import configure_plant, new_plant
-from vehicle.simulator.sensors import SENSORS, WARM_UP_TIME, Noise, new_sensors, sample
+from vehicle.simulator.sensors import LAST, SENSORS, WARM_UP_TIME, Noise, new_sensors, sample
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
@@ -47,6 +51,7 @@ class SimulatedVehicle:
         ports: the flight stack's ends, when created in memory; else empty.
         truth: STATE record, shape (1,), a live view: copy it to keep it.
         stamp_ns: time of `truth` since the first sample, on the microcontroller's clock.
+        acting: the parameters as faults have moved them, `parameters` without faults.
     """
 
     def __init__(
@@ -60,7 +65,7 @@ class SimulatedVehicle:
             pairs = [memory_port_pair() for _ in range(PORTS if firmware is None else 1)]
             self.ports = tuple(pair[0] for pair in pairs)
             ports = [pair[1] for pair in pairs]
-        self.parameters = parameters
+        self.parameters = self.acting = parameters
         self.firmware = firmware or (
             NativeFirmware(len(ports)) if parameters.firmware == "c" else Firmware(len(ports))
         )
@@ -74,6 +79,11 @@ class SimulatedVehicle:
         self._force_sensor = ForceSensor(parameters)
         self._noise, self._chance = Noise(parameters.seed), random.Random(parameters.seed)
         self._sensors = np.zeros(1, SENSORS)
+        lacking = {} if firmware is None else firmware.lacking
+        self._faults = Faults(replace(CATALOGUE, lacking=lacking))
+        self._faults.set(parameters.faults, parameters, 0)
+        self._charged = parameters.battery_charge
+        self._acted: tuple[tuple[int, float, float], ...] | None = ()
         self._fit(parameters)
         world = self._plant, self._sensors, self._noise.block
         self._run = runner(self.firmware, world, self._holder)
@@ -87,6 +97,7 @@ class SimulatedVehicle:
         self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
         self.truth["position_w"][0, :2] = parameters.start_x, parameters.start_y
+        self._position_w = self.truth["position_w"][0]  # a view
 
     @property
     def battery_voltage(self) -> float:
@@ -148,6 +159,8 @@ class SimulatedVehicle:
         command = self._acting()
         last = self._count + periods - 1
         self.stamp_ns = stamp_ns = self._time_ns(last)
+        if self._faults or self._acted:
+            self._have_faults()
         if self._warms_up:
             self._sensors["warmth"] = -math.expm1(-1e-9 * stamp_ns / WARM_UP_TIME)
         firmware.advance(stamp_ns // 1_000_000)
@@ -221,12 +234,29 @@ class SimulatedVehicle:
 
         Motion is kept, and so is the charge unless its parameter changed.
         """
-        before, self.parameters = self.parameters, parameters
+        if parameters.faults != self._faults.text:
+            self._faults.set(parameters.faults, parameters, self.stamp_ns)
+        self.parameters, self._acted = parameters, None
+        self._have_faults()
+
+    def _have_faults(self) -> None:
+        """Apply the faults that are on, unless they are as they were."""
+        active = self._faults.active(self.stamp_ns, self.parameters.seed)
+        acted = state_of(active)
+        if acted != self._acted:
+            self._acted = acted
+            self._apply(truth_of(self.parameters, active, self._position_w))
+
+    def _apply(self, truth: Truth) -> None:
+        """Set the true values of plant, sensors, lines and board."""
+        self.acting = parameters = truth.parameters
         configure_plant(self._plant, parameters)
-        if parameters.battery_charge != before.battery_charge:
-            self.charge_battery(parameters.battery_charge)
+        if parameters.battery_charge != self._charged:
+            self._charged = parameters.battery_charge
+            self.charge_battery(self._charged)
         configure_holder(self._holder, self._plant, parameters)
         self._fit(parameters)
+        truth.write(self._plant, self._sensors)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)
         if isinstance(self.firmware, BoardFirmware):
@@ -263,7 +293,10 @@ class SimulatedVehicle:
 
     def _fit(self, parameters: SimulatorParameters) -> None:
         p = parameters
+        last = {name: self._sensors[name].copy() for name in LAST}
         self._sensors[...], self._lost = new_sensors(p), p.lost_samples
+        for name, reading in last.items():
+            self._sensors[name] = reading
         self._latency_ns = round(1e9 * p.command_latency)
         self._warms_up = p.accelerometer_warm_up != 0.0 or p.gyroscope_warm_up != 0.0
 
