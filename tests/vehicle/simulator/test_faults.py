@@ -18,6 +18,7 @@ from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.presets import ROUGH
 from vehicle.simulator.sensors import ACCELEROMETER_SCALE, GYROSCOPE_SCALE, ZERO
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle.simulator.vibration import LINES
 from vehicle_link.serial.ids import PRESSURE_OFFSET, Id, MotorState
 
 QUIET = {
@@ -83,7 +84,7 @@ def fly(faults: str, steps: int, **values: float) -> tuple[list[object], bytes]:
 def test_faults_that_are_off_change_no_bit_before_or_after() -> None:
     rough = {**ROUGH, "wind_x": 1.0}
     assert fly("", 600, **rough) == fly("motors.fade from=1000; imu.stuck from=999", 600, **rough)
-    # Over before the take-off: every value is what it was, and no random number was drawn for it.
+    # Over again: every value is what it was, except for the gusts' memory.
     spent = "imu.scale to=0.1; imu.clip to=0.1; simulator.gust value=3 to=0.05"
     plain, after = (
         SimulatedVehicle(SimulatorParameters()),
@@ -130,10 +131,10 @@ def test_a_pressure_steps_and_sticks() -> None:
 
 def test_a_stuck_axis_keeps_its_count_while_the_others_go_on() -> None:
     flown = Flown("imu.stuck sensor=gyroscope axis=y from=0.1 to=0.2")
-    flown.throw(5.0, (1.0, 1.0, 1.0))
+    flown.throw(5.0, (1.0, 1.0, 0.0))
     flown.until(0.1)
     held = flown.count(Id.GYROSCOPE_X, 1)
-    flown.simulated.truth["angular_velocity_b"] = (-2.0, -2.0, -2.0)
+    flown.simulated.truth["angular_velocity_b"] = (-2.0, -2.0, 0.0)
     flown.until(0.15)
     assert flown.count(Id.GYROSCOPE_X, 1) == held
     assert flown.count(Id.GYROSCOPE_X) - ZERO == pytest.approx(-2.0 / GYROSCOPE_SCALE, abs=2)
@@ -144,7 +145,7 @@ def test_a_stuck_axis_keeps_its_count_while_the_others_go_on() -> None:
 def test_a_scale_a_turn_and_a_ramp_of_the_inertial_sensors() -> None:
     flown = Flown(
         "imu.scale axis=z factor=1.1 to=0.1; imu.misalignment x=10 from=0.1 to=0.2;"
-        "imu.accelerometer_ramp x=2 z=0 from=0.2; imu.gyroscope_ramp x=0 z=30 from=0.2"
+        "imu.accelerometer_ramp x=1 z=0 from=0.2; imu.gyroscope_ramp x=0 z=10 from=0.2"
     )
     flown.until(0.05)
     half = 0.5 * ACCELEROMETER_SCALE + 1e-9
@@ -153,8 +154,8 @@ def test_a_scale_a_turn_and_a_ramp_of_the_inertial_sensors() -> None:
     turned = rotate(quaternion_of(math.radians(-10.0), 0, 0), (0, 0, GRAVITY))
     np.testing.assert_allclose(flown.force, turned, atol=half)
     flown.until(0.7)
-    np.testing.assert_allclose(flown.force, (1.0, 0, GRAVITY), atol=half)
-    assert flown.count(Id.GYROSCOPE_X, 2) - ZERO == round(math.radians(15.0) / GYROSCOPE_SCALE)
+    np.testing.assert_allclose(flown.force, (0.5, 0, GRAVITY), atol=half)
+    assert flown.count(Id.GYROSCOPE_X, 2) - ZERO == round(math.radians(5.0) / GYROSCOPE_SCALE)
 
 
 def test_readings_are_cut_off_at_the_range() -> None:
@@ -237,8 +238,6 @@ def test_an_unbalanced_rotor_shakes_at_its_speed_with_the_stated_deviation() -> 
     lines = flown.simulated
     flown.until(0.01)
     sensors = lines._sensors[0]
-    from vehicle.simulator.vibration import LINES
-
     amplitude = sensors["vibration"] * LINES * sensors["imbalance"]
     np.testing.assert_allclose(amplitude, (0, 0, math.sqrt(2.0), 0), atol=1e-12)
     both = Flown("motors.imbalance motor=rear vibration=1.0", vibration=0.5)
@@ -274,7 +273,7 @@ def test_products_of_inertia_keep_the_angular_momentum_of_a_free_body() -> None:
         flown.simulated._plant["model"]["inertia_b"][0],
         flown.simulated._plant["products_b"][0],
     )
-    inertia = np.diag(diagonal) + [[0, xy, xz], [xy, 0, yz], [xz, yz, 0]]
+    inertia = np.diag(diagonal) + np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
 
     def momentum_w() -> Array:
         truth = flown.simulated.truth[0]
@@ -288,11 +287,7 @@ def test_products_of_inertia_keep_the_angular_momentum_of_a_free_body() -> None:
 
 
 def test_a_slung_load_weighs_on_the_vehicle_and_swings_with_its_period() -> None:
-    flown = (
-        Flown("vehicle.slung_load mass=0.2 length=1.0", held=0.0)
-        if False
-        else Flown("vehicle.slung_load mass=0.2 length=1.0")
-    )
+    flown = Flown("vehicle.slung_load mass=0.2 length=1.0")
     flown.throw(3.0)
     flown.step()
     plant = flown.simulated._plant
@@ -307,7 +302,6 @@ def test_a_slung_load_weighs_on_the_vehicle_and_swings_with_its_period() -> None
         last = x
     period = 2.0 * np.diff(crossings).mean()
     assert period == pytest.approx(2.0 * math.pi * math.sqrt(1.0 / GRAVITY), rel=0.01)
-    # At the lowest point the cable carries the weight and the turn: T = m (g + v^2 / l).
     far = np.linalg.norm(plant["load"][0, :3] - (0.0, 0.0, 3.0))
     assert far == pytest.approx(1.0, abs=0.002)
 
@@ -338,10 +332,10 @@ def test_air_and_walls_act_where_the_vehicle_is() -> None:
 
 
 def test_a_fault_that_the_board_cannot_have_is_refused_at_the_start_and_in_flight() -> None:
-    with pytest.raises(OutOfBoundsError, match="imu.gaps.*this board sends a stream of bytes"):
+    with pytest.raises(OutOfBoundsError, match=r"imu\.gaps.*this board sends a stream of bytes"):
         SimulatedVehicle(SimulatorParameters(faults="imu.gaps"), firmware=BoardFirmware())
     live = LiveParameters(SimulatorParameters(), BoardFirmware.lacking)
-    with pytest.raises(OutOfBoundsError, match="simulator.corrupted_bytes"):
+    with pytest.raises(OutOfBoundsError, match=r"simulator\.corrupted_bytes"):
         live.change({"simulator.faults": "simulator.lost_samples value=0.2"}, "test")
     assert live.values()["simulator.faults"] == ""
     applied, _ = LiveParameters(SimulatorParameters()).change({"simulator.faults": "imu.gaps"}, "")

@@ -51,7 +51,7 @@ class Truth:
     shaking: Array = field(default_factory=lambda: np.zeros(4))
     centre_b: tuple[float, float] = (0.0, 0.0)
     products_b: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    load: tuple[float, float] = (0.0, 1.0)
+    load: tuple[float, float] = (0.0, 0.0)
 
     def write(self, plant: Record, sensors: Record) -> None:
         """Write what is no parameter into a PLANT and a SENSORS record of these parameters."""
