@@ -1,0 +1,34 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+
+import { calm, entriesOf, entryOf, withEntry, withoutEntry } from "../../web/static/faults/entries.js";
+
+const WORDS = [{ name: "rate", default: 5 }, { name: "axis", default: "x" }, { name: "from", default: 0 }, { name: "to", default: 86400 }];
+
+test("an entry has the words that differ from their defaults, in the order of the declaration", () => {
+  assert.equal(entryOf("barometer.ramp", WORDS, { rate: 15, axis: "x", from: 2, to: "" }), "barometer.ramp rate=15 from=2");
+  assert.equal(entryOf("barometer.ramp", WORDS, {}), "barometer.ramp");
+  assert.equal(entryOf("imu.stuck", WORDS, { rate: 5, axis: "y", to: 0 }), "imu.stuck axis=y to=0");
+});
+
+test("entries come and go, and the others stay as they are", () => {
+  const text = withEntry(withEntry("", "a.b x=1"), "c.d");
+  assert.equal(text, "a.b x=1; c.d");
+  assert.deepEqual(entriesOf(" a.b   x=1 ;; c.d "), ["a.b x=1", "c.d"]);
+  assert.equal(withoutEntry(text, 0), "c.d");
+  assert.equal(withoutEntry("a; a; b", 1), "a; b");
+  assert.equal(withoutEntry("a", 0), "");
+});
+
+test("calm and aligned takes back disturbances and errors, and nothing else", () => {
+  const changed = (name, value, initial) => ({ name, value, default: initial });
+  assert.deepEqual(calm([
+    changed("simulator.wind_x", 3, 0), changed("simulator.gust", 0, 0), changed("simulator.gust_time", 2, 1), changed("simulator.payload", 0.3, 0),
+    changed("simulator.faults", "imu.stuck", ""), changed("station.tracker.faults", "tracker.freeze", ""), changed("station.bearings.bias_z", 2, 0),
+    changed("simulator.motor_gain_left", 0.9, 1), changed("simulator.served.stopped", true, false), changed("simulator.mass", 2, 1.308),
+    changed("control.position.kp_xy", 9, 4), changed("station.tracker.rate", 50, 100),
+  ]), {
+    "simulator.wind_x": 0, "simulator.payload": 0, "simulator.faults": "", "station.tracker.faults": "", "station.bearings.bias_z": 0,
+    "simulator.motor_gain_left": 1, "simulator.served.stopped": false,
+  });
+});
