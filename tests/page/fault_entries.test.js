@@ -3,12 +3,12 @@ import test from "node:test";
 
 import { calm, entriesOf, entryOf, withEntry, withoutEntry } from "../../web/static/faults/entries.js";
 
-const WORDS = [{ name: "rate", default: 5 }, { name: "axis", default: "x" }, { name: "from", default: 0 }, { name: "to", default: 86400 }];
+const WORDS = [{ name: "rate", default: 5 }, { name: "axis", default: "x" }], SCHEDULE = [{ name: "from", default: 0 }, { name: "to", default: 86400 }];
 
-test("an entry has the words that differ from their defaults, in the order of the declaration", () => {
-  assert.equal(entryOf("barometer.ramp", WORDS, { rate: 15, axis: "x", from: 2, to: "" }), "barometer.ramp rate=15 from=2");
-  assert.equal(entryOf("barometer.ramp", WORDS, {}), "barometer.ramp");
-  assert.equal(entryOf("imu.stuck", WORDS, { rate: 5, axis: "y", to: 0 }), "imu.stuck axis=y to=0");
+test("an entry has all words of the fault, and those of the schedule that differ from their defaults", () => {
+  assert.equal(entryOf("a.b", WORDS, SCHEDULE, { rate: 15, axis: "x", from: 2, to: "" }), "a.b rate=15 axis=x from=2");
+  assert.equal(entryOf("a.b", WORDS, SCHEDULE, { rate: "" }), "a.b");
+  assert.equal(entryOf("a.b", WORDS, SCHEDULE, { rate: 5, axis: "y", from: 0, to: 0 }), "a.b rate=5 axis=y to=0");
 });
 
 test("entries come and go, and the others stay as they are", () => {

@@ -14,13 +14,15 @@ const ALIGNED = /^station\.(tracker\.(drop_out|stamp_error|outliers|delay)|beari
 export const entriesOf = (text) => text.split(";").map((one) => one.trim().replace(/\s+/g, " ")).filter(Boolean);
 
 /**
- * The entry of a fault: its name, and the words that differ from their defaults.
+ * The entry of a fault: its name, all words of its own, and those of its schedule that differ from their defaults.
  * @param {string} name
  * @param {{ name: string, default: any }[]} words
+ * @param {{ name: string, default: any }[]} schedule
  * @param {Record<string, any>} values
  */
-export function entryOf(name, words, values) {
-  const said = words.filter((one) => values[one.name] !== undefined && values[one.name] !== "" && values[one.name] !== one.default);
+export function entryOf(name, words, schedule, values) {
+  const given = (/** @type {{ name: string }} */ one) => values[one.name] !== undefined && values[one.name] !== "";
+  const said = [...words.filter(given), ...schedule.filter((one) => given(one) && values[one.name] !== one.default)];
   return [name, ...said.map((one) => `${one.name}=${values[one.name]}`)].join(" ");
 }
 

@@ -48,7 +48,7 @@ export class FaultsPanel {
     this.place.hidden = false;
     $("side").classList.add("with-faults");
     this.draw();
-    this.place.scrollIntoView({ block: "nearest" });
+    this.place.scrollIntoView({ block: "start" });
     await attempt(this.answer, async () => { this.table ??= await get("/static/faults/faults.json"); });
     if (this.table && !this.select.options.length) this.offer();
   }
@@ -64,7 +64,7 @@ export class FaultsPanel {
     const subjects = grouped(there);
     this.select.replaceChildren(...[...subjects].map(([subject, faults]) => {
       const group = element("optgroup", { label: words(subject) });
-      group.append(...optionsOf(faults.map(({ name }) => [name, words(name.split(".")[1])])));
+      group.append(...optionsOf(faults.map(({ name }) => [name, words(name.replace(".", " "))])));
       return group;
     }));
     this.schedule.show({ name: "schedule", options: this.table.schedule });
@@ -83,10 +83,9 @@ export class FaultsPanel {
     const { chosen } = this;
     if (!chosen) return;
     const said = { ...this.form.taken(), ...this.schedule.taken() };
-    const all = [...chosen.words, ...this.table.schedule];
-    for (const { name, type } of all) if (type !== "str" && type !== "bool" && said[name] !== "") said[name] = Number(said[name]);
+    for (const { name, type } of [...chosen.words, ...this.table.schedule]) if (type !== "str" && type !== "bool" && said[name] !== "") said[name] = Number(said[name]);
     const name = TEXTS[chosen.home];
-    this.set({ [name]: withEntry(this.gains.value(name), entryOf(chosen.name, all, said)) });
+    this.set({ [name]: withEntry(this.gains.value(name), entryOf(chosen.name, chosen.words, this.table.schedule, said)) });
   }
 
   set(values) {
