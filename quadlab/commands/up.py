@@ -11,22 +11,16 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from quadlab.commands.option_types import Flag, Folder, Settings, optional
 from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD, check_tracker
 from quadlab.data_folder import data_folder, open_data_folder, owned
-from quadlab.settings import (
-    check_laws,
-    offer_plugins,
-    parse_board_options,
-    parse_settings,
-    split_faults,
-    vehicle_parameters,
-)
+from quadlab.settings import check_laws
 from quadlab.simulated.fleet import SimulatedFleet
+from quadlab.up.child_words import ChildWords, child_words, set_words
 from quadlab.up.landing import land_before_stopping, reserved_descriptors
 from quadlab.up.page_options import PageOptions
 from quadlab.up.progress import Progress, require_free
@@ -43,19 +37,9 @@ from vehicle_link.serial.capacity import check_rate
 from vehicle_link.termination_signal import EndSignal
 
 if TYPE_CHECKING:
-    from quadrotor.parameters import ParameterValue
     from vehicle_link.security.authority import TlsFiles
 
 MCU_PORTS = ("mcu0", "mcu1")
-
-
-class ChildWords(NamedTuple):
-    """The `--set` words of the child processes, and the values that the vehicle gets."""
-
-    vehicle: list[str]
-    simulator: list[str]
-    station: list[str]
-    values: dict[str, ParameterValue]
 
 
 @dataclass
@@ -103,7 +87,13 @@ class Up(PageOptions):
             raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
         if self.tracker:
             check_tracker(self._tracker_words(fleet))
-        settings = self._check_settings()
+        settings = child_words(
+            self.board,
+            self.set,
+            data_folder(self.data),
+            self.tracker,
+            bool(self.tracker and self._serve_words()),
+        )
         self._build_firmware()  # after all words: a mistake in them needs no compiler
         folder = open_data_folder(self.data)
         check_laws(settings.values, folder)
@@ -162,38 +152,6 @@ class Up(PageOptions):
 
             lockstep_library()
 
-    def _check_settings(self) -> ChildWords:
-        words, _ = parse_board_options(self.board, self.set)
-        of_board = _set_words([word for word in self.set if word not in words])
-        if not words:
-            return ChildWords(of_board, of_board, [], {})
-        # Imported only for their names and bounds: a plain start saves these 100 MB.
-        from console.parameters.station import StationParameters
-        from vehicle.simulator.parameters import SimulatorParameters
-
-        prefix = "simulator."
-        words, station = split_faults(words)
-        vehicle = [word for word in words if not word.startswith(prefix)]
-        simulator = [word.removeprefix(prefix) for word in words if word.startswith(prefix)]
-        offer_plugins(data_folder(self.data))
-        values = parse_settings(vehicle_parameters(self.board), vehicle)
-        parse_settings(SimulatorParameters(), simulator, prefix)
-        parse_settings(StationParameters(), station)
-        if self.tracker:  # the simulator then serves the poses, or nothing simulated does
-            served = [word for word in station if word.startswith("tracker.")]
-            if served and not self._serve_words():
-                raise UsageError(
-                    "--set faults has faults of the simulated tracker, which --tracker turns off"
-                )
-            station = [word for word in station if word not in served]
-            simulator += served
-        return ChildWords(
-            of_board + _set_words(vehicle),
-            of_board + _set_words(simulator),
-            _set_words(station),
-            values,
-        )
-
     def _children(
         self, fleet: SimulatedFleet, data: Path, run_folder: Path, settings: ChildWords
     ) -> list[list[Child]]:
@@ -230,7 +188,7 @@ class Up(PageOptions):
         robot += ["--firmware", self.firmware, "--board", self.board]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
         of_station = find_kind(self.board).station.items()
-        base += _set_words([f"{name}={value}" for name, value in of_station]) + settings.station
+        base += set_words([f"{name}={value}" for name, value in of_station]) + settings.station
         if self.tracker:
             base += ["--tracker", self._tracker_words(fleet)]
             robot += self._serve_words()
@@ -322,7 +280,3 @@ def _stop(group: Sequence[Child]) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-
-
-def _set_words(settings: Sequence[str]) -> list[str]:
-    return [word for setting in settings for word in ("--set", setting)]
