@@ -131,7 +131,8 @@ def parse_board_options(
 
 def split_faults(words: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return the words with `faults=TEXT` as `simulator.faults=TEXT`, and those for the station."""
-    others, of_station = [], []
+    others: list[str] = []
+    of_station: list[str] = []
     for word in words:
         name, _, text = word.partition("=")
         if name != "faults":

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { calm, entriesOf, entryOf, withEntry, withoutEntry } from "../../web/static/faults/entries.js";
+import { calm, entriesOf, entryOf, movable, withEntry, withoutEntry } from "../../web/static/faults/entries.js";
 
 const WORDS = [{ name: "rate", default: 5 }, { name: "axis", default: "x" }], SCHEDULE = [{ name: "from", default: 0 }, { name: "to", default: 86400 }];
 
@@ -18,6 +18,20 @@ test("entries come and go, and the others stay as they are", () => {
   assert.equal(withoutEntry(text, 0), "c.d");
   assert.equal(withoutEntry("a; a; b", 1), "a; b");
   assert.equal(withoutEntry("a", 0), "");
+});
+
+test("a schedule can move what can change in flight and is no free text", () => {
+  const of = (name, type = "float", more = {}) => ({ name, type, value: 1, default: 0, choices: [], read_only: false, description: "", ...more });
+  const found = movable([
+    of("simulator.payload"), of("simulator.served.stopped", "bool"), of("simulator.imu_rate", "int", { read_only: true }), of("simulator.faults", "str"),
+    of("station.tracker.delay"), of("station.tracker.seed", "int"), of("station.bearings.distribution", "str", { choices: ["a", "b"] }), of("station.bearings.layout", "str"),
+    of("station.recorder.pictures"), of("control.position.kp_xy"), of("tracker.delay"),
+  ]);
+  assert.deepEqual(found.map(({ name, home }) => [name, home]), [
+    ["simulator.payload", "simulator.faults"], ["simulator.served.stopped", "simulator.faults"],
+    ["tracker.delay", "tracker.faults"], ["bearings.distribution", "bearings.faults"],
+  ]);
+  assert.equal(entryOf(found[0].name, found[0].words, SCHEDULE, { value: 0.3, from: 2, to: "" }), "simulator.payload value=0.3 from=2");
 });
 
 test("calm and aligned takes back disturbances and errors, and nothing else", () => {

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
 from quadrotor.errors import OutOfBoundsError
+from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import Array, quaternion_of, rotate
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
@@ -29,11 +31,17 @@ QUIET = {
 STEP_S = 0.002
 
 
+def truth(faults: str, values: Mapping[str, ParameterValue]) -> SimulatorParameters:
+    parameters = SimulatorParameters()
+    ParameterStore(parameters).preset({**values, "faults": faults})
+    return parameters
+
+
 class Flown:
     """One simulated vehicle, stepped, with what it reads."""
 
     def __init__(self, faults: str, **values: float) -> None:
-        self.simulated = SimulatedVehicle(SimulatorParameters(**{**QUIET, **values}, faults=faults))
+        self.simulated = SimulatedVehicle(truth(faults, {**QUIET, **values}))
         self.board = Microcontroller(self.simulated.ports, 0)
         self.samples = 0
 
@@ -67,9 +75,9 @@ class Flown:
         self.simulated.truth["angular_velocity_b"] = spin
 
 
-def fly(faults: str, steps: int, **values: float) -> tuple[list[object], bytes]:
+def fly(faults: str, steps: int, **values: ParameterValue) -> tuple[list[object], bytes]:
     """Return every sample and the truth at the end of a flight with held references."""
-    simulated = SimulatedVehicle(SimulatorParameters(seed=5, faults=faults, **values))
+    simulated = SimulatedVehicle(truth(faults, {**values, "seed": 5}))
     board = Microcontroller(simulated.ports, 0)
     board.set_motor_state(MotorState.ON)
     samples: list[object] = []
@@ -91,7 +99,8 @@ def test_faults_that_are_off_change_no_bit_before_or_after() -> None:
         SimulatedVehicle(SimulatorParameters(faults=spent)),
     )
     for _ in range(100):
-        plain.step(), after.step()
+        plain.step()
+        after.step()
     gusts = after._plant["gusts"].copy()
     after._plant["gusts"] = plain._plant["gusts"] = 0.0
     assert after._plant.tobytes() == plain._plant.tobytes()
@@ -220,6 +229,14 @@ def test_a_parameter_of_the_simulator_follows_a_schedule() -> None:
         assert gains(flown)[1] == left
 
 
+def test_faults_of_a_served_tracking_system_follow_a_schedule() -> None:
+    flown = Flown("simulator.served.stopped value=true from=0.1 to=0.2")
+    for t, stopped in ((0.098, False), (0.1, True), (0.198, True), (0.2, False)):
+        flown.until(t)
+        assert flown.simulated.acting.served.stopped is stopped
+    assert not flown.simulated.parameters.served.stopped
+
+
 def test_a_change_of_a_parameter_in_flight_keeps_what_is_on() -> None:
     flown = Flown("vehicle.slung_load mass=0.2 length=0.5; motors.fade motor=front gain=0.5")
     flown.throw(2.0)
@@ -255,7 +272,9 @@ def test_thrust_turns_a_body_whose_centre_of_mass_is_off() -> None:
     plain = Flown("")
     plain.throw(5.0)
     plain.simulated.rotor_speeds[:] = 120.0
-    flown.step(), flown.step(), plain.step(), plain.step()
+    for one in (flown, plain):
+        one.step()
+        one.step()
     turn = flown.simulated.truth["angular_velocity_b"][0]
     lift = plain.simulated._plant["specific_force_b"][0, 2] * plain.simulated.parameters.mass
     inertia = plain.simulated._plant["model"]["inertia_b"][0]
@@ -282,7 +301,9 @@ def test_products_of_inertia_keep_the_angular_momentum_of_a_free_body() -> None:
 
     before, spin = momentum_w(), flown.simulated.truth["angular_velocity_b"][0].copy()
     flown.until(0.5)
-    np.testing.assert_allclose(momentum_w(), before, rtol=0.01, atol=0.01 * np.linalg.norm(before))
+    np.testing.assert_allclose(
+        momentum_w(), before, rtol=0.01, atol=0.01 * float(np.linalg.norm(before))
+    )
     assert np.abs(flown.simulated.truth["angular_velocity_b"][0] - spin).max() > 0.3
 
 
@@ -322,7 +343,8 @@ def test_air_and_walls_act_where_the_vehicle_is() -> None:
     flown.step()
     assert plant["wind_w"][0, 2] == pytest.approx(2.0 * math.exp(-0.5), abs=1e-6)
     flown.simulated.place((2.5, 0.0, 9.0))
-    flown.step(), flown.step()
+    flown.step()
+    flown.step()
     assert plant["disturbance_w"][0, 0] == pytest.approx(-0.5 * math.exp(-1.0), abs=1e-4)
     flown.until(0.6)  # the wake has come by: y = 5 - 10 * 0.5
     flown.simulated.place((0.0, 0.0, 9.0))

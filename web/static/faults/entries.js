@@ -26,6 +26,20 @@ export function entryOf(name, words, schedule, values) {
   return [name, ...said.map((one) => `${one.name}=${values[one.name]}`)].join(" ");
 }
 
+/**
+ * The parameters that a schedule can move, as faults of their own: each with its value.
+ * @param {Iterable<any>} parameters
+ */
+export function movable(parameters) {
+  const found = [];
+  for (const one of parameters) {
+    const name = one.name.replace(/^station\./, ""), home = `${name.split(".")[0]}.faults`, short = name.slice(name.indexOf(".") + 1);
+    if (one.name !== TEXTS[home]?.replace("faults", short) || one.read_only || short === "seed" || (one.type === "str" && !one.choices.length)) continue;
+    found.push({ name, home, physics: one.description, words: [{ ...one, name: "value", default: one.value }] });
+  }
+  return found;
+}
+
 /** @param {string} text @param {string} entry */
 export const withEntry = (text, entry) => [...entriesOf(text), entry].join("; ");
 

@@ -6,7 +6,7 @@ import { $, attempt, element, optionsOf, setText } from "../core/dom.js";
 import { words } from "../core/format.js";
 import { OptionForm } from "../experiments/options.js";
 import { fill, GainRow } from "../gains/row.js";
-import { calm, entriesOf, entryOf, TEXTS, withEntry, withoutEntry } from "./entries.js";
+import { calm, entriesOf, entryOf, movable, TEXTS, withEntry, withoutEntry } from "./entries.js";
 
 const AIR = ["wind_x", "wind_y", "wind_z", "gust", "gust_time", "push_x", "push_y", "push_z", "payload"].map((name) => `simulator.${name}`);
 const VIEWERS = "viewers cannot do this; ask an operator";
@@ -17,6 +17,7 @@ export class FaultsPanel {
     this.rows = new Map();
     /** @type {any} */
     this.table = null; // of the declarations, once the panel has been opened
+    this.offered = new Map(); // by name
     this.calmButton = this.button("Calm and aligned", "wind, load and faults away; tracker and bearings without errors of their own", () => this.set(calm(gains.known.values())));
     this.count = element("output", { className: "facts" });
     this.answer = element("p", { className: "reason", role: "status", hidden: true });
@@ -60,11 +61,13 @@ export class FaultsPanel {
 
   // Only those of parts that are there: the station's, for a simulated tracker and emulated bearings.
   offer() {
-    const there = this.table.faults.filter(({ home }) => this.gains.value(TEXTS[home]) !== undefined);
-    const subjects = grouped(there);
-    this.select.replaceChildren(...[...subjects].map(([subject, faults]) => {
-      const group = element("optgroup", { label: words(subject) });
-      group.append(...optionsOf(faults.map(({ name }) => [name, words(name.replace(".", " "))])));
+    const named = this.table.faults.filter(({ home }) => this.gains.value(TEXTS[home]) !== undefined), moved = movable(this.gains.known.values());
+    this.offered = new Map([...named, ...moved].map((one) => [one.name, one]));
+    const groups = [...grouped(named)].map(([subject, faults]) => [words(subject), faults.map(({ name }) => [name, words(name.replace(".", " "))])]);
+    groups.push(["a parameter, by a schedule", moved.map(({ name }) => name)]);
+    this.select.replaceChildren(...groups.map(([label, options]) => {
+      const group = element("optgroup", { label });
+      group.append(...optionsOf(options));
       return group;
     }));
     this.schedule.show({ name: "schedule", options: this.table.schedule });
@@ -72,7 +75,7 @@ export class FaultsPanel {
     this.showForms();
   }
 
-  get chosen() { return this.table?.faults.find(({ name }) => name === this.select.value); }
+  get chosen() { return this.offered.get(this.select.value); }
 
   showForms() {
     setText(this.physics, this.chosen?.physics ?? "");
