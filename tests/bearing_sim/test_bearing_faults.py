@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bearing_sim import BearingEmulator, BearingMeasurement, BearingParameters
+from quadrotor.parameters import ParameterStore
 from quadrotor.plain_rotations import Array
 
 MS = 1_000_000
@@ -20,8 +21,9 @@ EXACT = 0.05
 
 def frames(faults: str, seconds: float = 1.0, **values: float) -> list[BearingMeasurement]:
     """Return the frames of a vehicle at rest."""
-    settings = {"rate": 50.0, "sigma": EXACT, **values}
-    emulator = BearingEmulator(BearingParameters(faults=faults, **settings))
+    parameters = BearingParameters(rate=50.0, sigma=EXACT)
+    ParameterStore(parameters).preset({**values, "faults": faults})
+    emulator = BearingEmulator(parameters)
     for k in range(round(100 * seconds) + 1):
         emulator.observe(10 * MS * k, HERE, LEVEL)
     return emulator.due(10**15)

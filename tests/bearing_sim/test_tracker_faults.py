@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bearing_sim import PoseMeasurement, SimulatedTracker, TrackerParameters
+from quadrotor.parameters import ParameterStore
 from quadrotor.plain_rotations import Array, matrix_of, quaternion_of
 
 MS = 1_000_000
@@ -19,8 +20,9 @@ def place(k: int) -> Array:
 
 def poses(faults: str, seconds: float = 1.0, **values: float) -> list[PoseMeasurement]:
     """Return the poses in order of arrival, of a body that moves by 0.1 m/s, at 100 Hz."""
-    settings = {"position_noise": 0.0, "attitude_noise": 0.0, **values}
-    tracker = SimulatedTracker(TrackerParameters(faults=faults, **settings))
+    parameters = TrackerParameters(position_noise=0.0, attitude_noise=0.0)
+    ParameterStore(parameters).preset({**values, "faults": faults})
+    tracker = SimulatedTracker(parameters)
     for k in range(round(100 * seconds)):
         tracker.observe(10 * MS * k, place(k), TURNED)
     return tracker.due(10**12)
