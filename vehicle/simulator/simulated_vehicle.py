@@ -245,7 +245,10 @@ class SimulatedVehicle:
         acted = state_of(active)
         if acted != self._acted:
             self._acted = acted
-            self._apply(truth_of(self.parameters, active, self._position_w))
+            truth = truth_of(self.parameters, active, self._position_w)
+            if not self._count and truth.stuck:  # what sticks has a reading, from the first sample
+                truth.stuck, self._acted = set(), None
+            self._apply(truth)
 
     def _apply(self, truth: Truth) -> None:
         """Set the true values of plant, sensors, lines and board."""

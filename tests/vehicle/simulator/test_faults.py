@@ -1,208 +1,27 @@
-"""Faults of the simulated vehicle, by the values of its sensors, motors and motion."""
+"""Faults of the simulated vehicle: motors, body, air, parameters, and what refuses them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
+from bearing_sim.faults.fault import Fault
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.parameters import ParameterStore, ParameterValue
-from quadrotor.plain_rotations import Array, quaternion_of, rotate
+from quadrotor.parameters import ParameterStore
+from quadrotor.plain_rotations import Array, rotate
 from quadrotor.vehicle_model import GRAVITY
-from vehicle.boards.mikrokopter.microcontroller import Microcontroller
+from tests.support.faulty_vehicle import STEP_S, Flown
 from vehicle.closed_loop.batch import Scenario, prepare
 from vehicle.simulator.board_firmware import BoardFirmware
+from vehicle.simulator.faults.table import CATALOGUE
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.presets import ROUGH
-from vehicle.simulator.sensors import ACCELEROMETER_SCALE, GYROSCOPE_SCALE, ZERO
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.vibration import LINES
-from vehicle_link.serial.ids import PRESSURE_OFFSET, Id, MotorState
-
-QUIET = {
-    **dict.fromkeys(("accelerometer_noise", "gyroscope_noise", "pressure_noise"), 0.0),
-    **{f"accelerometer_bias_{axis}": 0.0 for axis in "xyz"},
-    **{f"gyroscope_bias_{axis}": 0.0 for axis in "xyz"},
-}
-STEP_S = 0.002
-
-
-def truth(faults: str, values: Mapping[str, ParameterValue]) -> SimulatorParameters:
-    parameters = SimulatorParameters()
-    ParameterStore(parameters).preset({**values, "faults": faults})
-    return parameters
-
-
-class Flown:
-    """One simulated vehicle, stepped, with what it reads."""
-
-    def __init__(self, faults: str, **values: float) -> None:
-        self.simulated = SimulatedVehicle(truth(faults, {**QUIET, **values}))
-        self.board = Microcontroller(self.simulated.ports, 0)
-        self.samples = 0
-
-    def step(self, command: tuple[int, int, int, int] | None = None) -> None:
-        self.simulated.step()
-        self.samples += len(self.board.receive())
-        if command is not None:
-            self.board.command(command)
-        self.board.service(1e-9 * self.simulated.stamp_ns)
-
-    def until(self, seconds: float) -> None:
-        while self.simulated.stamp_ns < 1e9 * seconds - 1:
-            self.step()
-
-    def count(self, register: Id, axis: int = 0) -> int:
-        return int(self.simulated.firmware.registers[register + axis])
-
-    @property
-    def pressure(self) -> int:
-        return self.count(Id.PRESSURE) + PRESSURE_OFFSET
-
-    @property
-    def force(self) -> Array:
-        """Return what the accelerometer reads, m/s^2."""
-        counts = [self.count(Id.ACCELEROMETER_X, axis) - ZERO for axis in range(3)]
-        return ACCELEROMETER_SCALE * np.array(counts)
-
-    def throw(self, height: float = 2.0, spin: tuple[float, float, float] = (0, 0, 0)) -> None:
-        """Put it into the air, turning with this angular velocity (rad/s), motors off."""
-        self.simulated.place((0.0, 0.0, height))
-        self.simulated.truth["angular_velocity_b"] = spin
-
-
-def fly(faults: str, steps: int, **values: ParameterValue) -> tuple[list[object], bytes]:
-    """Return every sample and the truth at the end of a flight with held references."""
-    simulated = SimulatedVehicle(truth(faults, {**values, "seed": 5}))
-    board = Microcontroller(simulated.ports, 0)
-    board.set_motor_state(MotorState.ON)
-    samples: list[object] = []
-    for _ in range(steps):
-        simulated.step()
-        samples += board.receive()
-        board.command((125, 126, 125, 125))
-        board.service(1e-9 * simulated.stamp_ns)
-    return samples, simulated.truth.tobytes()
-
-
-def test_faults_that_are_off_change_no_bit_before_or_after() -> None:
-    rough = {**ROUGH, "wind_x": 1.0}
-    assert fly("", 600, **rough) == fly("motors.fade from=1000; imu.stuck from=999", 600, **rough)
-    # Over again: every value is what it was, except for the gusts' memory.
-    spent = "imu.scale to=0.1; imu.clip to=0.1; simulator.gust value=3 to=0.05"
-    plain, after = (
-        SimulatedVehicle(SimulatorParameters()),
-        SimulatedVehicle(SimulatorParameters(faults=spent)),
-    )
-    for _ in range(100):
-        plain.step()
-        after.step()
-    gusts = after._plant["gusts"].copy()
-    after._plant["gusts"] = plain._plant["gusts"] = 0.0
-    assert after._plant.tobytes() == plain._plant.tobytes()
-    assert after._sensors.tobytes() == plain._sensors.tobytes()
-    assert np.any(gusts)
-
-
-def test_the_same_seed_gives_the_same_random_faults_and_another_one_others() -> None:
-    text = "motors.fade motor=left gain=0.5 share=0.3 spell=0.05; imu.gaps share=0.2 spell=0.02"
-    assert fly(text, 500) == fly(text, 500)
-    assert fly(text, 500) != fly(text.replace("0.3", "0.31"), 500)
-
-
-def test_the_pressure_of_a_ramp_is_p0_plus_rate_times_time() -> None:
-    flown = Flown("barometer.ramp rate=15 from=0.2 to=0.6")
-    flown.until(0.2)
-    p0 = flown.pressure
-    for t in (0.3, 0.4, 0.58):
-        flown.until(t)
-        assert flown.pressure == round(p0 + 15.0 * (t - 0.2))
-    flown.until(0.62)
-    assert flown.pressure == p0
-
-
-def test_a_pressure_steps_and_sticks() -> None:
-    flown = Flown("barometer.step pressure=40 from=0.1; barometer.stuck from=0.2 to=0.3")
-    flown.until(0.1)
-    p0 = flown.pressure - 40
-    flown.until(0.2)
-    flown.throw(10.0)
-    flown.until(0.28)
-    assert flown.pressure == p0 + 40
-    flown.until(0.302)
-    height = flown.simulated.truth["position_w"][0, 2]
-    assert flown.pressure == pytest.approx(p0 + 40 - 11.6 * height, abs=1)
-
-
-def test_a_stuck_axis_keeps_its_count_while_the_others_go_on() -> None:
-    flown = Flown("imu.stuck sensor=gyroscope axis=y from=0.1 to=0.2")
-    flown.throw(5.0, (1.0, 1.0, 0.0))
-    flown.until(0.1)
-    held = flown.count(Id.GYROSCOPE_X, 1)
-    flown.simulated.truth["angular_velocity_b"] = (-2.0, -2.0, 0.0)
-    flown.until(0.15)
-    assert flown.count(Id.GYROSCOPE_X, 1) == held
-    assert flown.count(Id.GYROSCOPE_X) - ZERO == pytest.approx(-2.0 / GYROSCOPE_SCALE, abs=2)
-    flown.until(0.2)
-    assert flown.count(Id.GYROSCOPE_X, 1) - ZERO == pytest.approx(-2.0 / GYROSCOPE_SCALE, abs=2)
-
-
-def test_a_scale_a_turn_and_a_ramp_of_the_inertial_sensors() -> None:
-    flown = Flown(
-        "imu.scale axis=z factor=1.1 to=0.1; imu.misalignment x=10 from=0.1 to=0.2;"
-        "imu.accelerometer_ramp x=1 z=0 from=0.2; imu.gyroscope_ramp x=0 z=10 from=0.2"
-    )
-    flown.until(0.05)
-    half = 0.5 * ACCELEROMETER_SCALE + 1e-9
-    np.testing.assert_allclose(flown.force, (0, 0, 1.1 * GRAVITY), atol=half)
-    flown.until(0.15)
-    turned = rotate(quaternion_of(math.radians(-10.0), 0, 0), (0, 0, GRAVITY))
-    np.testing.assert_allclose(flown.force, turned, atol=half)
-    flown.until(0.7)
-    np.testing.assert_allclose(flown.force, (0.5, 0, GRAVITY), atol=half)
-    assert flown.count(Id.GYROSCOPE_X, 2) - ZERO == round(math.radians(5.0) / GYROSCOPE_SCALE)
-
-
-def test_readings_are_cut_off_at_the_range() -> None:
-    flown = Flown("imu.clip accelerometer=5 gyroscope=50")
-    flown.throw(5.0, (3.0, -3.0, 0.5))
-    flown.until(0.01)
-    counts = [flown.count(Id.GYROSCOPE_X, axis) - ZERO for axis in range(3)]
-    end = round(math.radians(50.0) / GYROSCOPE_SCALE)
-    assert counts == [end, -end, round(0.5 / GYROSCOPE_SCALE)]
-    resting = Flown("imu.clip accelerometer=5 gyroscope=50")
-    resting.until(0.01)
-    assert resting.count(Id.ACCELEROMETER_X, 2) - ZERO == round(5.0 / ACCELEROMETER_SCALE)
-
-
-def test_a_gap_loses_every_sample_of_its_time() -> None:
-    flown = Flown("imu.gaps from=0.1 to=0.3")
-    flown.until(0.098)
-    before = flown.samples
-    flown.until(0.298)
-    assert flown.samples <= before + 2  # those that were on the line
-    flown.until(0.5)
-    assert flown.samples == pytest.approx(before + 100, abs=2)
-
-
-def test_a_stuck_meter_does_not_see_the_voltage_sag() -> None:
-    stuck = Flown("battery.stuck from=0.1; battery.sag resistance=1 from=0.2")
-    seen = Flown("battery.sag resistance=1 from=0.2")
-    for flown in (stuck, seen):
-        flown.board.set_motor_state(MotorState.ON)
-        while flown.simulated.stamp_ns < 0.1e9 - 1:
-            flown.step((100, 100, 100, 100))
-    held = stuck.count(Id.BATTERY)
-    for flown in (stuck, seen):
-        while flown.simulated.stamp_ns < 0.5e9:
-            flown.step((100, 100, 100, 100))
-    assert stuck.count(Id.BATTERY) == held
-    assert seen.count(Id.BATTERY) < held - 2
-    assert 0.1 * held - stuck.simulated.battery_voltage > 0.5
+from vehicle_link.serial.ids import Id
 
 
 def gains(flown: Flown) -> list[float]:
@@ -323,6 +142,8 @@ def test_a_slung_load_weighs_on_the_vehicle_and_swings_with_its_period() -> None
         last = x
     period = 2.0 * np.diff(crossings).mean()
     assert period == pytest.approx(2.0 * math.pi * math.sqrt(1.0 / GRAVITY), rel=0.01)
+    weight = -0.2 * GRAVITY / SimulatorParameters().mass  # motors off: the cable alone pulls
+    assert plant["specific_force_b"][0, 2] == pytest.approx(weight, rel=0.03)
     far = np.linalg.norm(plant["load"][0, :3] - (0.0, 0.0, 3.0))
     assert far == pytest.approx(1.0, abs=0.002)
 
@@ -368,3 +189,25 @@ def test_a_batch_refuses_faults_that_it_would_leave_out() -> None:
     truth = SimulatorParameters(faults="motors.fade")
     with pytest.raises(OutOfBoundsError, match="no faults with schedules"):
         prepare([Scenario(truth=truth)])
+
+
+def extremes(declared: type[Fault]) -> Iterator[str]:
+    """Yield the words of a fault: as it is declared, and with each number at its bounds."""
+    yield ""
+    for one in ParameterStore(declared()).descriptions():
+        values = one.choices or (one.minimum, one.maximum)
+        yield from (f"{one.name}={value}" for value in values)
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGUE.faults))
+def test_every_fault_leaves_finite_readings_and_motion_at_its_bounds(name: str) -> None:
+    for words in extremes(CATALOGUE.faults[name]):
+        flown = Flown(f"{name} {words}", inflow_loss=0.02, drag=0.1)
+        flown.throw(1.0, (0.1, 0.2, 0.3))
+        flown.simulated.rotor_speeds[:] = 100.0
+        flown.until(0.02)
+        simulated = flown.simulated
+        assert np.isfinite(simulated.truth["position_w"]).all(), words
+        assert np.isfinite(simulated.truth["angular_velocity_b"]).all(), words
+        assert np.isfinite(simulated._plant["specific_force_b"]).all(), words
+        assert 0 < flown.count(Id.BATTERY) < 400, words

@@ -61,7 +61,7 @@ class Sag(VehicleFault):
     name = "battery.sag"
     source = "U = U0 - R I, Ohm's law of a cell with an inner resistance"
 
-    resistance: float = parameter(0.1, unit="ohm", ge=0.0, le=1.0, step=0.01)
+    resistance: float = parameter(0.1, unit="ohm", ge=0.0, le=0.3, step=0.01)
     """resistance on top of simulator.battery_resistance"""
 
     def act(self, truth: Truth, moment: Moment, memory: Memory) -> None:
