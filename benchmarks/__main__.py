@@ -57,6 +57,7 @@ FOLDERS = {
         "hostile_flights",
         "hostile_plugins",
         "foreign_laws",
+        "fault_library",
         "tracking_faults",
         "tracking_systems",
         "starved",
