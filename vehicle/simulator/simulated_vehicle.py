@@ -6,17 +6,15 @@ import math
 import random
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from bearing_sim.faults.fault import Faults
 from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
 from vehicle.simulator.battery import charge_battery
 from vehicle.simulator.board_firmware import BoardFirmware
-from vehicle.simulator.faults.table import CATALOGUE, state_of, truth_of
+from vehicle.simulator.faults.acting import ActingFaults
 from vehicle.simulator.faults.truth import Truth
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
@@ -79,11 +77,9 @@ class SimulatedVehicle:
         self._force_sensor = ForceSensor(parameters)
         self._noise, self._chance = Noise(parameters.seed), random.Random(parameters.seed)
         self._sensors = np.zeros(1, SENSORS)
-        lacking = {} if firmware is None else firmware.lacking
-        self._faults = Faults(replace(CATALOGUE, lacking=lacking))
-        self._faults.set(parameters.faults, parameters, 0)
+        self._faults = ActingFaults({} if firmware is None else firmware.lacking)
+        self._faults.set(parameters, 0)
         self._charged = parameters.battery_charge
-        self._acted: tuple[tuple[int, float, float], ...] | None = ()
         self._fit(parameters)
         world = self._plant, self._sensors, self._noise.block
         self._run = runner(self.firmware, world, self._holder)
@@ -97,7 +93,6 @@ class SimulatedVehicle:
         self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
         self.truth["position_w"][0, :2] = parameters.start_x, parameters.start_y
-        self._position_w = self.truth["position_w"][0]  # a view
 
     @property
     def battery_voltage(self) -> float:
@@ -159,7 +154,7 @@ class SimulatedVehicle:
         command = self._acting()
         last = self._count + periods - 1
         self.stamp_ns = stamp_ns = self._time_ns(last)
-        if self._faults or self._acted:
+        if self._faults:
             self._have_faults()
         if self._warms_up:
             self._sensors["warmth"] = -math.expm1(-1e-9 * stamp_ns / WARM_UP_TIME)
@@ -234,20 +229,15 @@ class SimulatedVehicle:
 
         Motion is kept, and so is the charge unless its parameter changed.
         """
-        if parameters.faults != self._faults.text:
-            self._faults.set(parameters.faults, parameters, self.stamp_ns)
-        self.parameters, self._acted = parameters, None
+        self._faults.set(parameters, self.stamp_ns)
+        self.parameters = parameters
         self._have_faults()
 
     def _have_faults(self) -> None:
-        """Apply the faults that are on, unless they are as they were."""
-        active = self._faults.active(self.stamp_ns, self.parameters.seed)
-        acted = state_of(active)
-        if acted != self._acted:
-            self._acted = acted
-            truth = truth_of(self.parameters, active, self._position_w)
-            if not self._count and truth.stuck:  # what sticks has a reading, from the first sample
-                truth.stuck, self._acted = set(), None
+        has_read = self._count > 0
+        position_w = self.truth["position_w"][0]
+        truth = self._faults.truth(self.parameters, self.stamp_ns, position_w, has_read)
+        if truth is not None:
             self._apply(truth)
 
     def _apply(self, truth: Truth) -> None:
