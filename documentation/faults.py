@@ -32,6 +32,9 @@ the page, by an experiment or with `ros2 param set`, at the start and in flight:
 `station.tracker.faults` and `station.bearings.faults` while a station runs). A wrong text is
 refused in one line and changes nothing.
 
+Faults of the tracker are those of the simulated one: with `quadlab tracker` they act only where the
+simulator serves its poses (`--serve`, [tracking systems](trackers.md)).
+
 Every parameter of the simulator, the tracker and the bearings that can change in flight can be
 moved by the same schedules: its name with `value`, like `simulator.payload value=0.3 from=15
 to=25`, `simulator.gust value=2 share=0.3 spell=2` or `tracker.delay value=0.1 ramp=10`. This is

@@ -88,10 +88,26 @@ def test_calm_and_aligned_takes_back_wind_load_and_faults(
     assert [store.get(name) for name in names] == ["", 0.0, 0.0]
 
 
-def test_a_tab_closes_the_panel_which_a_real_vehicle_does_not_have(
-    simulated: Any, page: Any, look: Any
-) -> None:
+def test_a_tab_closes_the_panel(simulated: Any, page: Any, look: Any) -> None:
     open_panel(page, look)
     assert not page.is_hidden(PANEL)
     page.click("[data-tab=gains]")
     assert page.is_hidden(PANEL)
+
+
+def test_a_real_vehicle_has_no_such_panel(page: Any, look: Any) -> None:
+    look.text("#doing", "^FLYING")
+    page.wait_for_selector("#gains details", state="attached")
+    page.wait_for_selector("#simulation", state="hidden")
+    assert page.is_hidden(PANEL)
+
+
+def test_a_parameter_is_moved_by_a_schedule(simulated: Any, page: Any, look: Any) -> None:
+    open_panel(page, look)
+    page.select_option(f"{PANEL} > select", "simulator.payload")
+    page.fill(f"{PANEL} input[aria-label=value]", "0.3")
+    page.fill(f"{PANEL} input[aria-label=every]", "8")
+    page.fill(f"{PANEL} input[aria-label=for]", "2")
+    page.click(f"{PANEL} button >> text=Start")
+    look.text(SET, "simulator.payloadvalue=0.3 for=2 every=8Stop")
+    assert simulated.store.get("simulator.faults") == "simulator.payload value=0.3 for=2 every=8"
