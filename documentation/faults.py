@@ -27,7 +27,7 @@ drawn, computed or changed for them.
 
 A text holds faults separated by semicolons: a name, then `name=value` words for the fault and for
 its schedule. `faults` divides the text among three parameters, which can also be set alone, on
-the page, by an experiment or with `ros2 param set`, at the start and in flight:
+the page, by an experiment of `quadlab fly` or with `ros2 param set`, at the start and in flight:
 `simulator.faults`, `tracker.faults` and `bearings.faults` (the last two are
 `station.tracker.faults` and `station.bearings.faults` while a station runs). A wrong text is
 refused in one line and changes nothing.
