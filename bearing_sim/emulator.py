@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,8 @@ import numpy.typing as npt
 from bearing_sim.beacons import Beacons, parse_layout
 from bearing_sim.bearing_parameters import BearingParameters, parse_beacon_bias, parse_lost
 from bearing_sim.faults.bearings import CATALOGUE, BearingFault
-from bearing_sim.faults.fault import Faults, moved
+from bearing_sim.faults.fault import Active, Faults, Memory, moved
+from bearing_sim.faults.schedule import Moment
 from bearing_sim.pose_track import PoseTrack
 from bearing_sim.sampling import SECOND_NS, DelayLine, Draws, InstantGrid, hidden, pair
 from quadrotor.plain_rotations import Array, Quadruple, Triple, quaternion_of, rows_of
@@ -107,10 +109,8 @@ class BearingEmulator:
         frame_draws = Draws(p.seed, stamp_ns)
         late = p.delay + p.jitter * (1.0 - frame_draws.uniform())
         ids = _identities([id for id, _ in places], p.swap, frame_draws)
-        for one in active:
-            if isinstance(one.fault, BearingFault):
-                places = one.fault.moves(places, one.moment)
-                ids = one.fault.names(ids, one.moment)
+        for fault, moment, _ in _of_bearings(active):
+            places, ids = fault.moves(places, moment), fault.names(ids, moment)
         lost = parse_lost(p.lost)
         sigma = math.radians(p.sigma)
         freedom = math.inf if p.distribution == "gaussian" else p.degrees_of_freedom
@@ -144,11 +144,8 @@ class BearingEmulator:
             )
             if _along(axis, bearing_b) < lowest:
                 continue
-            for k, one in enumerate(active):
-                if isinstance(one.fault, BearingFault):
-                    memory = one.memory.setdefault(id, {})
-                    memory["frame_ns"], of_fault = stamp_ns, Draws(k, of=draws)
-                    bearing_b = one.fault.bends(bearing_b, axis, of_fault, one.moment, memory)
+            if active:
+                bearing_b = _bent(bearing_b, axis, id, stamp_ns, draws, active)
             if biased is not None:
                 bearing_b = _product(biased, bearing_b)
             if id in own_biases:
@@ -170,6 +167,28 @@ class BearingEmulator:
         if text != layout.text:
             self._layout = layout = _Layout.of(text)
         return layout
+
+
+def _of_bearings(active: Sequence[Active]) -> Iterator[tuple[BearingFault, Moment, Memory]]:
+    for one in active:
+        if isinstance(one.fault, BearingFault):
+            yield one.fault, one.moment, one.memory
+
+
+def _bent(
+    bearing_b: Triple,
+    axis_b: Triple,
+    id: int,
+    stamp_ns: int,
+    draws: Draws,
+    active: Sequence[Active],
+) -> Triple:
+    """Return the bearing of a beacon with the faults that are on."""
+    for k, (fault, moment, memory) in enumerate(_of_bearings(active)):
+        own = memory.setdefault(id, {})
+        own["frame_ns"] = stamp_ns
+        bearing_b = fault.bends(bearing_b, axis_b, Draws(k, of=draws), moment, own)
+    return bearing_b
 
 
 def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:

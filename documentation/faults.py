@@ -99,7 +99,8 @@ def page_table() -> str:
         for name, declared in catalogue.faults.items()
     ]
     schedule = [_described(one) | {"name": word} for word, one in WORDS.items()]
-    return json.dumps({"schedule": schedule, "faults": faults}, indent=1, ensure_ascii=False) + "\n"
+    rows = ",\n".join(json.dumps(one, ensure_ascii=False) for one in faults)
+    return f'{{"schedule": {json.dumps(schedule, ensure_ascii=False)},\n"faults": [\n{rows}\n]}}\n'
 
 
 def _physics(declared: Any) -> str:

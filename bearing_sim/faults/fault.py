@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 from bearing_sim.faults.schedule import WORDS, Moment, Schedule, stream_of
 from quadrotor.errors import OutOfBoundsError, ParameterError
@@ -73,12 +73,14 @@ class Moved(Fault):
             setattr(owner, last, self.to)
 
 
-AnyFault = TypeVar("AnyFault", bound=Fault)
-
-
 @dataclass(frozen=True)
 class Entry:
-    """One fault of a text. `key` tells what it acts on, `text` is the entry in its plain form."""
+    """A fault of a text.
+
+    Attributes:
+        text: as it was written, with single spaces.
+        key: name, and what it acts on.
+    """
 
     text: str
     key: str
@@ -205,7 +207,7 @@ def _overlap(one: Schedule, other: Schedule) -> bool:
 
 @dataclass
 class Running:
-    """One fault on its own clock, which began at `origin_ns`, and its memory of this spell."""
+    """A fault on its own clock, which began at `origin_ns`, with its memory of this spell."""
 
     entry: Entry
     origin_ns: int

@@ -1,4 +1,4 @@
-"""When a fault is on, and how strongly: a pure function of time and seed."""
+"""Schedules: when a fault is on, and how strongly, as a pure function of time and seed."""
 
 from __future__ import annotations
 

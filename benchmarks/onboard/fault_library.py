@@ -1,4 +1,4 @@
-"""What each fault of the simulated laboratory does to a hover: how far, how tilted, how it ends.
+"""Hovers with each fault of the simulated laboratory: how far off, how tilted, how they end.
 
     python -m benchmarks fault_library
 

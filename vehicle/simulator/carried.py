@@ -1,4 +1,4 @@
-"""What an uneven load does to the body: a cable-suspended load, and products of inertia.
+"""Loads that are not in the middle: a cable-suspended load, and products of inertia.
 
 Records `p` are items of PLANT (vehicle.simulator.plant).
 """

@@ -74,7 +74,7 @@ SENSORS = np.dtype(
 )
 
 
-LAST = ("warmth", "pressure", "voltage")
+_LAST = ("warmth", "pressure", "voltage")
 """Fields that a change of the parameters keeps."""
 
 
@@ -97,6 +97,14 @@ def new_sensors(parameters: SimulatorParameters) -> Record:
     sensors["accelerometer_range"] = sensors["gyroscope_range"] = math.inf
     sensors["imbalance"] = IMBALANCE
     return sensors
+
+
+def configure_sensors(sensors: Record, parameters: SimulatorParameters) -> None:
+    """Set new true values of a SENSORS record, keeping its last readings."""
+    last = [sensors[name].copy() for name in _LAST]
+    sensors[...] = new_sensors(parameters)
+    for name, reading in zip(_LAST, last, strict=True):
+        sensors[name] = reading
 
 
 class Noise:

@@ -23,7 +23,7 @@ from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, new_ho
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.periods import Command, compile_periods, runner
 from vehicle.simulator.plant import configure_plant, new_plant
-from vehicle.simulator.sensors import LAST, SENSORS, WARM_UP_TIME, Noise, new_sensors, sample
+from vehicle.simulator.sensors import SENSORS, WARM_UP_TIME, Noise, configure_sensors, sample
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
@@ -286,10 +286,8 @@ class SimulatedVehicle:
 
     def _fit(self, parameters: SimulatorParameters) -> None:
         p = parameters
-        last = {name: self._sensors[name].copy() for name in LAST}
-        self._sensors[...], self._lost = new_sensors(p), p.lost_samples
-        for name, reading in last.items():
-            self._sensors[name] = reading
+        configure_sensors(self._sensors, p)
+        self._lost = p.lost_samples
         self._latency_ns = round(1e9 * p.command_latency)
         self._warms_up = p.accelerometer_warm_up != 0.0 or p.gyroscope_warm_up != 0.0
 

@@ -1,4 +1,4 @@
-"""What is true at a moment: the parameters, and what only faults change."""
+"""The truth at a moment: the parameters, and what only faults change."""
 
 from __future__ import annotations
 
