@@ -253,9 +253,13 @@ class Faults:
         return bool(self._running)
 
     def active(self, now_ns: int, seed: int) -> list[Active]:
-        """Return the faults that are on, in the order of the text."""
+        """Return the faults that are on, in the order of the text.
+
+        A clock that has gone back is that of a new simulation, in which the faults begin anew.
+        """
         found = []
         for one in self._running:
+            one.origin_ns = min(one.origin_ns, now_ns)
             moment = one.entry.schedule.at(now_ns - one.origin_ns, seed, one.stream)
             if moment is None:
                 continue

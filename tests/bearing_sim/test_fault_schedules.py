@@ -128,6 +128,16 @@ def test_an_entry_that_stays_keeps_its_clock_when_others_come_and_go() -> None:
     assert [one.fault.name for one in faults.active(5000 * MS, 1)] == ["tracker.tilt"]
 
 
+def test_faults_begin_anew_in_a_simulation_that_is_started_again() -> None:
+    faults = Faults(tracker.CATALOGUE)
+    faults.set("tracker.scale from=1", TrackerParameters(), 9000 * MS)
+    assert len(faults.active(10_500 * MS, 1)) == 1
+    assert faults.active(0, 1) == []
+    assert faults.active(999 * MS, 1) == []
+    [scale] = faults.active(1200 * MS, 1)
+    assert scale.moment.elapsed == pytest.approx(0.2)
+
+
 def test_one_text_of_all_faults_is_divided_by_subject() -> None:
     text = "tracker.freeze from=3;  barometer.ramp; bearings.lens k=0.1; tracker.drop_out value=1"
     assert by_home(text) == {
