@@ -12,7 +12,8 @@ from bearing_sim.beacons import (
     parse_layout,
 )
 from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
-from bearing_sim.tracker import PoseMeasurement, SimulatedTracker, TrackerParameters
+from bearing_sim.pose_measurement import PoseMeasurement
+from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 
 __all__ = [
     "PAPER_BEACONS",

@@ -8,6 +8,7 @@ from pydantic import ConfigDict, field_validator
 
 from bearing_sim.beacon_set import ID_MAX
 from bearing_sim.beacons import parse_layout
+from bearing_sim.faults.bearings import CATALOGUE
 from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.plain_rotations import Triple
@@ -75,8 +76,12 @@ class BearingParameters(Parameters):
     """further delay at random, 0 to this; frames stay in order"""
     seed: int = parameter(2, ge=0, le=2**31 - 1, step=1)
     """of the noise"""
+    faults: str = parameter("")
+    """faults with schedules, like 'bearings.lens k=0.1 from=5; bearings.swap value=1 for=2'
+    (docs/faults.md)"""
 
     def check_together(self) -> None:
+        CATALOGUE.parse(self.faults, self)
         if self.range_min > self.range_max:
             raise OutOfBoundsError(
                 f"range_min = {self.range_min:g} m exceeds range_max = {self.range_max:g} m: no "

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,9 @@ import numpy.typing as npt
 
 from bearing_sim.beacons import Beacons, parse_layout
 from bearing_sim.bearing_parameters import BearingParameters, parse_beacon_bias, parse_lost
+from bearing_sim.faults.bearings import CATALOGUE, BearingFault
+from bearing_sim.faults.fault import Active, Faults, Memory, moved
+from bearing_sim.faults.schedule import Moment
 from bearing_sim.pose_track import PoseTrack
 from bearing_sim.sampling import SECOND_NS, DelayLine, Draws, InstantGrid, hidden, pair
 from quadrotor.plain_rotations import Array, Quadruple, Triple, quaternion_of, rows_of
@@ -65,6 +69,7 @@ class BearingEmulator:
         self._grid = InstantGrid()
         self._track = PoseTrack()
         self._line: DelayLine[BearingMeasurement] = DelayLine()
+        self._faults = Faults(CATALOGUE)
 
     @property
     def beacons(self) -> Beacons:
@@ -97,9 +102,15 @@ class BearingEmulator:
 
     def _take(self, stamp_ns: int, position_w: Triple, quaternion_wb: Quadruple) -> None:
         p, layout = self.parameters, self._present_layout()
+        if p.faults != self._faults.text:
+            self._faults.set(p.faults, p, stamp_ns)
+        active = self._faults.active(stamp_ns, p.seed) if self._faults else ()
+        p, places = moved(p, active), [*layout.places]
         frame_draws = Draws(p.seed, stamp_ns)
         late = p.delay + p.jitter * (1.0 - frame_draws.uniform())
-        ids = _identities([id for id, _ in layout.places], p.swap, frame_draws)
+        ids = _identities([id for id, _ in places], p.swap, frame_draws)
+        for fault, moment, _ in _of_bearings(active):
+            places, ids = fault.moves(places, moment), fault.names(ids, moment)
         lost = parse_lost(p.lost)
         sigma = math.radians(p.sigma)
         freedom = math.inf if p.distribution == "gaussian" else p.degrees_of_freedom
@@ -116,7 +127,7 @@ class BearingEmulator:
         seen_ids: list[int] = []
         seen: list[Triple] = []
         # Plain floats: for four beacons, numpy's calls cost more than the arithmetic.
-        for claimed_id, (id, (px, py, pz)) in zip(ids, layout.places, strict=True):
+        for claimed_id, (id, (px, py, pz)) in zip(ids, places, strict=True):
             u, v, w = px - x, py - y, pz - z
             distance = math.sqrt(u * u + v * v + w * w)
             if lost is None or id in lost or not nearest <= distance <= farthest:
@@ -133,6 +144,8 @@ class BearingEmulator:
             )
             if _along(axis, bearing_b) < lowest:
                 continue
+            if active:
+                bearing_b = _bent(bearing_b, axis, id, stamp_ns, draws, active)
             if biased is not None:
                 bearing_b = _product(biased, bearing_b)
             if id in own_biases:
@@ -154,6 +167,28 @@ class BearingEmulator:
         if text != layout.text:
             self._layout = layout = _Layout.of(text)
         return layout
+
+
+def _of_bearings(active: Sequence[Active]) -> Iterator[tuple[BearingFault, Moment, Memory]]:
+    for one in active:
+        if isinstance(one.fault, BearingFault):
+            yield one.fault, one.moment, one.memory
+
+
+def _bent(
+    bearing_b: Triple,
+    axis_b: Triple,
+    id: int,
+    stamp_ns: int,
+    draws: Draws,
+    active: Sequence[Active],
+) -> Triple:
+    """Return the bearing of a beacon with the faults that are on."""
+    for k, (fault, moment, memory) in enumerate(_of_bearings(active)):
+        own = memory.setdefault(id, {})
+        own["frame_ns"] = stamp_ns
+        bearing_b = fault.bends(bearing_b, axis_b, Draws(k, of=draws), moment, own)
+    return bearing_b
 
 
 def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:

@@ -107,8 +107,12 @@ class Draws:
 
     def uniform(self) -> float:
         """Return the next number, in (0, 1]."""
+        return ((self.whole() >> 11) + 1) * _UNIT
+
+    def whole(self) -> int:
+        """Return the next number, a word of 64 bits."""
         self._state = self._state + STEP & ALL
-        return ((splitmix64(self._state) >> 11) + 1) * _UNIT
+        return splitmix64(self._state)
 
 
 def splitmix64(z: int) -> int:
@@ -136,16 +140,20 @@ def pair(draws: Draws, degrees_of_freedom: float) -> tuple[float, float]:
 
 
 def hidden(seed: int, beacon_id: int, stamp_ns: int, share: float, spell_ns: int) -> bool:
-    """Return whether a beacon is hidden at an instant: for `share` of the time, in spells of
-    `spell_ns`.
+    """Return whether a beacon is hidden at an instant, by the process of `spell_begin`."""
+    return spell_begin(seed, beacon_id, stamp_ns, share, spell_ns) is not None
 
-    Time is divided into periods of spell/share, shifted for each beacon, with one spell at a random
-    position in each; two spells may adjoin.
+
+def spell_begin(seed: int, stream: int, stamp_ns: int, share: float, spell_ns: int) -> int | None:
+    """Return the beginning, in ns, of the random spell that an instant is in, None outside of all.
+
+    Spells of `spell_ns` fill `share` of the time: time is divided into periods of spell/share,
+    shifted for each stream, with one spell at a random position in each; two spells may adjoin.
     """
     if share <= 0.0:
-        return False
+        return None
     period_ns = max(spell_ns, round(spell_ns / share))
-    shift = int(Draws(seed, beacon_id, 1).uniform() * period_ns)
+    shift = int(Draws(seed, stream, 1).uniform() * period_ns)
     number, into = divmod(stamp_ns + shift, period_ns)
-    begin = Draws(seed, beacon_id, 2, number).uniform() * (period_ns - spell_ns)
-    return begin <= into < begin + spell_ns
+    begin = Draws(seed, stream, 2, number).uniform() * (period_ns - spell_ns)
+    return stamp_ns - into + round(begin) if begin <= into < begin + spell_ns else None

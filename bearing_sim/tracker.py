@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from bearing_sim.faults.fault import Faults, moved
+from bearing_sim.faults.tracker import CATALOGUE, delivered
+from bearing_sim.pose_measurement import PoseMeasurement
 from bearing_sim.sampling import SECOND_NS, DelayLine, Draws, SampleGrid
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.plain_rotations import Array, Triple, turned
@@ -39,17 +41,13 @@ class TrackerParameters(Parameters):
     """a single marker is tracked: positions without attitude"""
     seed: int = parameter(1, ge=0, le=2**31 - 1, step=1)
     """of the noise"""
+    faults: str = parameter("")
+    """faults with schedules, like 'tracker.freeze from=3 to=4; tracker.drift x=0.02'
+    (docs/faults.md)"""
     body: TrackedBody = TrackedBody()
 
-
-class PoseMeasurement(NamedTuple):
-    """One pose: when it was valid (ns), position (3,) m, quaternion (4,) (w, x, y, z), or
-    NO_ATTITUDE for a single marker.
-    """
-
-    stamp_ns: int
-    position_w: Array
-    quaternion_wb: Array
+    def check_together(self) -> None:
+        CATALOGUE.parse(self.faults, self)
 
 
 class SimulatedTracker:
@@ -64,10 +62,15 @@ class SimulatedTracker:
         self._random = np.random.default_rng()
         self._grid = SampleGrid()
         self._line: DelayLine[PoseMeasurement] = DelayLine()
+        self._faults = Faults(CATALOGUE)
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         """Observe the true pose at `stamp_ns`: (3,) m, (4,) unit; at the tracker's rate or more."""
         p = self.parameters
+        if p.faults != self._faults.text:
+            self._faults.set(p.faults, p, stamp_ns)
+        active = self._faults.active(stamp_ns, p.seed) if self._faults else ()
+        p = moved(p, active)
         if not self._grid.takes(stamp_ns, p.rate):
             return
         if p.seed != self._seed:
@@ -92,7 +95,8 @@ class SimulatedTracker:
         )
         if p.positions_only:
             measurement = measurement._replace(quaternion_wb=np.array(NO_ATTITUDE))
-        self._line.put(stamp_ns + round(p.delay * SECOND_NS), measurement)
+        for sent in delivered(measurement, active):
+            self._line.put(stamp_ns + round(p.delay * SECOND_NS), sent)
 
     def due(self, now_ns: int) -> list[PoseMeasurement]:
         """Return the measurements that have arrived by `now_ns`, each once, in order."""

@@ -41,6 +41,7 @@ FOLDERS = {
         "board_links",
         "trajectories",
         "landings",
+        "fault_library",
     ),
     "estimation": ("pose", "filters", "comparison", "tags"),
     "firmware": ("firmware",),

@@ -2,7 +2,7 @@
 
 `control.preset=NAME` and `estimation.preset=NAME` stand for the gains of a named set, and
 `simulator.preset=rough` for a simulated world as rough as a real one; later words change single
-values.
+values. `faults=TEXT` stands for the faults of simulator, tracker and bearings together.
 """
 
 from __future__ import annotations
@@ -45,12 +45,20 @@ def _simulator_preset(name: str) -> dict[str, ParameterValue]:
     return world | IDENTIFIED.get(name, {})
 
 
+def _faults(text: str) -> dict[str, ParameterValue]:
+    """Return the faults of simulator, tracker and bearings, by parameter name, of one text."""
+    from bearing_sim.faults.fault import by_home
+
+    return {**by_home(text)}
+
+
 BOARD = "board."
 """Prefix of the names of a board's options."""
 SETS = {
     "control.preset": _control_preset,
     "estimation.preset": _estimation_preset,
     "simulator.preset": _simulator_preset,
+    "faults": _faults,
 }
 """Options that set several parameters."""
 
@@ -123,6 +131,20 @@ def parse_board_options(
     if ours and options is None:
         raise UsageError(f"--set {BOARD}{ours[0]}: board {board} has no options")
     return others, parse_settings(options, ours, BOARD) if ours and options else {}
+
+
+def split_faults(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the words with `faults=TEXT` as `simulator.faults=TEXT`, and those for the station."""
+    others: list[str] = []
+    of_station: list[str] = []
+    for word in words:
+        name, _, text = word.partition("=")
+        if name != "faults":
+            others.append(word)
+            continue
+        for home, part in _faults(text).items():
+            (others if home.startswith("simulator.") else of_station).append(f"{home}={part}")
+    return others, of_station
 
 
 def parse_settings(

@@ -56,6 +56,14 @@ def test_the_parameters_page_is_what_the_models_say() -> None:
     assert text == page, "run scripts/parameters_page"
 
 
+def test_the_faults_page_and_the_panels_table_are_what_the_declarations_say() -> None:
+    from documentation.faults import page, page_table
+
+    said = "run scripts/faults_page"
+    assert (ROOT / "docs/faults.md").read_text() == page(), said
+    assert (ROOT / "web/static/faults/faults.json").read_text() == page_table(), said
+
+
 def test_every_document_the_code_refers_to_is_there() -> None:
     folders = [
         p

@@ -12,6 +12,7 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "quadlab fly figure_eight --report": "fly the paper's 8, and make a report of it",
         "quadlab fly bearings --seed 3 --out flights": "fly on bearings, log into flights/",
         "quadlab fly hover --set control.preset=stiff": "fly with other gains",
+        'quadlab fly hover --set faults="motors.fade from=12 ramp=3"': "with a motor that fades",
     },
     "calibrate": {
         "quadlab calibrate": "print the calibrations in force",

@@ -18,14 +18,9 @@ import tyro
 from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD, check_tracker
 from quadlab.data_folder import data_folder, open_data_folder, owned
 from quadlab.option_types import Flag, Folder, Settings, optional
-from quadlab.settings import (
-    check_laws,
-    offer_plugins,
-    parse_board_options,
-    parse_settings,
-    vehicle_parameters,
-)
+from quadlab.settings import check_laws
 from quadlab.simulated.fleet import SimulatedFleet
+from quadlab.up.child_words import ChildWords, child_words, set_words
 from quadlab.up.landing import land_before_stopping, reserved_descriptors
 from quadlab.up.page_options import PageOptions
 from quadlab.up.progress import Progress, require_free
@@ -42,7 +37,6 @@ from vehicle_link.serial.capacity import check_rate
 from vehicle_link.termination_signal import EndSignal
 
 if TYPE_CHECKING:
-    from quadrotor.parameter_description import ParameterValue
     from vehicle_link.security.authority import TlsFiles
 
 MCU_PORTS = ("mcu0", "mcu1")
@@ -80,8 +74,8 @@ class Up(PageOptions):
     """the simulated vehicles' board: mikrokopter; betaflight, its real
     firmware (scripts/betaflight builds it); crazyflie"""
     set: Settings = ()
-    """start with this vehicle parameter, simulator.NAME=VALUE, or board.NAME=VALUE, which both the
-    vehicle and its simulated board get"""
+    """start with this vehicle parameter, simulator.NAME=VALUE, faults=TEXT (docs/faults.md), or
+    board.NAME=VALUE, which both the vehicle and its simulated board get"""
 
     def run(self) -> int:
         check_name(self.name)
@@ -93,10 +87,16 @@ class Up(PageOptions):
             raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
         if self.tracker:
             check_tracker(self._tracker_words(fleet))
-        vehicle_words, simulator_words, values = self._check_settings()
+        settings = child_words(
+            self.board,
+            self.set,
+            data_folder(self.data),
+            self.tracker,
+            bool(self.tracker and self._serve_words()),
+        )
         self._build_firmware()  # after all words: a mistake in them needs no compiler
         folder = open_data_folder(self.data)
-        check_laws(values, folder)
+        check_laws(settings.values, folder)
         self.check_page(folder)
         if self.host != PageOptions.host:
             require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
@@ -112,7 +112,7 @@ class Up(PageOptions):
             progress = Progress(self.host, self.port)
             if self.tracker:
                 print("quadlab: in real time, as poses come by quadlab tracker", flush=True)
-            groups = self._children(fleet, folder, Path(run_folder), vehicle_words, simulator_words)
+            groups = self._children(fleet, folder, Path(run_folder), settings)
             from vehicle.processes.parent import IMPORTED
 
             share([*IMPORTED, f"{PREFIX}vehicle.simulator.process", f"{PREFIX}console.station"])
@@ -152,29 +152,8 @@ class Up(PageOptions):
 
             lockstep_library()
 
-    def _check_settings(self) -> tuple[list[str], list[str], dict[str, ParameterValue]]:
-        words, _ = parse_board_options(self.board, self.set)
-        of_board = _set_words([word for word in self.set if word not in words])
-        if not words:
-            return of_board, of_board, {}
-        # Imported only for their names and bounds: a plain start saves these 100 MB.
-        from vehicle.simulator.parameters import SimulatorParameters
-
-        prefix = "simulator."
-        vehicle = [word for word in words if not word.startswith(prefix)]
-        simulator = [word.removeprefix(prefix) for word in words if word.startswith(prefix)]
-        offer_plugins(data_folder(self.data))
-        values = parse_settings(vehicle_parameters(self.board), vehicle)
-        parse_settings(SimulatorParameters(), simulator, prefix)
-        return of_board + _set_words(vehicle), of_board + _set_words(simulator), values
-
     def _children(
-        self,
-        fleet: SimulatedFleet,
-        data: Path,
-        run_folder: Path,
-        vehicle: list[str],
-        simulator: list[str],
+        self, fleet: SimulatedFleet, data: Path, run_folder: Path, settings: ChildWords
     ) -> list[list[Child]]:
         """Return the child processes in the order of their start; each list starts and stops
         together.
@@ -202,13 +181,14 @@ class Up(PageOptions):
         first = -10
         # With equal niceness, the one station would get no more time than each of its vehicles.
         station = first if fleet.count == 1 else -19
+        simulator = settings.simulator
         if not any(word.startswith("imu_rate=") for word in simulator):
             simulator = ["--set", f"imu_rate={self._rate(fleet)}", *simulator]
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
         robot += ["--firmware", self.firmware, "--board", self.board]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
         of_station = find_kind(self.board).station.items()
-        base += _set_words([f"{name}={value}" for name, value in of_station])
+        base += set_words([f"{name}={value}" for name, value in of_station]) + settings.station
         if self.tracker:
             base += ["--tracker", self._tracker_words(fleet)]
             robot += self._serve_words()
@@ -216,7 +196,7 @@ class Up(PageOptions):
         return [
             [Child("simulator", robot, niceness=first)],
             [
-                Child(called, [*words, *vehicle], niceness=first)
+                Child(called, [*words, *settings.vehicle], niceness=first)
                 for called, words in self._on_board(fleet, data, run_folder, files).items()
             ],
             [Child("station", base, niceness=station)],
@@ -300,7 +280,3 @@ def _stop(group: Sequence[Child]) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-
-
-def _set_words(settings: Sequence[str]) -> list[str]:
-    return [word for setting in settings for word in ("--set", setting)]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
-from bearing_sim.tracker import PoseMeasurement, SimulatedTracker, TrackerParameters
+from bearing_sim.pose_measurement import PoseMeasurement
+from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadlab.replay.errors import Truth
 from quadlab.replay.lines import SWEEPS, Run
 from quadlab.replay.log import Arrival, Recording

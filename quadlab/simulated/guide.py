@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from bearing_sim.tracker import PoseMeasurement
+from bearing_sim.pose_measurement import PoseMeasurement
 from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.parameters import FlightParameters

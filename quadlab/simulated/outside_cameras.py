@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from bearing_sim.pose_measurement import PoseMeasurement
 from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
-from bearing_sim.tracker import PoseMeasurement
 from console.trackers.several_cameras import disagreements_of
 from estimation.tags.camera_fusion import CameraFusion
 from estimation.tags.detector import Picture, marked_picture

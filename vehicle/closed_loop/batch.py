@@ -210,8 +210,17 @@ def _clock(duration: float, rate: float) -> tuple[int, int]:
 
 
 def prepare(scenarios: Sequence[Scenario]) -> tuple[Record, Record]:
-    """Return CASE and PLANT records (N,), each vehicle at its start with rotors at hover speed."""
+    """Return CASE and PLANT records (N,), each vehicle at its start with rotors at hover speed.
+
+    Raises OutOfBoundsError for faults with schedules, and for a tracker with too long a delay.
+    """
     size = len(scenarios)
+    for one in scenarios:
+        if one.truth.faults or one.tracker.faults:
+            raise OutOfBoundsError(
+                "a batch has no faults with schedules: fly them with quadlab fly, or change the "
+                "truth of a scenario"
+            )
     cases, plants = np.zeros(size, CASE), np.zeros(size, PLANT)
     cases["random"] = seeded([one.seed for one in scenarios])
     made: dict[tuple[int, ...], Record] = {}  # scenarios of a batch share most of their parts

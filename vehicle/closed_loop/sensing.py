@@ -79,9 +79,12 @@ def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) 
             s.accelerometer_bias[i],
             s.accelerometer_noise,
             drawn[i],
+            s.accelerometer_range,
         )
         imu.specific_force_b[i] = ACCELEROMETER_SCALE * (count - ZERO)
-        count = gyroscope_count(p.x[10 + i], s.gyroscope_bias[i], s.gyroscope_noise, drawn[3 + i])
+        count = gyroscope_count(
+            p.x[10 + i], s.gyroscope_bias[i], s.gyroscope_noise, drawn[3 + i], s.gyroscope_range
+        )
         imu.angular_velocity_b[i] = GYROSCOPE_SCALE * (count - ZERO) - bias_b[i]
 
 

@@ -5,6 +5,9 @@ They sense the plant more finely than the paper's converters, and run at 1 kHz.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -28,6 +31,12 @@ class BoardFirmware:
         references: counts of motor reference, motors front, left, rear, right.
     """
 
+    lacking: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("imu.gaps", "simulator.lost_samples"),
+        "this board sends a stream of bytes and no samples that could be lost; try "
+        "simulator.corrupted_bytes",
+    )
+    """Faults that it cannot have, and why."""
     command = (0, 0, 0, 0)
     udp_port: int | None = None
     """Port of CRTP over UDP; None: a pseudo-terminal."""
@@ -38,6 +47,7 @@ class BoardFirmware:
         self.references: Four = (0.0, 0.0, 0.0, 0.0)
         self._sensed = np.zeros((2, 3))  # specific force in m/s^2, angular velocity in rad/s
         self._plant: Record | None = None
+        self._sensors: Record | None = None
         self._pressure = 0.0
         self._missing = 0
 
@@ -47,15 +57,15 @@ class BoardFirmware:
 
     @property
     def voltage(self) -> float:
-        """Return the plant's voltage, V."""
-        assert self._plant is not None
-        return float(self._plant["voltage"][0])
+        """Return the battery's voltage as it was last read, V."""
+        assert self._sensors is not None
+        return float(self._sensors["voltage"][0])
 
     def sense(
         self, plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int
     ) -> None:
         """Store the readings of a PLANT (1,) for the next period."""
-        self._plant = plant
+        self._plant, self._sensors = plant, sensors
         self._pressure = sense(plant, sensors, noise, row, self._sensed)
 
     def period(self, command: tuple[int, int, int, int]) -> None:

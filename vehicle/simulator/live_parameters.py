@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
+from bearing_sim.faults.fault import OF_SIMULATOR
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from quadrotor.parameters import Parameters, ParameterStore
+from vehicle.simulator.faults.table import CATALOGUE
 from vehicle.simulator.parameters import SimulatorParameters
 
 CHARGE = "simulator.battery_charge"
@@ -24,11 +27,17 @@ class SimulatorTree(Parameters):
 class LiveParameters:
     """Backend of the simulator's parameter services; thread-safe.
 
+    Args:
+        lacking: faults that the vehicle's board cannot have, and why.
+
     Attributes:
         on_change: called once for each value that changed.
     """
 
-    def __init__(self, parameters: SimulatorParameters) -> None:
+    def __init__(
+        self, parameters: SimulatorParameters, lacking: Mapping[str, str] | None = None
+    ) -> None:
+        self._catalogue = replace(CATALOGUE, lacking=lacking or {})
         self._tree = SimulatorTree(simulator=parameters.model_copy(deep=True))
         self._store = ParameterStore(self._tree)
         self._lock = threading.Lock()
@@ -48,6 +57,7 @@ class LiveParameters:
         """Return (applied values, revision); all or nothing. Raises ParameterError."""
         with self._lock:
             before = self._store.values()
+            self._catalogue.parse(str(values.get(OF_SIMULATOR, "")), self._tree.simulator)
             applied = self._store.set(values)
             revision = self._store.revision
             self._is_news = True

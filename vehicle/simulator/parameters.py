@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from quadrotor.parameters import parameter
 from quadrotor.vehicle_model import VehicleModel
+from vehicle.simulator.faults.table import CATALOGUE
 from vehicle.simulator.tracking_systems.frame import TrackingFaults
 
 
@@ -164,7 +165,14 @@ class SimulatorParameters(VehicleModel):
     bench_speed_noise: float = parameter(0.5, unit="count", ge=0.0, le=20.0, step=0.1)
     """tachometer noise per reading, in counts of motor reference"""
 
+    faults: str = parameter("")
+    """faults with schedules, like 'barometer.ramp rate=15 from=2; motors.fade motor=left ramp=5'
+    (docs/faults.md)"""
+
     served: TrackingFaults = TrackingFaults()
+
+    def check_together(self) -> None:
+        CATALOGUE.parse(self.faults, self)
 
     @property
     def accelerometer_matrix(self) -> npt.NDArray[np.float64]:

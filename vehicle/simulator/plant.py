@@ -43,6 +43,7 @@ from quadrotor.vectors import (
 from quadrotor.vehicle_model import GRAVITY, MODEL, Four, wrench_of_thrusts
 from vehicle.simulator.air import drag_of_rotors, ground_gain, inflow_gain
 from vehicle.simulator.battery import charge_battery, discharge, follow_battery
+from vehicle.simulator.carried import pull_of_load, spin_of_products, swing
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.vibration import turn_rotors
 
@@ -94,6 +95,12 @@ PLANT = np.dtype(
         ("rotor_drag_b", "f8", 3),  # N s/m, at hover
         ("inflow_loss", "f8"),  # s/m
         ("rotor_turns", "f8", 4),  # turns of each rotor since the start, for its vibration
+        ("centre_b", "f8", 2),  # m, of mass, from the middle of the rotors
+        ("products_b", "f8", 3),  # kg m^2, entries xy, xz, yz of the inertia
+        ("full_inverse_b", "f8", (3, 3)),  # 1/(kg m^2), of the inertia with them
+        ("load_mass", "f8"),  # kg, hanging from the body's origin; 0 none
+        ("load_length", "f8"),  # m, of its cable
+        ("load", "f8", 6),  # its position_w and velocity_w
     ],
     align=True,
 )
@@ -165,9 +172,9 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
 
     The specific force at the end is written to the record. Rotors, drag and body are one system to
     the Runge-Kutta step: the speeds are known exactly at its middle and end, as their references
-    are held, and the drag is that of each stage. Two forces are evaluated at the step's beginning:
-    the ground's, whose friction has no second derivative, and the rotors' drag, which is small and
-    follows the body's axes.
+    are held, and the drag is that of each stage. These are evaluated at the step's beginning: the
+    ground's force, whose friction has no second derivative, the rotors' drag, which is small and
+    follows the body's axes, the pull of a hanging load, and what products of inertia add.
 
     Args:
         target: held motor references, counts.
@@ -182,6 +189,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     damping = drag * inverse_mass
     pull_w = along(vector(p.disturbance_w), drag, vector(p.air_w))
     has_rotor_drag = p.rotor_drag_b[0] > 0.0 or p.rotor_drag_b[1] > 0.0
+    has_load, has_products = p.load_mass > 0.0, p.full_inverse_b[0, 0] > 0.0
     motion = motion_of(p.x)
     speeds = s[0], s[1], s[2], s[3]
     lift, turn = _driven(p, speeds, inverse_mass, inverse)
@@ -201,6 +209,11 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
             force_w = add(force_w, to_world(axes_of(motion[2]), force_b))
             drawn = times(torque_b, inverse)
             turns = add(turns[0], drawn), add(turns[1], drawn), add(turns[2], drawn)
+        if has_load:
+            force_w = add(force_w, swing(p, motion, dt))
+        if has_products:
+            rest = spin_of_products(p, motion[3], turn)
+            turns = add(turns[0], rest), add(turns[1], rest), add(turns[2], rest)
         motion = rk4(motion, lifts, scale(inverse_mass, force_w), damping, turns, ratios, dt)
         lift, turn = end_lift, end_turn
     store_motion(motion, p.x)
@@ -209,6 +222,8 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     force_w = along(pull_w, -drag, motion[1])
     if motion[0][2] < CONTACT_HEIGHT:
         force_w = add(force_w, _stand(p, motion)[0])
+    if has_load:
+        force_w = add(force_w, pull_of_load(p, motion))
     x, y, z = to_body(axes_of(motion[2]), force_w)
     if has_rotor_drag:
         x, y, z = add((x, y, z), drag_of_rotors(p, motion)[0])
@@ -238,6 +253,7 @@ def _driven(p: Item, speeds: Four, inverse_mass: float, inverse: Vector) -> tupl
         g[3] * rotor_thrust(speeds[3], a, b),
     )
     thrust, x, y, z = wrench_of_thrusts(thrusts, m.arm, m.torque_ratio)
+    x, y = x - p.centre_b[1] * thrust, y + p.centre_b[0] * thrust
     return e * inverse_mass * thrust, times((e * x, e * y, e * z), inverse)
 
 

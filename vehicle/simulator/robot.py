@@ -100,8 +100,9 @@ class Robot:
                 line.delivered = awaited.delivered
         self._simulated = SimulatedVehicle(parameters, self._lines or self._terminals, firmware)
         self._simulated.warm_up()
-        self._live = LiveParameters(parameters)
+        self._live = LiveParameters(parameters, None if firmware is None else firmware.lacking)
         self._attendant = Attendant()
+        self._served_as = self._simulated.acting
         if session is not None:
             connect = connect_to_station(session, name, self._live, self._attendant)
             self._publisher = TruthPublisher(connect, name)
@@ -130,8 +131,6 @@ class Robot:
         changed = self._live.pop_changed()
         if changed is not None:
             simulated.configure(changed)
-            if self._served is not None:
-                self._served.set_faults(self._name, changed.served)
         charge = self._live.pop_charge()
         if charge is not None:
             simulated.charge_battery(charge)
@@ -140,6 +139,9 @@ class Robot:
         for line in self._lines:
             line.advance(duration)
         simulated.step_periods(self._pace.periods)
+        if self._served is not None and simulated.acting is not self._served_as:
+            self._served_as = simulated.acting
+            self._served.set_faults(self._name, simulated.acting.served)
         if self._publisher is not None:
             reading = simulated.bench_reading()
             if reading is not None:

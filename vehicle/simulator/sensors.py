@@ -17,7 +17,7 @@ from quadrotor.records import Record
 from quadrotor.vectors import Vector
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.vibration import lines
+from vehicle.simulator.vibration import IMBALANCE, lines
 from vehicle_link.serial.ids import PRESSURE_OFFSET, Id
 
 Array = npt.NDArray[np.float64]
@@ -35,6 +35,8 @@ PRESSURE_LAPSE = 11.6
 """
 CHANNELS = 11
 """Number of random numbers per sample: accelerometer 3, gyroscope 3, pressure, battery; gusts 3."""
+STUCK_PRESSURE, STUCK_BATTERY = 6, 7
+"""Channels of the pressure and the battery."""
 GUSTS = 8
 """First channel of the gusts."""
 BLOCK = 512
@@ -60,9 +62,20 @@ SENSORS = np.dtype(
         ("accelerometer_warm_up", "f8"),  # m/s^2, change of each bias until warm
         ("gyroscope_warm_up", "f8"),  # rad/s
         ("warmth", "f8"),  # 0 when switched on, 1 when warm
+        ("gyroscope_matrix", "f8", (3, 3)),  # body axes to the sensor's
+        ("accelerometer_range", "f8"),  # m/s^2, beyond which readings stay at it
+        ("gyroscope_range", "f8"),  # rad/s
+        ("imbalance", "f8", 4),  # of each rotor, relative
+        ("stuck", "i8", 8),  # 1: this channel keeps its last reading; in the order of CHANNELS
+        ("pressure", "f8"),  # Pa, the last reading
+        ("voltage", "f8"),  # V, the last reading
     ],
     align=True,
 )
+
+
+_LAST = ("warmth", "pressure", "voltage")
+"""Fields that a change of the parameters keeps."""
 
 
 def new_sensors(parameters: SimulatorParameters) -> Record:
@@ -80,7 +93,18 @@ def new_sensors(parameters: SimulatorParameters) -> Record:
     sensors["accelerometer_bias"] = [getattr(p, f"accelerometer_bias_{axis}") for axis in "xyz"]
     sensors["gyroscope_bias"] = np.radians([getattr(p, f"gyroscope_bias_{axis}") for axis in "xyz"])
     sensors["hover_thrust"] = 0.25 * p.mass * GRAVITY
+    sensors["gyroscope_matrix"] = np.eye(3)
+    sensors["accelerometer_range"] = sensors["gyroscope_range"] = math.inf
+    sensors["imbalance"] = IMBALANCE
     return sensors
+
+
+def configure_sensors(sensors: Record, parameters: SimulatorParameters) -> None:
+    """Set new true values of a SENSORS record, keeping its last readings."""
+    last = [sensors[name].copy() for name in _LAST]
+    sensors[...] = new_sensors(parameters)
+    for name, reading in zip(_LAST, last, strict=True):
+        sensors[name] = reading
 
 
 class Noise:
@@ -115,16 +139,39 @@ def sensed_force(matrix: Array, force_b: Array, axis: int) -> float:
 
 
 @compiled(inner=True)
-def accelerometer_count(force: float, bias: float, deviation: float, normal: float) -> int:
-    """Return the count of one axis for a specific force (m/s^2); `normal` is standard normal."""
-    value = force + bias + deviation * normal
+def _sensed_rate(p: Item, s: Item, axis: int) -> float:
+    """Return the angular velocity (rad/s) along one sensor axis."""
+    row = s.gyroscope_matrix[axis]
+    out: float = row[0] * p.x[10] + row[1] * p.x[11] + row[2] * p.x[12]
+    return out
+
+
+@compiled(inner=True)
+def _within(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
+
+
+@compiled(inner=True)
+def accelerometer_count(
+    force: float, bias: float, deviation: float, normal: float, limit: float
+) -> int:
+    """Return the count of one axis for a specific force (m/s^2), which is cut off at the limit.
+
+    Args:
+        normal: standard normal number.
+    """
+    value = _within(force + bias + deviation * normal, limit)
     return _count(value / ACCELEROMETER_SCALE + ZERO, 0, FULL_SCALE)
 
 
 @compiled(inner=True)
-def gyroscope_count(rate: float, bias: float, deviation: float, normal: float) -> int:
-    """Return the count of one axis for an angular velocity (rad/s); `normal` is standard normal."""
-    value = rate + bias + deviation * normal
+def gyroscope_count(rate: float, bias: float, deviation: float, normal: float, limit: float) -> int:
+    """Return the count of one axis for an angular velocity (rad/s), which is cut off at the limit.
+
+    Args:
+        normal: standard normal number.
+    """
+    value = _within(rate + bias + deviation * normal, limit)
     return _count(value / GYROSCOPE_SCALE + ZERO, 0, FULL_SCALE)
 
 
@@ -132,7 +179,7 @@ def gyroscope_count(rate: float, bias: float, deviation: float, normal: float) -
 def _shaking(p: Item, s: Item) -> tuple[Vector, float, float]:
     """Return the rotors' lines of vibration, and the deviations of the rest: m/s^2, rad/s."""
     if s.vibration > 0.0 or s.vibration_gyroscope > 0.0:
-        rotor, broadband = lines(p, s.hover_thrust)
+        rotor, broadband = lines(p, s.imbalance, s.hover_thrust)
         return (
             rotor,
             math.hypot(s.accelerometer_noise, broadband * s.vibration),
@@ -153,40 +200,57 @@ def sensed_pressure(p: Item, s: Item, noise: Array, row: int) -> float:
 def sense(plant: Record, sensors: Record, noise: Array, row: int, sensed: Array) -> float:
     """Write the readings of finer sensors for a PLANT (1,) into (2, 3): m/s^2 and rad/s, body axes.
 
-    Returns the barometer's reading, Pa.
+    Returns the barometer's reading, Pa. A stuck channel keeps its last reading.
     """
     p, s = plant[0], sensors[0]
     rotor, shaken, twisted = _shaking(p, s)
     for i in range(3):
-        force = sensed_force(s.accelerometer_matrix, p.specific_force_b, i)
-        bias = s.accelerometer_bias[i] + s.warmth * s.accelerometer_warm_up
-        sensed[0, i] = force + s.vibration * rotor[i] + bias + shaken * noise[row, i]
-        drift = s.gyroscope_bias[i] + s.warmth * s.gyroscope_warm_up
-        rate = p.x[10 + i] + s.vibration_gyroscope * rotor[i]
-        sensed[1, i] = rate + drift + twisted * noise[row, 3 + i]
-    pressure: float = sensed_pressure(p, s, noise, row)
+        if s.stuck[i] == 0:
+            force = sensed_force(s.accelerometer_matrix, p.specific_force_b, i)
+            bias = s.accelerometer_bias[i] + s.warmth * s.accelerometer_warm_up
+            value = force + s.vibration * rotor[i] + bias + shaken * noise[row, i]
+            sensed[0, i] = _within(value, s.accelerometer_range)
+        if s.stuck[3 + i] == 0:
+            drift = s.gyroscope_bias[i] + s.warmth * s.gyroscope_warm_up
+            rate = _sensed_rate(p, s, i) + s.vibration_gyroscope * rotor[i]
+            sensed[1, i] = _within(rate + drift + twisted * noise[row, 3 + i], s.gyroscope_range)
+    if s.stuck[STUCK_PRESSURE] == 0:
+        s.pressure = sensed_pressure(p, s, noise, row)
+    if s.stuck[STUCK_BATTERY] == 0:
+        s.voltage = p.voltage
+    pressure: float = s.pressure
     return pressure
 
 
 @compiled
 def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Registers) -> None:
-    """Write the counts of a PLANT (1,) into the registers (65,), with noise row `row`."""
+    """Write the counts of a PLANT (1,) into the registers (65,), with noise row `row`.
+
+    A stuck channel keeps its last count.
+    """
     p, s = plant[0], sensors[0]
     rotor, shaken, twisted = _shaking(p, s)
     for i in range(3):
-        registers[_ACCELEROMETER + i] = accelerometer_count(
-            sensed_force(s.accelerometer_matrix, p.specific_force_b, i) + s.vibration * rotor[i],
-            s.accelerometer_bias[i] + s.warmth * s.accelerometer_warm_up,
-            shaken,
-            noise[row, i],
-        )
-        registers[_GYROSCOPE + i] = gyroscope_count(
-            p.x[10 + i] + s.vibration_gyroscope * rotor[i],
-            s.gyroscope_bias[i] + s.warmth * s.gyroscope_warm_up,
-            twisted,
-            noise[row, 3 + i],
-        )
-    pressure = sensed_pressure(p, s, noise, row)
-    registers[_PRESSURE] = _count(pressure - PRESSURE_OFFSET, -32768, 32767)
-    voltage = p.voltage + _VOLTAGE_NOISE * noise[row, 7]
-    registers[_BATTERY] = _count(10.0 * voltage, 0, 32767)
+        if s.stuck[i] == 0:
+            registers[_ACCELEROMETER + i] = accelerometer_count(
+                sensed_force(s.accelerometer_matrix, p.specific_force_b, i)
+                + s.vibration * rotor[i],
+                s.accelerometer_bias[i] + s.warmth * s.accelerometer_warm_up,
+                shaken,
+                noise[row, i],
+                s.accelerometer_range,
+            )
+        if s.stuck[3 + i] == 0:
+            registers[_GYROSCOPE + i] = gyroscope_count(
+                _sensed_rate(p, s, i) + s.vibration_gyroscope * rotor[i],
+                s.gyroscope_bias[i] + s.warmth * s.gyroscope_warm_up,
+                twisted,
+                noise[row, 3 + i],
+                s.gyroscope_range,
+            )
+    if s.stuck[STUCK_PRESSURE] == 0:
+        pressure = sensed_pressure(p, s, noise, row)
+        registers[_PRESSURE] = _count(pressure - PRESSURE_OFFSET, -32768, 32767)
+    if s.stuck[STUCK_BATTERY] == 0:
+        voltage = p.voltage + _VOLTAGE_NOISE * noise[row, 7]
+        registers[_BATTERY] = _count(10.0 * voltage, 0, 32767)

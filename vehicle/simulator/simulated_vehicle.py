@@ -14,6 +14,8 @@ from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
 from vehicle.simulator.battery import charge_battery
 from vehicle.simulator.board_firmware import BoardFirmware
+from vehicle.simulator.faults.acting import ActingFaults
+from vehicle.simulator.faults.truth import Truth
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
@@ -21,7 +23,7 @@ from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, new_ho
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.periods import Command, compile_periods, runner
 from vehicle.simulator.plant import configure_plant, new_plant
-from vehicle.simulator.sensors import SENSORS, WARM_UP_TIME, Noise, new_sensors, sample
+from vehicle.simulator.sensors import SENSORS, WARM_UP_TIME, Noise, configure_sensors, sample
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
@@ -47,6 +49,7 @@ class SimulatedVehicle:
         ports: the flight stack's ends, when created in memory; else empty.
         truth: STATE record, shape (1,), a live view: copy it to keep it.
         stamp_ns: time of `truth` since the first sample, on the microcontroller's clock.
+        acting: the parameters as faults have moved them, `parameters` without faults.
     """
 
     def __init__(
@@ -60,7 +63,7 @@ class SimulatedVehicle:
             pairs = [memory_port_pair() for _ in range(PORTS if firmware is None else 1)]
             self.ports = tuple(pair[0] for pair in pairs)
             ports = [pair[1] for pair in pairs]
-        self.parameters = parameters
+        self.parameters = self.acting = parameters
         self.firmware = firmware or (
             NativeFirmware(len(ports)) if parameters.firmware == "c" else Firmware(len(ports))
         )
@@ -74,6 +77,9 @@ class SimulatedVehicle:
         self._force_sensor = ForceSensor(parameters)
         self._noise, self._chance = Noise(parameters.seed), random.Random(parameters.seed)
         self._sensors = np.zeros(1, SENSORS)
+        self._faults = ActingFaults({} if firmware is None else firmware.lacking)
+        self._faults.set(parameters, 0)
+        self._charged = parameters.battery_charge
         self._fit(parameters)
         world = self._plant, self._sensors, self._noise.block
         self._run = runner(self.firmware, world, self._holder)
@@ -148,6 +154,8 @@ class SimulatedVehicle:
         command = self._acting()
         last = self._count + periods - 1
         self.stamp_ns = stamp_ns = self._time_ns(last)
+        if self._faults:
+            self._have_faults()
         if self._warms_up:
             self._sensors["warmth"] = -math.expm1(-1e-9 * stamp_ns / WARM_UP_TIME)
         firmware.advance(stamp_ns // 1_000_000)
@@ -221,12 +229,27 @@ class SimulatedVehicle:
 
         Motion is kept, and so is the charge unless its parameter changed.
         """
-        before, self.parameters = self.parameters, parameters
+        self._faults.set(parameters, self.stamp_ns)
+        self.parameters = parameters
+        self._have_faults()
+
+    def _have_faults(self) -> None:
+        has_read = self._count > 0
+        position_w = self.truth["position_w"][0]
+        truth = self._faults.truth(self.parameters, self.stamp_ns, position_w, has_read)
+        if truth is not None:
+            self._apply(truth)
+
+    def _apply(self, truth: Truth) -> None:
+        """Set the true values of plant, sensors, lines and board."""
+        self.acting = parameters = truth.parameters
         configure_plant(self._plant, parameters)
-        if parameters.battery_charge != before.battery_charge:
-            self.charge_battery(parameters.battery_charge)
+        if parameters.battery_charge != self._charged:
+            self._charged = parameters.battery_charge
+            self.charge_battery(self._charged)
         configure_holder(self._holder, self._plant, parameters)
         self._fit(parameters)
+        truth.write(self._plant, self._sensors)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)
         if isinstance(self.firmware, BoardFirmware):
@@ -263,7 +286,8 @@ class SimulatedVehicle:
 
     def _fit(self, parameters: SimulatorParameters) -> None:
         p = parameters
-        self._sensors[...], self._lost = new_sensors(p), p.lost_samples
+        configure_sensors(self._sensors, p)
+        self._lost = p.lost_samples
         self._latency_ns = round(1e9 * p.command_latency)
         self._warms_up = p.accelerometer_warm_up != 0.0 or p.gyroscope_warm_up != 0.0
 

@@ -11,11 +11,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from quadrotor.compiled import compiled
 from quadrotor.constants import THRUST_PER_TURN
 from quadrotor.rigid_body import rotor_thrust
 from quadrotor.vectors import Vector
 
+Array = npt.NDArray[np.float64]
 Item = Any
 """One record `array[k]` inside compiled code."""
 
@@ -24,7 +28,7 @@ IMBALANCE = (0.94, 0.56, 1.31, 0.75)
 PITCH = (1.0, 1.017, 0.988, 1.009)
 """Speed of each rotor relative to the others' at the same thrust: no two propellers are alike, so
 their lines beat instead of adding up. Assumed."""
-_LINES = math.sqrt(2.0 * 0.7 / sum(one * one for one in IMBALANCE))
+LINES = math.sqrt(2.0 * 0.7 / sum(one * one for one in IMBALANCE))
 """Amplitude of a rotor's lines over the deviation: they hold 70 % of the variance, assumed between
 the 94 and 96 % of two PX4 flights and none of a third, above 15 Hz at 200 Hz."""
 BROADBAND = math.sqrt(0.3)
@@ -41,10 +45,11 @@ def turn_rotors(p: Item, duration: float) -> None:
 
 
 @compiled(inner=True)
-def lines(p: Item, hover_thrust: float) -> tuple[Vector, float]:
+def lines(p: Item, imbalance: Array, hover_thrust: float) -> tuple[Vector, float]:
     """Return the rotors' lines along body axes, and the broadband share, over the hover deviation.
 
     Args:
+        imbalance: of each rotor, relative, (4,).
         hover_thrust: N, of one rotor.
     """
     x = y = z = total = 0.0
@@ -52,7 +57,7 @@ def lines(p: Item, hover_thrust: float) -> tuple[Vector, float]:
         thrust = rotor_thrust(p.rotor_speeds[i], p.model.motor_slope, p.model.motor_offset)
         share = thrust / hover_thrust
         angle = 2.0 * math.pi * p.rotor_turns[i]
-        amplitude = _LINES * IMBALANCE[i] * share
+        amplitude = LINES * imbalance[i] * share
         x += amplitude * math.cos(angle)
         y += amplitude * math.sin(angle)
         z += amplitude * math.cos(2.0 * angle)

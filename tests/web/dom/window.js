@@ -132,6 +132,7 @@ async function addMissing(window, context, tell) {
   window.getComputedStyle = () => ({ color: "", getPropertyValue: () => "0" });
   window.CSS = { escape: (text) => text.replace(/[^\w-]|^\d/gu, (at) => `\\${at.codePointAt(0).toString(16)} `) };
   for (const name of ["TextDecoder", "TextEncoder"]) window[name] ??= globalThis[name];
+  window.Element.prototype.scrollIntoView = () => {}; // nothing has a place
   const dialog = window.HTMLDialogElement.prototype;
   dialog.show = function show() { this.open = true; this.querySelector("[autofocus]")?.focus(); };
   dialog.close = function close() { if (this.open) { this.open = false; window.setTimeout(() => this.dispatchEvent(new window.Event("close"))); } };

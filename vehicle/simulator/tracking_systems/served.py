@@ -12,7 +12,8 @@ import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 
-from bearing_sim.tracker import PoseMeasurement, SimulatedTracker, TrackerParameters
+from bearing_sim.pose_measurement import PoseMeasurement
+from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadrotor.errors import UsageError
 from quadrotor.plain_rotations import Array
 from vehicle.simulator.tracking_systems.frame import Server, TrackingFaults, in_system

@@ -13,6 +13,7 @@ import { Charts, liveExpressions } from "../charts/charts.js";
 import { derivedSignals } from "../charts/derived.js";
 import { addEmergency } from "../emergency/emergency.js";
 import { ExperimentSection } from "../experiments/experiments.js";
+import { FaultsPanel } from "../faults/panel.js";
 import { Fly } from "../fly/fly.js";
 import { Gains } from "../gains/gains.js";
 import { Help } from "../core/help.js";
@@ -62,7 +63,8 @@ async function start() {
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
   new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
 
-  new Simulation($("simulation"), { events, gains, fly, isOperator });
+  const panel = new FaultsPanel($("faults"), { gains, isOperator });
+  new Simulation($("simulation"), { events, gains, fly, isOperator, panel });
 
   tabs();
   followAddress();

@@ -1,0 +1,1 @@
+"""Faults with schedules: their mechanism, and those of the simulated tracker and bearings."""

@@ -1,0 +1,1 @@
+"""Faults of the simulated vehicle, its sensors and the air around it, with schedules."""
