@@ -78,7 +78,7 @@ class BearingParameters(Parameters):
     """of the noise"""
     faults: str = parameter("")
     """faults with schedules, like 'bearings.lens k=0.1 from=5; bearings.swap value=1 for=2'
-    (docs/faults.md)"""
+    (docs/how_to/faults.md)"""
 
     def check_together(self) -> None:
         CATALOGUE.parse(self.faults, self)

@@ -101,11 +101,8 @@ class BearingEmulator:
         return self._line.next_ns
 
     def _take(self, stamp_ns: int, position_w: Triple, quaternion_wb: Quadruple) -> None:
-        p, layout = self.parameters, self._present_layout()
-        if p.faults != self._faults.text:
-            self._faults.set(p.faults, p, stamp_ns)
-        active = self._faults.active(stamp_ns, p.seed) if self._faults else ()
-        p, places = moved(p, active), [*layout.places]
+        layout, active = self._present_layout(), self._active(stamp_ns)
+        p, places = moved(self.parameters, active), [*layout.places]
         frame_draws = Draws(p.seed, stamp_ns)
         late = p.delay + p.jitter * (1.0 - frame_draws.uniform())
         ids = _identities([id for id, _ in places], p.swap, frame_draws)
@@ -153,14 +150,17 @@ class BearingEmulator:
             along, across = pair(draws, freedom)
             seen_ids.append(claimed_id)
             seen.append(perturbed(bearing_b, sigma * along, sigma * across))
-        frame = BearingMeasurement(
-            stamp_ns + round(p.stamp_error * SECOND_NS),
-            np.array(seen_ids, np.int32),
-            np.array(seen, np.float64).reshape(-1, 3),
-            sigma,
-            layout.beacons,
-        )
+        own_ns, ids_seen = stamp_ns + round(p.stamp_error * SECOND_NS), np.array(seen_ids, np.int32)
+        bearings_b = np.array(seen, np.float64).reshape(-1, 3)
+        frame = BearingMeasurement(own_ns, ids_seen, bearings_b, sigma, layout.beacons)
         self._line.put(stamp_ns + round(late * SECOND_NS), frame)
+
+    def _active(self, stamp_ns: int) -> Sequence[Active]:
+        """Return the faults that are on."""
+        p, faults = self.parameters, self._faults
+        if p.faults != faults.text:
+            faults.set(p.faults, p, stamp_ns)
+        return faults.active(stamp_ns, p.seed) if faults else ()
 
     def _present_layout(self) -> _Layout:
         layout, text = self._layout, self.parameters.layout

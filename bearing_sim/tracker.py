@@ -43,7 +43,7 @@ class TrackerParameters(Parameters):
     """of the noise"""
     faults: str = parameter("")
     """faults with schedules, like 'tracker.freeze from=3 to=4; tracker.drift x=0.02'
-    (docs/faults.md)"""
+    (docs/how_to/faults.md)"""
     body: TrackedBody = TrackedBody()
 
     def check_together(self) -> None:

@@ -1,4 +1,4 @@
-"""docs/faults.md and the page's table of faults, made from the declarations."""
+"""docs/how_to/faults.md and the page's table of faults, made from the declarations."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ the page, by an experiment of `quadlab fly` or with `ros2 param set`, at the sta
 refused in one line and changes nothing.
 
 Faults of the tracker are those of the simulated one: with `quadlab tracker` they act only where the
-simulator serves its poses (`--serve`, [tracking systems](trackers.md)).
+simulator serves its poses (`--serve`, [tracking systems](../trackers.md)).
 
 Every parameter of the simulator, the tracker and the bearings that can change in flight can be
 moved by the same schedules: its name with `value`, like `simulator.payload value=0.3 from=15
 to=25`, `simulator.gust value=2 share=0.3 spell=2` or `tracker.delay value=0.1 ramp=10`. This is
 how wind, gusts, pushes, payload, failed motors, vibration, lost samples, radio loss, unplugged
 ports, dropped poses, outliers, delays and the rate of the poses are scheduled
-([parameters](parameters.md)).
+([parameters](../parameters.md)).
 
 On the page they are under SIMULATION, *Wind and faults*: the wind, the gusts and the payload as
 sliders, the faults with start and stop, and one button that takes back all of them.

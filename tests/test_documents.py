@@ -60,7 +60,7 @@ def test_the_faults_page_and_the_panels_table_are_what_the_declarations_say() ->
     from documentation.faults import page, page_table
 
     said = "run scripts/faults_page"
-    assert (ROOT / "docs/faults.md").read_text() == page(), said
+    assert (ROOT / "docs/how_to/faults.md").read_text() == page(), said
     assert (ROOT / "web/static/faults/faults.json").read_text() == page_table(), said
 
 

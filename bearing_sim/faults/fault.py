@@ -19,7 +19,7 @@ from quadrotor.parameters import Parameters, ParameterStore
 
 Memory = dict[Any, Any]
 """What a fault remembers while it is on; empty when it comes on."""
-LISTED = "docs/faults.md lists them all"
+LISTED = "docs/how_to/faults.md lists them all"
 VALUE = "value"
 """Word for the value of a parameter that is moved."""
 OF_SIMULATOR = "simulator.faults"

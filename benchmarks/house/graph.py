@@ -1,4 +1,4 @@
-"""What imports what: the book of a process, loops of folders, imports of extensions.
+"""The graph of imports: the book of a process, loops of folders, imports of extensions.
 
 An import counts wherever it stands, also inside a function.
 """

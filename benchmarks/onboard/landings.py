@@ -61,7 +61,7 @@ class Disturbance:
 
 @dataclass
 class Landing:
-    """What became of one landing; times in s after the command, None for never.
+    """The end of one landing; times in s after the command, None for never.
 
     Attributes:
         contact: first contact with the ground. told: end of the landing by the vehicle itself.

@@ -1,4 +1,4 @@
-"""What a simulated world with gusts costs a good vehicle: limits are wider by it.
+"""The cost of a simulated world with gusts for a good vehicle: limits are wider by it.
 
 On a real vehicle nobody knows the gusts, so nothing is allowed for them.
 """

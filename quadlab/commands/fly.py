@@ -37,7 +37,8 @@ class Fly:
     builds it); crazyflie, a simulated one"""
     set: Settings = ()
     """set a parameter; simulator.NAME, tracker.NAME and bearings.NAME for what is simulated,
-    faults=TEXT for faults with schedules (docs/faults.md), experiment.NAME for what is flown"""
+    faults=TEXT for faults with schedules (docs/how_to/faults.md), experiment.NAME for what is
+    flown"""
     beacons: File = None
     """beacons of a CSV file with the header id,x,y,z (m); layouts by name
     with --set bearings.layout=NAME"""

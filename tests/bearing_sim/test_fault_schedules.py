@@ -76,8 +76,8 @@ def test_a_random_fault_is_on_for_its_share_in_spells_and_the_same_for_a_seed() 
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("tracker.freez", ("did you mean tracker.freeze", "docs/faults.md")),
-        ("freeze", ("no fault is called 'freeze'", "docs/faults.md")),
+        ("tracker.freez", ("did you mean tracker.freeze", "docs/how_to/faults.md")),
+        ("freeze", ("no fault is called 'freeze'", "docs/how_to/faults.md")),
         ("tracker.freeze from=4 to=3", ("never begins", "4 s", "3 s")),
         ("tracker.freeze share=0", ("never begins", "share = 0")),
         ("tracker.freeze from=1 to=3; tracker.freeze from=2", ("overlap", "end the first")),

@@ -60,7 +60,7 @@ def test_up_feeds_forward_the_drag_that_is_identified_in_a_rough_world(tmp_path:
     ("words", "said"),
     [
         (["up", "--set", "faults=tracker.freez"], "did you mean tracker.freeze"),
-        (["up", "--set", "faults=bananas"], "docs/faults.md lists them all"),
+        (["up", "--set", "faults=bananas"], "docs/how_to/faults.md lists them all"),
         (["fly", "hover", "--set", "faults=imu.stuck axis=w"], "x, y, z"),
         (["fly", "hover", "--set", "simulator.faults=tracker.freeze"], "it belongs in tracker.f"),
         (["fly", "hover", "--set", "bearings.faults=bearings.lens k=9"], "-0.3 to 0.3 1/rad²"),

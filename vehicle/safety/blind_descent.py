@@ -1,4 +1,4 @@
-"""What keeps a descent by the barometer from lasting for ever, or from ending hard.
+"""A watch over descents by the barometer: none lasts for ever, and none ends hard.
 
 A room's pressure changes when a door opens, and a damaged sensor drifts. So the barometer is
 compared with the accelerometer, whose climb rate and bias are known from the poses until they end.

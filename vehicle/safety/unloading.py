@@ -31,7 +31,7 @@ LONGEST = 0.4
 
 
 class Verdict(Enum):
-    """What a test has shown so far."""
+    """The outcome of a test so far."""
 
     OPEN = auto()
     GROUND = auto()

@@ -167,7 +167,7 @@ class SimulatorParameters(VehicleModel):
 
     faults: str = parameter("")
     """faults with schedules, like 'barometer.ramp rate=15 from=2; motors.fade motor=left ramp=5'
-    (docs/faults.md)"""
+    (docs/how_to/faults.md)"""
 
     served: TrackingFaults = TrackingFaults()
 

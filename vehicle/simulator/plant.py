@@ -43,7 +43,7 @@ from quadrotor.vectors import (
 from quadrotor.vehicle_model import GRAVITY, MODEL, Four, wrench_of_thrusts
 from vehicle.simulator.air import drag_of_rotors, ground_gain, inflow_gain
 from vehicle.simulator.battery import charge_battery, discharge, follow_battery
-from vehicle.simulator.carried import pull_of_load, spin_of_products, swing
+from vehicle.simulator.faults.carried import pull_of_load, spin_of_products, swing
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.vibration import turn_rotors
 

@@ -1,4 +1,4 @@
-"""How long one end has heard the other by the lane alone, and nothing over Zenoh.
+"""The time for which one end has heard the other by the lane alone, and nothing over Zenoh.
 
 Commands come over Zenoh, which receives in threads of its own. If one of these ends (a callback
 without memory ends it), the process still sends everything and receives by the lane: nobody would

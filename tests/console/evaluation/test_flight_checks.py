@@ -1,4 +1,4 @@
-"""What any flight's verdict checks besides its experiment, in logs of made-up motions."""
+"""The figures that any flight's verdict checks, in logs of made-up motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What gusts cost, which widens limits: against a simulated hover, and without gusts nothing."""
+"""The cost of gusts, by which limits are wider."""
 
 from __future__ import annotations
 
