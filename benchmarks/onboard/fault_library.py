@@ -4,8 +4,8 @@
 
 The vehicle hovers at 1 m on poses in simulated time. Then one fault comes on for some seconds, as
 declared (docs/how_to/faults.md), and the flight is watched until after it. Faults of the air are
-flown in the rough world, whose vehicle has drag. Faults of the bearings are left out: nothing here flies on
-bearings.
+flown in the rough world, whose vehicle has drag. Faults of the bearings are left out: nothing here
+flies on bearings.
 """
 
 from __future__ import annotations

@@ -74,8 +74,8 @@ class Up(PageOptions):
     """the simulated vehicles' board: mikrokopter; betaflight, its real
     firmware (scripts/betaflight builds it); crazyflie"""
     set: Settings = ()
-    """start with this vehicle parameter, simulator.NAME=VALUE, faults=TEXT
-    (docs/how_to/faults.md), or board.NAME=VALUE, which both the vehicle and its simulated board get"""
+    """start with this vehicle parameter, simulator.NAME=VALUE, board.NAME=VALUE,
+    which both the vehicle and its simulated board get, or faults=TEXT (docs/how_to/faults.md)"""
 
     def run(self) -> int:
         check_name(self.name)
