@@ -14,6 +14,7 @@ from vehicle.flight.model_in_use import LANDING
 from vehicle.flight.modes import Mode
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.parameters import VehicleParameters
+from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.unloading import Unloading, Verdict
 
@@ -22,6 +23,8 @@ STOPPED, STOPPED_LONGER = 0.3, 0.05
 must show beyond that of the other witnesses, as a touch-down slows the vehicle first."""
 LEAST_DESCENT = 0.1
 """Commanded descent, in m/s, from which on this shows."""
+LOW = 0.1
+"""Height over the place of arming, in m, below which a take-off is aborted by motors off."""
 AGAIN = 0.5
 """Time, in s, from the start and from a test that found the air, in which this shows nothing."""
 
@@ -99,6 +102,16 @@ class Landing:
             or self.ground.carried >= dwell
             or self.stopped >= dwell + STOPPED_LONGER
         )
+
+    def abort_take_off(self, why: str) -> None:
+        """Switch the motors off unless the vehicle has left the ground, whose height a tracker may
+        show with the wrong sign.
+        """
+        ground = self.ground
+        height = abs(float(self.tick.state["position_w"][0, 2]) - ground.ground_z)
+        on_ground = not ground.airborne or height < LOW
+        if on_ground and self.behaviors.name not in LANDING:
+            self.modes.move(Mode.READY, f"motors off: {why}", mailbox.ERROR)
 
     def idle(self) -> None:
         """Idle while armed on the ground: motors turn slowly, the reference follows the state."""

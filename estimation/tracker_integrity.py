@@ -1,0 +1,325 @@
+"""The tracker's poses against the inertial sensors, independently of any estimator.
+
+Between two poses the IMU says how the body turned and how it was accelerated. Both sides pass
+through the same high-pass filters, of first order for the turn (`TURN_TIME`) and of second order
+for the displacement (`PLACE_RATE`), so that an unknown start does not matter: `t` is what is left
+of the tracker's motion, `g` what is left of the IMU's. A bias of the IMU adds a constant to g, the
+mean of g - t, which is taken off. Then both are equal but for noise if the tracker is right.
+
+The evidence against the tracker is the logarithm of the likelihood that t has nothing to do with g
+over that it equals g, the sum of (|g|² - 2 t·g) / 2σ², kept between 0 and a limit (CUSUM: Page,
+Biometrika 1954). Axes that are reversed or permuted leave |t| as large as |g|, and add to it with
+every motion; a true pose takes away. A share of the motion counts as noise, because small errors of
+axes, scales and stamps are no reason to stop flying. A motion that the tracker alone shows is no
+evidence here: it is judged by the gate.
+
+The mean of g - t for the displacement is an acceleration that the tracker does not show. Its
+horizontal part is the angle between the verticals of tracker and accelerometer, times g.
+
+The functions take one INTEGRITY_MEMORY record m.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from quadrotor.compiled import compiled
+from quadrotor.constants import GRAVITY
+from quadrotor.records import IMU_SAMPLE, Record
+from quadrotor.vectors import (
+    Quaternion,
+    Vector,
+    add,
+    along,
+    axes_of,
+    dot,
+    length,
+    multiply,
+    quaternion,
+    scale,
+    store,
+    subtract,
+    to_world,
+    turned,
+    vector,
+)
+
+RING_LENGTH = 512
+"""Number of IMU samples kept for delayed poses: 1.02 s at 500 Hz."""
+LONGEST_GAP = 0.3
+"""Longest time, in s, between two poses that are compared."""
+TURN_TIME = 1.0
+"""Time constant, in s, of the high-pass of turns."""
+PLACE_RATE = 3.0
+"""Double pole, in rad/s, of the high-pass of displacements."""
+SETTLING = 1.0
+"""Time, in s, in which the filters forget their start and nothing is judged."""
+OFFSET_TIME = 2.0
+"""Time constant, in s, of the means of g - t, which begin with a plain mean."""
+NOISE_TIME = 4.0
+"""Time constant, in s, of the variances of the differences, which begin with a plain mean."""
+MOTION_TIME = 1.0
+"""Time constant, in s, of the mean square motion."""
+LEAST_TURN, LEAST_PLACE = math.radians(0.1), 0.003
+"""Least deviations of the differences, rad and m."""
+START_TURN, START_PLACE = math.radians(1.0), 0.01
+"""Deviations before any difference is known, rad and m."""
+ERROR = 0.2
+"""Share of the motion that counts as noise."""
+OUTLIER = 6.0
+"""Deviations beyond twice the motion from which on a pose is an outlier, which shows nothing."""
+VISIBLE = 3.0
+"""Deviations that noise may add to a motion."""
+SMALLER, LARGER = 0.5, 1.3
+"""Bounds of |t| over |g| for evidence against the tracker."""
+MOST = 20.0
+"""Largest evidence."""
+FASTEST = 250.0
+"""Largest change of the evidence, 1/s: one pose alone shows nothing."""
+CLIPPED_FORCE, CLIPPED_RATE = 19.0, 5.0
+"""Specific force (m/s²) and rate (rad/s) near the limits of the paper's sensors, ± 2 g and
+± 300 deg/s, beyond which a sample shows nothing."""
+
+INTEGRITY_MEMORY = np.dtype(
+    [
+        ("ring", IMU_SAMPLE, RING_LENGTH),
+        ("ring_next", "i8"),  # number of samples so far
+        ("stamp_ns", "i8"),  # of the newest pose compared, 0 before the first
+        ("settled", "f8"),  # s since the start of the filters
+        ("learnt", "f8"),  # s for which means and variances were learnt
+        ("position_w", "f8", 3),  # m, of the newest pose
+        ("quaternion_wb", "f8", 4),
+        ("turn_shown_b", "f8", 3),  # rad, memory of the high-pass of the tracker
+        ("turn_felt_b", "f8", 3),  # rad, the same of the IMU
+        ("place_shown_w", "f8", 6),  # m and m/s
+        ("place_felt_w", "f8", 6),
+        ("turn_offset_b", "f8", 3),  # rad, mean of g - t
+        ("place_offset_w", "f8", 3),  # m
+        ("turn_variance", "f8"),  # rad², of a difference on one axis
+        ("place_variance", "f8"),  # m²
+        ("turn_motion", "f8"),  # rad², mean of |g|²
+        ("place_motion", "f8"),  # m²
+        # Evidence by the turn about all axes of the body, and about x and y alone; by the
+        # displacement along all axes of the world, and along x and y alone:
+        ("evidence", "f8", 4),
+    ],
+    align=True,
+)
+
+
+def new_integrity() -> Record:
+    """Return INTEGRITY_MEMORY (1,) before the first sample."""
+    m = np.zeros(1, INTEGRITY_MEMORY)
+    m["turn_variance"], m["place_variance"] = START_TURN**2, START_PLACE**2
+    return m
+
+
+def vertical_error(memory: Record) -> float:
+    """Return the angle, in rad, between the verticals of tracker and accelerometer."""
+    x, y, _ = memory["place_offset_w"][0].tolist()
+    return PLACE_RATE**2 * math.hypot(x, y) / GRAVITY
+
+
+@compiled
+def note_sample(memory: Record, imu: Record) -> None:
+    """Store an IMU_SAMPLE (1,) in INTEGRITY_MEMORY (1,)."""
+    m, s = memory[0], imu[0]
+    kept = m.ring[m.ring_next % RING_LENGTH]
+    kept.stamp_ns = s.stamp_ns
+    for i in range(3):
+        kept.specific_force_b[i] = s.specific_force_b[i]
+        kept.angular_velocity_b[i] = s.angular_velocity_b[i]
+    m.ring_next += 1
+
+
+@compiled
+def compare_pose(memory: Record, pose: Record, state: Record) -> bool:
+    """Compare a POSE_SAMPLE (1,) that has an attitude with the samples since the last one.
+
+    Args:
+        memory: INTEGRITY_MEMORY (1,).
+        state: STATE (1,), whose velocity begins the filters.
+
+    Returns whether the pose was judged.
+    """
+    m, z = memory[0], pose[0]
+    since = 1e-9 * (z.stamp_ns - m.stamp_ns)
+    if m.stamp_ns > 0 and -LONGEST_GAP < since and since <= 0.0:
+        return False
+    if m.stamp_ns > 0 and 0.0 < since and since < LONGEST_GAP:
+        felt, turn_b, velocity_w, place_w = _felt(m, z.stamp_ns)
+        if felt:
+            return _take(m, z, since, turn_b, velocity_w, place_w)
+    m.stamp_ns, m.settled, m.learnt = z.stamp_ns, 0.0, 0.0
+    for i in range(3):
+        m.turn_shown_b[i] = m.turn_felt_b[i] = 0.0
+        m.place_felt_w[i] = m.place_felt_w[3 + i] = 0.0
+        m.place_shown_w[i], m.place_shown_w[3 + i] = z.position_w[i], state[0].velocity_w[i]
+    _keep(m, z)
+    return False
+
+
+@compiled(inner=True)
+def _keep(m: Any, z: Any) -> None:
+    m.stamp_ns = z.stamp_ns
+    for i in range(3):
+        m.position_w[i] = z.position_w[i]
+    for i in range(4):
+        m.quaternion_wb[i] = z.quaternion_wb[i]
+
+
+@compiled(inner=True)
+def _felt(m: Any, stamp_ns: int) -> tuple[bool, Vector, Vector, Vector]:
+    """Return what the IMU says about the time from the last pose to this stamp: whether it can,
+    the turn (rad, body axes), the change of velocity (m/s) and the displacement that comes from it
+    (m), in world axes by the last pose's attitude.
+    """
+    turn_b, velocity_w, place_w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    first, oldest = m.ring_next, max(0, m.ring_next - RING_LENGTH)
+    while first > oldest and m.ring[(first - 1) % RING_LENGTH].stamp_ns > m.stamp_ns:
+        first -= 1
+    if first == oldest:  # the samples begin after the last pose
+        return False, turn_b, velocity_w, place_w
+    q, now_ns = quaternion(m.quaternion_wb), m.stamp_ns
+    for k in range(first, m.ring_next + 1):
+        is_newest = k == m.ring_next  # it holds until the pose
+        s = m.ring[(k - 1 if is_newest else k) % RING_LENGTH]
+        until_ns = stamp_ns if is_newest else min(s.stamp_ns, stamp_ns)
+        dt = 1e-9 * (until_ns - now_ns)
+        if dt <= 0.0:
+            break
+        rate_b, force_b = vector(s.angular_velocity_b), vector(s.specific_force_b)
+        for i in range(3):
+            if not (abs(force_b[i]) < CLIPPED_FORCE and abs(rate_b[i]) < CLIPPED_RATE):
+                return False, turn_b, velocity_w, place_w
+        x, y, z = to_world(axes_of(q), force_b)
+        acceleration_w = x, y, z - GRAVITY
+        place_w = along(along(place_w, dt, velocity_w), 0.5 * dt * dt, acceleration_w)
+        velocity_w = along(velocity_w, dt, acceleration_w)
+        turn_b = along(turn_b, dt, rate_b)
+        q, now_ns = turned(q, scale(dt, rate_b)), until_ns
+    return True, turn_b, velocity_w, place_w
+
+
+@compiled(inner=True)
+def _take(
+    m: Any, z: Any, since: float, turn_b: Vector, velocity_w: Vector, place_w: Vector
+) -> bool:
+    """Step the filters by one pose and judge it, unless it is an outlier.
+
+    The filters are observers with fixed poles, split into what their two inputs give: the poses,
+    and what the IMU felt.
+    """
+    shown = _turn(quaternion(m.quaternion_wb), quaternion(z.quaternion_wb))
+    shown_b, felt_b = add(vector(m.turn_shown_b), shown), add(vector(m.turn_felt_b), turn_b)
+    expected_w = along(vector(m.place_shown_w), since, vector(m.place_shown_w[3:]))
+    shown_w = subtract(vector(z.position_w), expected_w)
+    felt_w = add(along(vector(m.place_felt_w), since, vector(m.place_felt_w[3:])), place_w)
+    g_b = subtract(felt_b, vector(m.turn_offset_b))
+    g_w = subtract(felt_w, vector(m.place_offset_w))
+    is_settled = m.settled >= SETTLING
+    if is_settled and (
+        _is_outlier(shown_b, g_b, m.turn_variance) or _is_outlier(shown_w, g_w, m.place_variance)
+    ):
+        return False
+    m.settled += since
+    _keep(m, z)
+    left = math.exp(-since / TURN_TIME)
+    store(scale(left, shown_b), m.turn_shown_b)
+    store(scale(left, felt_b), m.turn_felt_b)
+    pole = math.exp(-PLACE_RATE * since)
+    gain, speed_gain = 1.0 - pole * pole, (1.0 - pole) ** 2 / since
+    for i in range(3):
+        m.place_shown_w[i] = expected_w[i] + gain * shown_w[i]
+        m.place_shown_w[3 + i] += speed_gain * shown_w[i]
+        m.place_felt_w[i] = (1.0 - gain) * felt_w[i]
+        m.place_felt_w[3 + i] += velocity_w[i] - speed_gain * felt_w[i]
+    if is_settled:
+        _judge(m, since, shown_b, g_b, shown_w, g_w)
+    return is_settled
+
+
+@compiled(inner=True)
+def _is_outlier(t: Vector, g: Vector, variance: float) -> bool:
+    far = length(subtract(t, g))
+    return not far < 2.0 * length(g) + OUTLIER * math.sqrt(variance)
+
+
+@compiled(inner=True)
+def _judge(m: Any, since: float, t_b: Vector, g_b: Vector, t_w: Vector, g_w: Vector) -> None:
+    """Add to the evidence, and learn from the differences."""
+    share = min(1.0, since / MOTION_TIME)
+    m.turn_motion += share * (dot(g_b, g_b) - m.turn_motion)
+    m.place_motion += share * (dot(g_w, g_w) - m.place_motion)
+    difference_b, difference_w = subtract(g_b, t_b), subtract(g_w, t_w)
+    # An attitude that is suddenly off gives a false acceleration.
+    excess = max(0.0, length(difference_b) - VISIBLE * math.sqrt(m.turn_variance))
+    wrong = GRAVITY * excess / PLACE_RATE**2
+    turn = m.turn_variance + _errors(m.turn_motion, g_b, m.turn_offset_b)
+    place = m.place_variance + _errors(m.place_motion, g_w, m.place_offset_w) + wrong * wrong
+    most = FASTEST * since
+    _weigh(m, 0, t_b, g_b, m.turn_variance, turn, most)
+    _weigh(m, 1, _level(t_b), _level(g_b), m.turn_variance, turn, most)
+    _weigh(m, 2, t_w, g_w, m.place_variance, place, most)
+    _weigh(m, 3, _level(t_w), _level(g_w), m.place_variance, place, most)
+    m.learnt += since
+    share = min(1.0, since / min(m.learnt, NOISE_TIME))
+    m.turn_variance = _learnt(m.turn_variance, difference_b, share, LEAST_TURN)
+    m.place_variance = _learnt(m.place_variance, difference_w, share, LEAST_PLACE)
+    share = min(1.0, since / min(m.learnt, OFFSET_TIME))
+    for i in range(3):
+        m.turn_offset_b[i] += share * difference_b[i]
+        m.place_offset_w[i] += share * difference_w[i]
+
+
+@compiled(inner=True)
+def _errors(motion: float, g: Vector, offset: Any) -> float:
+    """Return the variance of the errors that are no lie."""
+    mean = vector(offset)
+    return ERROR**2 * (max(motion, dot(g, g)) + dot(mean, mean))
+
+
+@compiled(inner=True)
+def _level(v: Vector) -> Vector:
+    return v[0], v[1], 0.0
+
+
+@compiled(inner=True)
+def _weigh(
+    m: Any, test: int, t: Vector, g: Vector, variance: float, uncertain: float, most: float
+) -> None:
+    """Add to the evidence of one test.
+
+    Args:
+        variance: of the noise alone. uncertain: the same with the errors that are no lie.
+        most: largest change.
+    """
+    found = 0.5 * (dot(g, g) - 2.0 * dot(t, g)) / uncertain
+    if found > 0.0:
+        shown, felt = length(t), length(g)
+        noise = VISIBLE * math.sqrt(variance)
+        if not (SMALLER * felt < shown and shown < LARGER * felt + noise):
+            found = 0.0
+    found = m.evidence[test] + max(-most, min(found, most))
+    m.evidence[test] = max(0.0, min(found, MOST))
+
+
+@compiled(inner=True)
+def _learnt(variance: float, difference: Vector, share: float, least: float) -> float:
+    square = min(dot(difference, difference) / 3.0, 9.0 * variance)
+    return max(variance + share * (square - variance), least * least)
+
+
+@compiled(inner=True)
+def _turn(before: Quaternion, now: Quaternion) -> Vector:
+    """Return the rotation vector (rad, body axes) from one attitude to the next."""
+    w, x, y, z = before
+    dw, dx, dy, dz = multiply((w, -x, -y, -z), now)
+    s = length((dx, dy, dz))
+    k = 2.0 if s < 1e-9 else 2.0 * math.atan2(s, abs(dw)) / s
+    if dw < 0.0:
+        k = -k
+    return k * dx, k * dy, k * dz
