@@ -55,12 +55,21 @@ TURN_TIME = 1.0
 """Time constant, in s, of the high-pass of turns."""
 PLACE_RATE = 3.0
 """Double pole, in rad/s, of the high-pass of displacements."""
+OUTLIERS = 0.15
+"""Time, in s, after which poses that are outliers have jumped: the filters begin there."""
 SETTLING = 1.0
-"""Time, in s, in which the filters forget their start and nothing is judged."""
+"""Time, in s, in which the filters forget their first start and nothing is judged."""
+KNOWN = 0.5
+"""Time, in s, after which the means are known."""
+UNKNOWN = 0.03
+"""Deviation, in m, of a displacement after another start, when velocity and vertical may be wrong;
+it decays in `MOTION_TIME`."""
 OFFSET_TIME = 2.0
 """Time constant, in s, of the means of g - t, which begin with a plain mean."""
 NOISE_TIME = 4.0
 """Time constant, in s, of the variances of the differences, which begin with a plain mean."""
+CORRELATION = 0.05
+"""Time, in s, within which the errors of displacements are alike."""
 MOTION_TIME = 1.0
 """Time constant, in s, of the mean square motion."""
 LEAST_TURN, LEAST_PLACE = math.radians(0.1), 0.003
@@ -69,19 +78,27 @@ START_TURN, START_PLACE = math.radians(1.0), 0.01
 """Deviations before any difference is known, rad and m."""
 ERROR = 0.2
 """Share of the motion that counts as noise."""
-OUTLIER = 6.0
-"""Deviations beyond twice the motion from which on a pose is an outlier, which shows nothing."""
+SKEW = 0.25
+"""Share of the motion along all axes in those errors of the motion along two."""
+OUTLIER, JUMP = 8.0, 6.0
+"""Deviations beyond twice the motion from which on a pose is an outlier, which shows nothing: by
+the filters, and by the turn since the last pose."""
 VISIBLE = 3.0
 """Deviations that noise may add to a motion."""
 SMALLER, LARGER = 0.5, 1.3
 """Bounds of |t| over |g| for evidence against the tracker."""
 MOST = 20.0
 """Largest evidence."""
-FASTEST = 250.0
-"""Largest change of the evidence, 1/s: one pose alone shows nothing."""
+SLOWEST, FASTEST = 10.0, 250.0
+"""Changes of the evidence, 1/s: smaller ones are noise on a mean that is not exact, and count as
+none; larger ones count as this, because one pose alone shows nothing."""
 CLIPPED_FORCE, CLIPPED_RATE = 19.0, 5.0
 """Specific force (m/s²) and rate (rad/s) near the limits of the paper's sensors, ± 2 g and
 ± 300 deg/s, beyond which a sample shows nothing."""
+
+TURN, TILT, PLACE, LEVEL = range(4)
+"""The tests: by the turn about all axes of the body, and about x and y alone; by the displacement
+along all axes of the world, and along x and y alone."""
 
 INTEGRITY_MEMORY = np.dtype(
     [
@@ -90,8 +107,7 @@ INTEGRITY_MEMORY = np.dtype(
         ("stamp_ns", "i8"),  # of the newest pose compared, 0 before the first
         ("settled", "f8"),  # s since the start of the filters
         ("learnt", "f8"),  # s for which means and variances were learnt
-        ("position_w", "f8", 3),  # m, of the newest pose
-        ("quaternion_wb", "f8", 4),
+        ("quaternion_wb", "f8", 4),  # of the newest pose
         ("turn_shown_b", "f8", 3),  # rad, memory of the high-pass of the tracker
         ("turn_felt_b", "f8", 3),  # rad, the same of the IMU
         ("place_shown_w", "f8", 6),  # m and m/s
@@ -100,11 +116,8 @@ INTEGRITY_MEMORY = np.dtype(
         ("place_offset_w", "f8", 3),  # m
         ("turn_variance", "f8"),  # rad², of a difference on one axis
         ("place_variance", "f8"),  # m²
-        ("turn_motion", "f8"),  # rad², mean of |g|²
-        ("place_motion", "f8"),  # m²
-        # Evidence by the turn about all axes of the body, and about x and y alone; by the
-        # displacement along all axes of the world, and along x and y alone:
-        ("evidence", "f8", 4),
+        ("motion", "f8", 4),  # rad² or m², mean of |g|², by the test
+        ("evidence", "f8", 4),  # by the test
     ],
     align=True,
 )
@@ -151,22 +164,31 @@ def compare_pose(memory: Record, pose: Record, state: Record) -> bool:
         return False
     if m.stamp_ns > 0 and 0.0 < since and since < LONGEST_GAP:
         felt, turn_b, velocity_w, place_w = _felt(m, z.stamp_ns)
-        if felt:
-            return _take(m, z, since, turn_b, velocity_w, place_w)
-    m.stamp_ns, m.settled, m.learnt = z.stamp_ns, 0.0, 0.0
-    for i in range(3):
-        m.turn_shown_b[i] = m.turn_felt_b[i] = 0.0
-        m.place_felt_w[i] = m.place_felt_w[3 + i] = 0.0
-        m.place_shown_w[i], m.place_shown_w[3 + i] = z.position_w[i], state[0].velocity_w[i]
-    _keep(m, z)
+        if felt and _take(m, z, since, turn_b, velocity_w, place_w):
+            return m.learnt > KNOWN
+        if felt and since < OUTLIERS:
+            return False
+    _start(m, z, state[0])
     return False
+
+
+@compiled(inner=True)
+def _start(m: Any, z: Any, state: Any) -> None:
+    """Start the filters at this pose, in the state that a constant error of g leads to."""
+    m.settled = 0.0
+    for i in range(3):
+        offset = m.place_offset_w[i]
+        m.turn_shown_b[i] = 0.0
+        m.turn_felt_b[i] = m.turn_offset_b[i]
+        m.place_felt_w[i] = m.place_felt_w[3 + i] = 0.0
+        m.place_shown_w[i] = z.position_w[i] + offset
+        m.place_shown_w[3 + i] = state.velocity_w[i] + 2.0 * PLACE_RATE * offset
+    _keep(m, z)
 
 
 @compiled(inner=True)
 def _keep(m: Any, z: Any) -> None:
     m.stamp_ns = z.stamp_ns
-    for i in range(3):
-        m.position_w[i] = z.position_w[i]
     for i in range(4):
         m.quaternion_wb[i] = z.quaternion_wb[i]
 
@@ -208,7 +230,7 @@ def _felt(m: Any, stamp_ns: int) -> tuple[bool, Vector, Vector, Vector]:
 def _take(
     m: Any, z: Any, since: float, turn_b: Vector, velocity_w: Vector, place_w: Vector
 ) -> bool:
-    """Step the filters by one pose and judge it, unless it is an outlier.
+    """Step the filters by one pose and judge it; return False, without doing so, for an outlier.
 
     The filters are observers with fixed poles, split into what their two inputs give: the poses,
     and what the IMU felt.
@@ -220,14 +242,16 @@ def _take(
     felt_w = add(along(vector(m.place_felt_w), since, vector(m.place_felt_w[3:])), place_w)
     g_b = subtract(felt_b, vector(m.turn_offset_b))
     g_w = subtract(felt_w, vector(m.place_offset_w))
-    is_settled = m.settled >= SETTLING
+    is_settled = m.learnt > 0.0 or m.settled >= SETTLING
     if is_settled and (
-        _is_outlier(shown_b, g_b, m.turn_variance) or _is_outlier(shown_w, g_w, m.place_variance)
+        _is_outlier(shown, turn_b, m.turn_variance, JUMP)
+        or _is_outlier(shown_b, g_b, m.turn_variance, OUTLIER)
+        or _is_outlier(shown_w, g_w, m.place_variance + _unknown(m), OUTLIER)
     ):
         return False
     m.settled += since
     _keep(m, z)
-    left = math.exp(-since / TURN_TIME)
+    left = max(0.0, 1.0 - since / min(TURN_TIME, m.settled))  # at first the mean since the start
     store(scale(left, shown_b), m.turn_shown_b)
     store(scale(left, felt_b), m.turn_felt_b)
     pole = math.exp(-PLACE_RATE * since)
@@ -239,33 +263,30 @@ def _take(
         m.place_felt_w[3 + i] += velocity_w[i] - speed_gain * felt_w[i]
     if is_settled:
         _judge(m, since, shown_b, g_b, shown_w, g_w)
-    return is_settled
+    return True
 
 
 @compiled(inner=True)
-def _is_outlier(t: Vector, g: Vector, variance: float) -> bool:
+def _unknown(m: Any) -> float:
+    """Return the variance, in m², of a displacement by an unknown start."""
+    return UNKNOWN**2 * math.exp(-2.0 * m.settled / MOTION_TIME)
+
+
+@compiled(inner=True)
+def _is_outlier(t: Vector, g: Vector, variance: float, deviations: float) -> bool:
     far = length(subtract(t, g))
-    return not far < 2.0 * length(g) + OUTLIER * math.sqrt(variance)
+    return not far < 2.0 * length(g) + deviations * math.sqrt(variance)
 
 
 @compiled(inner=True)
 def _judge(m: Any, since: float, t_b: Vector, g_b: Vector, t_w: Vector, g_w: Vector) -> None:
     """Add to the evidence, and learn from the differences."""
-    share = min(1.0, since / MOTION_TIME)
-    m.turn_motion += share * (dot(g_b, g_b) - m.turn_motion)
-    m.place_motion += share * (dot(g_w, g_w) - m.place_motion)
-    difference_b, difference_w = subtract(g_b, t_b), subtract(g_w, t_w)
-    # An attitude that is suddenly off gives a false acceleration.
-    excess = max(0.0, length(difference_b) - VISIBLE * math.sqrt(m.turn_variance))
-    wrong = GRAVITY * excess / PLACE_RATE**2
-    turn = m.turn_variance + _errors(m.turn_motion, g_b, m.turn_offset_b)
-    place = m.place_variance + _errors(m.place_motion, g_w, m.place_offset_w) + wrong * wrong
-    most = FASTEST * since
-    _weigh(m, 0, t_b, g_b, m.turn_variance, turn, most)
-    _weigh(m, 1, _level(t_b), _level(g_b), m.turn_variance, turn, most)
-    _weigh(m, 2, t_w, g_w, m.place_variance, place, most)
-    _weigh(m, 3, _level(t_w), _level(g_w), m.place_variance, place, most)
+    _weigh(m, TURN, t_b, g_b, since)
+    _weigh(m, TILT, _level(t_b), _level(g_b), since)
+    _weigh(m, PLACE, t_w, g_w, since)
+    _weigh(m, LEVEL, _level(t_w), _level(g_w), since)
     m.learnt += since
+    difference_b, difference_w = subtract(g_b, t_b), subtract(g_w, t_w)
     share = min(1.0, since / min(m.learnt, NOISE_TIME))
     m.turn_variance = _learnt(m.turn_variance, difference_b, share, LEAST_TURN)
     m.place_variance = _learnt(m.place_variance, difference_w, share, LEAST_PLACE)
@@ -276,35 +297,32 @@ def _judge(m: Any, since: float, t_b: Vector, g_b: Vector, t_w: Vector, g_w: Vec
 
 
 @compiled(inner=True)
-def _errors(motion: float, g: Vector, offset: Any) -> float:
-    """Return the variance of the errors that are no lie."""
-    mean = vector(offset)
-    return ERROR**2 * (max(motion, dot(g, g)) + dot(mean, mean))
-
-
-@compiled(inner=True)
 def _level(v: Vector) -> Vector:
     return v[0], v[1], 0.0
 
 
 @compiled(inner=True)
-def _weigh(
-    m: Any, test: int, t: Vector, g: Vector, variance: float, uncertain: float, most: float
-) -> None:
-    """Add to the evidence of one test.
-
-    Args:
-        variance: of the noise alone. uncertain: the same with the errors that are no lie.
-        most: largest change.
-    """
-    found = 0.5 * (dot(g, g) - 2.0 * dot(t, g)) / uncertain
-    if found > 0.0:
-        shown, felt = length(t), length(g)
-        noise = VISIBLE * math.sqrt(variance)
-        if not (SMALLER * felt < shown and shown < LARGER * felt + noise):
-            found = 0.0
-    found = m.evidence[test] + max(-most, min(found, most))
-    m.evidence[test] = max(0.0, min(found, MOST))
+def _weigh(m: Any, test: int, t: Vector, g: Vector, since: float) -> None:
+    """Add to the evidence of one test, once the means are known."""
+    shown, felt = length(t), length(g)
+    m.motion[test] += min(1.0, since / MOTION_TIME) * (felt * felt - m.motion[test])
+    if m.learnt < KNOWN:
+        return
+    of_turn = test < PLACE
+    variance = m.turn_variance if of_turn else m.place_variance
+    offset = length(vector(m.turn_offset_b)) if of_turn else length(vector(m.place_offset_w))
+    every = m.motion[TURN if of_turn else PLACE]
+    errors = max(m.motion[test], felt * felt) + SKEW**2 * every + offset * offset
+    uncertain = variance + ERROR**2 * errors
+    if not of_turn:
+        uncertain = (uncertain + _unknown(m)) * max(1.0, CORRELATION / since)
+    found = 0.5 * (felt * felt - 2.0 * dot(t, g)) / uncertain
+    if found > 0.0 and not (
+        SMALLER * felt < shown and shown < LARGER * felt + VISIBLE * math.sqrt(variance)
+    ):
+        return
+    size = min(max(0.0, abs(found) - SLOWEST * since), FASTEST * since)
+    m.evidence[test] = max(0.0, min(m.evidence[test] + math.copysign(size, found), MOST))
 
 
 @compiled(inner=True)

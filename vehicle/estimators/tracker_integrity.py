@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from estimation.tracker_integrity import (
+    KNOWN,
     compare_pose,
     new_integrity,
     note_sample,
@@ -29,8 +30,6 @@ ALARM = 15.0
 """Evidence with which the poses count as missing; without any they are used again."""
 FORGOTTEN_NS = 2_000_000_000
 """Time, in ns, without poses after which they count as those of another tracker."""
-KNOWN = 0.5
-"""Time, in s, after which the error of the vertical is known."""
 AGREEING = 0.8
 """Share of the bound below which the verticals agree again."""
 

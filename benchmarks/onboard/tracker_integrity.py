@@ -1,0 +1,301 @@
+"""Simulate flights on a tracker that lies, or does not, and look how soon its lies are noticed.
+
+    python -m benchmarks tracker_integrity [--quick]
+    python -m benchmarks.onboard.tracker_integrity [--hours 10]
+
+Compiled flights of plant, sensors, filter and laws, each from the floor and back: rest, take-off,
+hover, three laps of the 8, hover, landing. The true poses are those of three trackers: `clean` and
+`rough` with the simulator's preset of that name and its default tracker, and `varied`, rough, with a
+tracker whose rate, delay, noise and errors of axes, scale and stamps are drawn for each flight, all
+within what is no lie. The vehicle reacts to nothing here; `tests/vehicle/estimators` fly the whole
+stack with its reactions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import statistics
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.harness import Report, Row, Size, Target
+from benchmarks.onboard.tracker_lies import LIES, LYING_TRACKER, UNDER_WAY, observe
+from control.geometric_law import step_one
+from control.parameters import ControlParameters
+from control.trajectories.figure_eight import FigureEight, figure_eight_at
+from estimation.complementary_filter import correct_one, predict_one
+from estimation.parameters import EstimationParameters
+from estimation.tracker_integrity import (
+    INTEGRITY_MEMORY,
+    compare_pose,
+    new_integrity,
+    note_sample,
+)
+from quadrotor.compiled import compiled
+from quadrotor.records import POSE_SAMPLE, Record
+from vehicle.boards.reference_rounding import _round as whole_references
+from vehicle.closed_loop.noise import normals, seeded
+from vehicle.closed_loop.onboard import ONBOARD, SETTINGS, new_onboard, new_settings
+from vehicle.estimators.tracker_integrity import ALARM
+from vehicle.safety.parameters import SafetyParameters
+from vehicle.simulator.air import blow
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.plant import PLANT, advance, new_plant
+from vehicle.simulator.presets import preset_values
+from vehicle.simulator.sensors import (
+    ACCELEROMETER_SCALE,
+    CHANNELS,
+    GUSTS,
+    GYROSCOPE_SCALE,
+    SENSORS,
+    WARM_UP_TIME,
+    ZERO,
+    new_sensors,
+    sample,
+)
+from vehicle_link.serial.ids import Id
+
+PERIOD_NS = 2_000_000
+STILL, REST, CLIMB, HOVER, EIGHT, SINK, AFTER = 1.0, 3.0, 4.0, 6.0, 27.0, 5.0, 2.0
+"""Durations, in s: the gyroscope's calibration, rest, and the parts of a flight."""
+HEIGHT, BELOW = 1.0, 0.05
+"""Height of hover and depth of the landing's end, in m."""
+SECONDS = REST + CLIMB + HOVER + EIGHT + HOVER + SINK + AFTER
+ON_GROUND, IN_HOVER, IN_EIGHT = 0.0, REST + CLIMB + 0.5 * HOVER, REST + CLIMB + HOVER + 8.0
+"""Times, in s, at which a tracker begins to lie."""
+BEFORE = "take-off"
+GIVEN_UP = 15.0
+"""Time, in s, after which a lie is not noticed."""
+WORLDS = ("clean", "rough", "varied")
+_ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
+
+FLIGHT = np.dtype(
+    [
+        ("settings", SETTINGS),
+        ("sensors", SENSORS),
+        ("plant", PLANT),
+        ("onboard", ONBOARD),
+        ("tracker", LYING_TRACKER),
+        ("integrity", INTEGRITY_MEMORY),
+        ("random", "u8", 4),
+        ("gyroscope_bias_b", "f8", 3),  # rad/s
+        ("warmth_time", "f8"),  # s since the sensors were switched on, at the start
+        ("tilt_told", "f8"),  # rad
+        ("stops", "i8"),  # 1: it ends with the alarm, or GIVEN_UP after the lie began
+        ("flown", "f8"),  # s
+        ("evidence", "f8", 4),  # the largest of each test
+        ("vertical", "f8"),  # rad, the largest error of the vertical
+        ("alarm", "f8"),  # s, NaN without one
+        ("test", "i8"),  # that gave the alarm
+        ("told", "f8"),  # s, of the tilt, NaN when it was not
+        ("height", "f8"),  # m, true, at the alarm
+        ("tilt", "f8"),  # rad, true, the largest until the alarm
+        ("crashed", "i8"),
+    ],
+    align=True,
+)
+
+
+@compiled(inner=True)
+def _refer(t: float, s: Any, r: Any) -> bool:
+    """Write the reference at t (s); return whether the motors run."""
+    figure_eight_at(s.eight, t - (REST + CLIMB + HOVER), r)
+    down = t - (REST + CLIMB + HOVER + EIGHT + HOVER)
+    if t < REST + CLIMB:
+        _climb(max(0.0, t - REST) / CLIMB, CLIMB, 0.0, HEIGHT, r)
+    elif down > 0.0:
+        _climb(min(1.0, down / SINK), SINK, HEIGHT, -BELOW, r)
+    return t >= REST and down < SINK
+
+
+@compiled(inner=True)
+def _climb(u: float, seconds: float, begin: float, end: float, r: Any) -> None:
+    """Write a vertical motion from rest to rest, at the share u of its time."""
+    way = end - begin
+    r.position_w[2] = begin + way * u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+    r.velocity_w[2] = way * 30.0 * u * u * (1.0 - u) ** 2 / seconds
+    r.acceleration_w[2] = way * 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / seconds**2
+    r.jerk_w[2] = way * (60.0 - 360.0 * u + 360.0 * u * u) / seconds**3
+    r.snap_w[2] = way * (720.0 * u - 360.0) / seconds**4
+
+
+@compiled(inner=True)
+def _sense(
+    f: Any, plant: Record, sensors: Record, noise: Any, registers: Any, stamp_ns: int
+) -> None:
+    """Sample the sensors and write the calibrated IMU_SAMPLE."""
+    normals(f.random, noise[0])
+    sensors[0].warmth = -math.expm1(-(f.warmth_time + 1e-9 * stamp_ns) / WARM_UP_TIME)
+    sample(plant, sensors, noise, 0, registers)
+    imu = f.onboard.imu
+    imu.stamp_ns = stamp_ns
+    for i in range(3):
+        force, rate = registers[_ACCELEROMETER + i], registers[_GYROSCOPE + i]
+        imu.specific_force_b[i] = ACCELEROMETER_SCALE * (force - ZERO)
+        imu.angular_velocity_b[i] = GYROSCOPE_SCALE * (rate - ZERO) - f.gyroscope_bias_b[i]
+
+
+@compiled(inner=True)
+def _receive(
+    f: Any, memory: Record, pose: Record, state: Record, stamp_ns: int, judged: bool
+) -> None:
+    """Give the poses that have arrived to the check, and to the filter."""
+    t, v = f.tracker, f.onboard
+    while t.given < t.taken and t.arrival_ns[t.given % UNDER_WAY] <= stamp_ns:
+        z, out = t.pose[t.given % UNDER_WAY], pose[0]
+        t.given += 1
+        out.stamp_ns = z.stamp_ns
+        for i in range(3):
+            out.position_w[i] = z.position_w[i]
+            state[0].velocity_w[i] = v.state.velocity_w[i]
+        for i in range(4):
+            out.quaternion_wb[i] = z.quaternion_wb[i]
+        if judged:
+            compare_pose(memory, pose, state)
+        correct_one(v.estimator, out, f.settings.estimation, v.estimate)
+
+
+@compiled(inner=True)
+def _watch(f: Any, m: Any, t: float) -> None:
+    """Note evidence, alarm and the told tilt, t (s) into the flight."""
+    x, y = m.place_offset_w[0], m.place_offset_w[1]
+    vertical = 9.0 * math.sqrt(x * x + y * y) / 9.81 if m.learnt > 0.5 else 0.0
+    f.vertical = max(f.vertical, vertical)
+    if vertical > f.tilt_told and not f.told >= 0.0:
+        f.told = t
+    for i in range(4):
+        f.evidence[i] = max(f.evidence[i], m.evidence[i])
+        if m.evidence[i] >= ALARM and not f.alarm >= 0.0:
+            f.alarm, f.test, f.height = t, i, f.plant.x[2]
+
+
+@compiled(nogil=True)
+def fly(
+    flight: Record,
+    plant: Record,
+    sensors: Record,
+    memory: Record,
+    imu: Record,
+    pose: Record,
+    state: Record,
+    noise: npt.NDArray[np.float64],
+    registers: npt.NDArray[np.int16],
+    wanted: npt.NDArray[np.float64],
+    carry: npt.NDArray[np.float64],
+) -> None:
+    """Fly one FLIGHT (1,); the other arguments are buffers, filled from it."""
+    f = flight[0]
+    v, s, p, dt = f.onboard, f.settings, plant[0], 1e-9 * PERIOD_NS
+    drawn = np.zeros(6)
+    stamp_ns = 0
+    count = round(STILL / dt)
+    for _ in range(count):
+        stamp_ns += PERIOD_NS
+        _sense(f, plant, sensors, noise, registers, 0)
+        for i in range(3):
+            f.evidence[i] += v.imu.angular_velocity_b[i] / count
+    for i in range(3):
+        f.gyroscope_bias_b[i], f.evidence[i] = f.evidence[i], 0.0
+    f.alarm = f.told = math.nan
+    v.estimator.initialized = 1
+    v.estimator.pose_stamp_ns = v.estimator.newest_ns = -1
+    v.estimator.pose[3] = 1.0
+    for k in range(1, round(SECONDS / dt) + 1):
+        t, stamp_ns = k * dt, k * PERIOD_NS
+        blow(plant, noise[:, GUSTS:], 0, dt)
+        advance(plant, (wanted[0], wanted[1], wanted[2], wanted[3]), dt)
+        _sense(f, plant, sensors, noise, registers, stamp_ns)
+        predict_one(v.estimator, v.imu, s.estimation, dt, v.state)
+        copied = imu[0]
+        copied.stamp_ns = stamp_ns
+        for i in range(3):
+            copied.specific_force_b[i] = v.imu.specific_force_b[i]
+            copied.angular_velocity_b[i] = v.imu.angular_velocity_b[i]
+        note_sample(memory, imu)
+        observe(f.tracker, p.x, stamp_ns, f.random, drawn)
+        _receive(f, memory, pose, state, stamp_ns, True)
+        for i in range(3):
+            f.plant.x[i] = p.x[i]
+        lean = 2.0 * (p.x[7] * p.x[7] + p.x[8] * p.x[8])
+        f.tilt = max(f.tilt, math.acos(max(-1.0, 1.0 - lean)))
+        f.flown = t
+        _watch(f, memory[0], t)
+        lies = t - 1e-9 * f.tracker.lies_ns
+        if f.stops == 1 and (f.alarm >= 0.0 or lies > GIVEN_UP + (REST if lies == t else 0.0)):
+            return
+        if not lean < 1.0:
+            f.crashed = 1
+            return
+        motors_on = _refer(t, s, v.reference)
+        airborne = motors_on and p.x[2] > 0.01
+        step_one(v.controller, v.state, v.reference, s.control, s.model, airborne, dt, v.actuators)
+        for i in range(4):
+            wanted[i] = v.actuators.motor_references[i] if motors_on else 0.0
+        whole_references(wanted, carry)
+
+
+def _tracker(world: str, seed: int, lie: int, from_s: float) -> Record:
+    t, chance = np.zeros(1, LYING_TRACKER), np.random.default_rng((seed, 3))
+    t["interval_ns"], t["position_noise"] = 10_000_000, 0.001
+    t["attitude_noise"], t["size"] = math.radians(0.2), 1.0
+    t["lie"], t["lies_ns"] = lie, round(1e9 * from_s)
+    if world == "varied":
+        t["interval_ns"] = round(1e9 / chance.choice([30.0, 60.0, 100.0, 120.0, 200.0]))
+        t["delay_ns"] = round(1e9 * chance.uniform(0.0, 0.03))
+        t["stamp_error_ns"] = round(1e9 * chance.uniform(-0.005, 0.005))
+        t["position_noise"] = chance.uniform(0.0005, 0.003)
+        t["attitude_noise"] = math.radians(chance.uniform(0.1, 0.6))
+        t["drop_out"] = chance.uniform(0.0, 0.1)
+        t["world_tilt"][0, :2] = np.radians(chance.uniform(-0.3, 0.3, 2))
+        t["body_turn"] = np.radians(chance.uniform(-1.0, 1.0, 3) * (0.3, 0.3, 10.0))
+        t["size"] = chance.uniform(0.99, 1.01)
+    return t
+
+
+def flight(world: str, seed: int, lie: int = 0, from_s: float = ON_GROUND) -> Record:
+    """Return a FLIGHT (1,) ready to fly."""
+    out, chance = np.zeros(1, FLIGHT), np.random.default_rng((seed, 1))
+    preset = "clean" if world == "clean" else "rough"
+    biases = {f"accelerometer_bias_{axis}": chance.uniform(-0.05, 0.05) for axis in "xyz"}
+    truth = SimulatorParameters(**(preset_values(preset) | biases))
+    eight = FigureEight((0.0, 0.0, HEIGHT))
+    model = SimulatorParameters()
+    out["settings"] = new_settings(eight, model, ControlParameters(), EstimationParameters())
+    out["sensors"], out["plant"], out["onboard"] = new_sensors(truth), new_plant(truth), new_onboard()
+    out["plant"]["x"][0, 6] = 1.0
+    out["tracker"], out["integrity"] = _tracker(world, seed, lie, from_s), new_integrity()
+    out["random"] = seeded([seed])
+    out["warmth_time"] = chance.uniform(0.0, 600.0)
+    out["tilt_told"] = math.radians(SafetyParameters().tracker_tilt_told)
+    out["stops"] = lie > 0
+    return out
+
+
+def fly_all(flights: Sequence[Record]) -> Record:
+    """Fly all on all cores and return the FLIGHT records (N,)."""
+
+    def one(each: Record) -> Record:
+        state = each["onboard"]["state"].copy()
+        fly(
+            each,
+            each["plant"].copy(),
+            each["sensors"].copy(),
+            each["integrity"].copy(),
+            each["onboard"]["imu"].copy(),
+            np.zeros(1, POSE_SAMPLE),
+            state,
+            np.zeros((1, CHANNELS)),
+            np.zeros(256, np.int16),
+            np.zeros(4),
+            np.zeros(4),
+        )
+        return each
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return np.concatenate(list(pool.map(one, flights)))
