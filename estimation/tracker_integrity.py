@@ -16,6 +16,9 @@ evidence here: it is judged by the gate.
 The mean of g - t for the displacement is an acceleration that the tracker does not show. Its
 horizontal part is the angle between the verticals of tracker and accelerometer, times g.
 
+The slope of t over g is the scale of positions. Stamps that are late by a time make t late: t - g is
+minus that time the rate of the turn, and the slope of the one over the other gives it.
+
 The functions take one INTEGRITY_MEMORY record m.
 """
 
@@ -64,8 +67,12 @@ KNOWN = 0.5
 UNKNOWN = 0.03
 """Deviation, in m, of a displacement after another start, when velocity and vertical may be wrong;
 it decays in `MOTION_TIME`."""
-OFFSET_TIME = 2.0
+OFFSET_TIME = 1.5
 """Time constant, in s, of the means of g - t, which begin with a plain mean."""
+SLOPE_TIME = 8.0
+"""Time constant, in s, of the slopes that give scale and lateness: a lap of the 8."""
+LEAST_RATE, LEAST_MOTION = 0.1, 0.02
+"""Rates (rad/s, rms) and displacements (m, rms) from which on the slopes are known."""
 NOISE_TIME = 4.0
 """Time constant, in s, of the variances of the differences, which begin with a plain mean."""
 CORRELATION = 0.05
@@ -118,6 +125,8 @@ INTEGRITY_MEMORY = np.dtype(
         ("place_variance", "f8"),  # m²
         ("motion", "f8", 4),  # rad² or m², mean of |g|², by the test
         ("evidence", "f8", 4),  # by the test
+        ("late", "f8", 2),  # rad², means of (g - t)·rate, in s, and of |rate|², in 1/s²
+        ("size", "f8", 2),  # m², means of t·g and of |g|²
     ],
     align=True,
 )
@@ -134,6 +143,18 @@ def vertical_error(memory: Record) -> float:
     """Return the angle, in rad, between the verticals of tracker and accelerometer."""
     x, y, _ = memory["place_offset_w"][0].tolist()
     return PLACE_RATE**2 * math.hypot(x, y) / GRAVITY
+
+
+def stamp_error(memory: Record) -> float:
+    """Return the time, in s, by which the poses' stamps are too late; 0 while it is not known."""
+    product, square = memory["late"][0].tolist()
+    return product / square if square > LEAST_RATE**2 else 0.0
+
+
+def scale_error(memory: Record) -> float:
+    """Return by which share positions are too large; 0 while it is not known."""
+    product, square = memory["size"][0].tolist()
+    return product / square - 1.0 if square > LEAST_MOTION**2 else 0.0
 
 
 @compiled
@@ -263,6 +284,7 @@ def _take(
         m.place_felt_w[3 + i] += velocity_w[i] - speed_gain * felt_w[i]
     if is_settled:
         _judge(m, since, shown_b, g_b, shown_w, g_w)
+        _fit(m, since, subtract(g_b, shown_b), scale(1.0 / since, turn_b), shown_w, g_w)
     return True
 
 
@@ -294,6 +316,18 @@ def _judge(m: Any, since: float, t_b: Vector, g_b: Vector, t_w: Vector, g_w: Vec
     for i in range(3):
         m.turn_offset_b[i] += share * difference_b[i]
         m.place_offset_w[i] += share * difference_w[i]
+
+
+@compiled(inner=True)
+def _fit(
+    m: Any, since: float, late_b: Vector, rate_b: Vector, t_w: Vector, g_w: Vector
+) -> None:
+    """Add one pose to the slopes."""
+    share = min(1.0, since / SLOPE_TIME)
+    m.late[0] += share * (dot(late_b, rate_b) - m.late[0])
+    m.late[1] += share * (dot(rate_b, rate_b) - m.late[1])
+    m.size[0] += share * (dot(t_w, g_w) - m.size[0])
+    m.size[1] += share * (dot(g_w, g_w) - m.size[1])
 
 
 @compiled(inner=True)
