@@ -16,8 +16,9 @@ evidence here: it is judged by the gate.
 The mean of g - t for the displacement is an acceleration that the tracker does not show. Its
 horizontal part is the angle between the verticals of tracker and accelerometer, times g.
 
-The slope of t over g is the scale of positions. Stamps that are late by a time make t late: t - g is
-minus that time the rate of the turn, and the slope of the one over the other gives it.
+The slope of g over t, which has less noise, is the inverse of the scale of positions. Stamps that
+are late make t late: t - g is minus that time the rate of the turn, and the slope of the one over
+the other is the time.
 
 The functions take one INTEGRITY_MEMORY record m.
 """
@@ -71,7 +72,7 @@ OFFSET_TIME = 1.5
 """Time constant, in s, of the means of g - t, which begin with a plain mean."""
 SLOPE_TIME = 8.0
 """Time constant, in s, of the slopes that give scale and lateness: a lap of the 8."""
-LEAST_RATE, LEAST_MOTION = 0.1, 0.02
+LEAST_RATE, LEAST_MOTION = 0.1, 0.06
 """Rates (rad/s, rms) and displacements (m, rms) from which on the slopes are known."""
 NOISE_TIME = 4.0
 """Time constant, in s, of the variances of the differences, which begin with a plain mean."""
@@ -126,7 +127,8 @@ INTEGRITY_MEMORY = np.dtype(
         ("motion", "f8", 4),  # rad² or m², mean of |g|², by the test
         ("evidence", "f8", 4),  # by the test
         ("late", "f8", 2),  # rad², means of (g - t)·rate, in s, and of |rate|², in 1/s²
-        ("size", "f8", 2),  # m², means of t·g and of |g|²
+        ("size", "f8", 2),  # m², means of |t|² and of t·g
+        ("size_offset_h", "f8", 3),  # m, mean of g - t along the heading, for these
     ],
     align=True,
 )
@@ -153,8 +155,8 @@ def stamp_error(memory: Record) -> float:
 
 def scale_error(memory: Record) -> float:
     """Return by which share positions are too large; 0 while it is not known."""
-    product, square = memory["size"][0].tolist()
-    return product / square - 1.0 if square > LEAST_MOTION**2 else 0.0
+    square, product = memory["size"][0].tolist()
+    return square / product - 1.0 if product > LEAST_MOTION**2 else 0.0
 
 
 @compiled
@@ -170,27 +172,28 @@ def note_sample(memory: Record, imu: Record) -> None:
 
 
 @compiled
-def compare_pose(memory: Record, pose: Record, state: Record) -> bool:
+def compare_pose(memory: Record, pose: Record, state: Record) -> float:
     """Compare a POSE_SAMPLE (1,) that has an attitude with the samples since the last one.
 
     Args:
         memory: INTEGRITY_MEMORY (1,).
         state: STATE (1,), whose velocity begins the filters.
 
-    Returns whether the pose was judged.
+    Returns the largest evidence, or -1 for a pose that was not judged.
     """
     m, z = memory[0], pose[0]
     since = 1e-9 * (z.stamp_ns - m.stamp_ns)
-    if m.stamp_ns > 0 and -LONGEST_GAP < since and since <= 0.0:
-        return False
-    if m.stamp_ns > 0 and 0.0 < since and since < LONGEST_GAP:
+    if m.stamp_ns > 0 and since > -LONGEST_GAP and since <= 0.0:
+        return -1.0
+    if m.stamp_ns > 0 and since > 0.0 and since < LONGEST_GAP:
         felt, turn_b, velocity_w, place_w = _felt(m, z.stamp_ns)
         if felt and _take(m, z, since, turn_b, velocity_w, place_w):
-            return m.learnt > KNOWN
+            e = m.evidence
+            return max(e[0], e[1], e[2], e[3]) if m.learnt > KNOWN else -1.0
         if felt and since < OUTLIERS:
-            return False
+            return -1.0
     _start(m, z, state[0])
-    return False
+    return -1.0
 
 
 @compiled(inner=True)
@@ -284,7 +287,8 @@ def _take(
         m.place_felt_w[3 + i] += velocity_w[i] - speed_gain * felt_w[i]
     if is_settled:
         _judge(m, since, shown_b, g_b, shown_w, g_w)
-        _fit(m, since, subtract(g_b, shown_b), scale(1.0 / since, turn_b), shown_w, g_w)
+        rate_b = subtract(scale(1.0 / since, turn_b), scale(1.0 / TURN_TIME, g_b))
+        _fit(m, since, subtract(g_b, shown_b), rate_b, shown_w, felt_w)
     return True
 
 
@@ -314,20 +318,34 @@ def _judge(m: Any, since: float, t_b: Vector, g_b: Vector, t_w: Vector, g_w: Vec
     m.place_variance = _learnt(m.place_variance, difference_w, share, LEAST_PLACE)
     share = min(1.0, since / min(m.learnt, OFFSET_TIME))
     for i in range(3):
-        m.turn_offset_b[i] += share * difference_b[i]
         m.place_offset_w[i] += share * difference_w[i]
+    share = min(1.0, since / min(m.learnt, SLOPE_TIME))
+    for i in range(3):
+        m.turn_offset_b[i] += share * difference_b[i]
 
 
 @compiled(inner=True)
-def _fit(
-    m: Any, since: float, late_b: Vector, rate_b: Vector, t_w: Vector, g_w: Vector
-) -> None:
-    """Add one pose to the slopes."""
+def _fit(m: Any, since: float, late_b: Vector, rate_b: Vector, t_w: Vector, felt_w: Vector) -> None:
+    """Add one pose to the slopes.
+
+    A bias turns with the body, so what it adds to the displacement is constant along the heading.
+    """
+    x_b = axes_of(quaternion(m.quaternion_wb))[0]
+    norm = math.hypot(x_b[0], x_b[1])
+    c, s = (x_b[0] / norm, x_b[1] / norm) if norm > 0.1 else (1.0, 0.0)
+    o, off_w = m.size_offset_h, subtract(felt_w, t_w)
+    share = min(1.0, since / min(m.learnt, SLOPE_TIME))
+    o[0] += share * (c * off_w[0] + s * off_w[1] - o[0])
+    o[1] += share * (c * off_w[1] - s * off_w[0] - o[1])
+    o[2] += share * (off_w[2] - o[2])
+    g_w = subtract(felt_w, (c * o[0] - s * o[1], s * o[0] + c * o[1], o[2]))
+    if length(subtract(g_w, t_w)) > SMALLER * length(g_w) + OUTLIER * LEAST_PLACE:
+        return
     share = min(1.0, since / SLOPE_TIME)
     m.late[0] += share * (dot(late_b, rate_b) - m.late[0])
     m.late[1] += share * (dot(rate_b, rate_b) - m.late[1])
-    m.size[0] += share * (dot(t_w, g_w) - m.size[0])
-    m.size[1] += share * (dot(g_w, g_w) - m.size[1])
+    m.size[0] += share * (dot(t_w, t_w) - m.size[0])
+    m.size[1] += share * (dot(t_w, g_w) - m.size[1])
 
 
 @compiled(inner=True)
@@ -351,9 +369,7 @@ def _weigh(m: Any, test: int, t: Vector, g: Vector, since: float) -> None:
     if not of_turn:
         uncertain = (uncertain + _unknown(m)) * max(1.0, CORRELATION / since)
     found = 0.5 * (felt * felt - 2.0 * dot(t, g)) / uncertain
-    if found > 0.0 and not (
-        SMALLER * felt < shown and shown < LARGER * felt + VISIBLE * math.sqrt(variance)
-    ):
+    if found > 0.0 and not (SMALLER * felt < shown < LARGER * felt + VISIBLE * math.sqrt(variance)):
         return
     size = min(max(0.0, abs(found) - SLOWEST * since), FASTEST * since)
     m.evidence[test] = max(0.0, min(m.evidence[test] + math.copysign(size, found), MOST))

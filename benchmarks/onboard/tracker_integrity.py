@@ -4,11 +4,10 @@
     python -m benchmarks.onboard.tracker_integrity [--hours 10]
 
 Compiled flights of plant, sensors, filter and laws, each from the floor and back: rest, take-off,
-hover, three laps of the 8, hover, landing. The true poses are those of three trackers: `clean` and
-`rough` with the simulator's preset of that name and its default tracker, and `varied`, rough, with a
-tracker whose rate, delay, noise and errors of axes, scale and stamps are drawn for each flight, all
-within what is no lie. The vehicle reacts to nothing here; `tests/vehicle/estimators` fly the whole
-stack with its reactions.
+hover, three laps of the 8, hover, landing. There are three worlds: `clean` and `rough` with the
+simulator's preset of that name and its default tracker, and `varied`, rough, with a tracker whose
+rate, delay, noise and errors of axes, scale and stamps are drawn for each flight, all within what
+is no lie. The vehicle reacts to nothing here; the tests fly the whole stack with its reactions.
 """
 
 from __future__ import annotations
@@ -30,7 +29,14 @@ from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight, figure_eight_at
 from estimation.complementary_filter import correct_one, predict_one
 from estimation.parameters import EstimationParameters
-from estimation.tracker_integrity import LEAST_MOTION, LEAST_RATE, INTEGRITY_MEMORY, compare_pose, new_integrity, note_sample
+from estimation.tracker_integrity import (
+    INTEGRITY_MEMORY,
+    LEAST_MOTION,
+    LEAST_RATE,
+    compare_pose,
+    new_integrity,
+    note_sample,
+)
 from quadrotor.compiled import compiled
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle.boards.reference_rounding import _round as whole_references
@@ -234,8 +240,7 @@ def fly(
         lies = t - 1e-9 * f.tracker.lies_ns
         if f.stops == 1 and (
             (f.alarm >= 0.0 and f.told_ends == 0)
-            or f.told_ends == 1
-            and f.told >= 0.0
+            or (f.told_ends == 1 and f.told >= 0.0)
             or lies > GIVEN_UP + REST
         ):
             return
@@ -316,18 +321,19 @@ def fly_all(flights: Sequence[Record]) -> Record:
 
 
 def run(size: Size = Size.FULL, hours: float | None = None) -> Report:
-    """Return false alarms of each tracker that tells the truth, and the times to notice each lie."""
+    """Return the false alarms in each world, and the times to notice each lie."""
     hours = hours or size.of(100.0, 1.0, 0.02)
     count, seeds = math.ceil(hours * 3600.0 / SECONDS), size.of(100, 20, 2)
     report = Report(
         "tracker_integrity",
         "A tracker that lies",
         [
-            f"flights of {SECONDS:g} s: rest, take-off, hover, three laps of the 8, hover, landing",
-            "rough: the simulator's preset; varied: rough, on a tracker of 30 to 200 Hz, delayed by "
-            "up to 30 ms, stamps off by up to 5 ms, noise to 3 mm and 0.6°, 10 % of the poses lost, "
-            "world and body tilted by up to 0.2°, body turned by up to 10°, scale off by up to 1 %",
-            f"a lie begins {GIVEN_UP:g} s before it counts as not noticed; {seeds} flights each",
+            f"flights of {SECONDS:g} s: rest, take-off, hover, three laps of the 8, landing",
+            "rough: the simulator's preset; varied: rough, on a tracker of 30 to 200 Hz, delayed "
+            "by up to 30 ms, stamps off by up to 5 ms, noise to 3 mm and 0.6°, 10 % of the poses "
+            "lost, world and body tilted by up to 0.2°, body turned by up to 10°, scale off by "
+            "up to 1 %",
+            f"after {GIVEN_UP:g} s a lie counts as not noticed; {seeds} flights each",
         ],
     )
     for world in WORLDS:

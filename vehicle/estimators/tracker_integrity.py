@@ -2,7 +2,8 @@
 
 A left-handed tracker, or one with reversed or permuted axes, looks right at rest, and its poses
 turn the vehicle over. They are dropped and count as missing, so that the supervisor reacts as to a
-tracker that is silent. `estimation.tracker_integrity` says what is compared, and how.
+tracker that is silent. What the vehicle can fly with is only reported: a vertical, a scale or
+stamps that are off. `estimation.tracker_integrity` says what is compared, and how.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from estimation.tracker_integrity import (
     compare_pose,
     new_integrity,
     note_sample,
+    scale_error,
+    stamp_error,
     vertical_error,
 )
 from quadrotor.compiled import direct
@@ -30,18 +33,22 @@ ALARM = 15.0
 """Evidence with which the poses count as missing; without any they are used again."""
 FORGOTTEN_NS = 2_000_000_000
 """Time, in ns, without poses after which they count as those of another tracker."""
+FITTED_NS = 200_000_000
+"""Time, in ns, between two checks of what is only reported."""
 AGREEING = 0.8
-"""Share of the bound below which the verticals agree again."""
+"""Share of its bound below which an error has gone."""
 
 _AXES = "check that its frame is right-handed, and the axes of world and body"
-_PROVE = "tilt the vehicle by hand, or start the tracker again"
 _TURNS, _MOVES = (
     "the tracker's attitude contradicts the gyroscope",
     "the tracker's position contradicts the accelerometer",
 )
 _WITNESS = (_TURNS, _TURNS, _MOVES, _MOVES)
 """What contradicts what, by the test."""
-_LIES, _TILTED = int(Flag.TRACKER_CONTRADICTED), int(Flag.TRACKER_TILTED)
+_VERTICAL = (
+    "the tracker's frame or the body's axes are tilted, or the accelerometer is not calibrated"
+)
+_CONTRADICTED, _TILTED = int(Flag.TRACKER_CONTRADICTED), int(Flag.TRACKER_TILTED)
 
 
 class TrackerIntegrity:
@@ -62,19 +69,21 @@ class TrackerIntegrity:
         pose = pose_sample(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
         self._note = direct(note_sample, self._memory, np.zeros(1, IMU_SAMPLE))
         self._compare = direct(compare_pose, self._memory, pose, new_state())
-        self._evidence = self._memory["evidence"][0]
-        self._learnt = self._memory["learnt"]
         self._newest_ns = 0
-        self.contradiction, self.flags = "", 0
+        self.begin()
 
     def begin(self) -> None:
-        """Forget the evidence: the vehicle was moved, the sensors calibrated, or another tracker
-        sends.
+        """Forget what is known: the vehicle is moved, the gyroscope has no bias yet, or another
+        tracker sends.
         """
-        self._memory["stamp_ns"] = 0
-        self._evidence[:] = 0.0
-        self._learnt[:] = 0.0
         self.contradiction, self.flags = "", 0
+        self._reported: set[str] = set()
+        self._fitted_ns = 0
+        if self._memory["stamp_ns"].item() == 0:
+            return  # nothing is known
+        ring, count = self._memory["ring"].copy(), self._memory["ring_next"].copy()
+        self._memory[...] = new_integrity()
+        self._memory["ring"], self._memory["ring_next"] = ring, count
 
     def note(self, imu: Record) -> None:
         """Store the IMU_SAMPLE (1,) of a tick."""
@@ -92,50 +101,80 @@ class TrackerIntegrity:
         if stamp_ns - self._newest_ns > FORGOTTEN_NS:
             self.begin()
         self._newest_ns = stamp_ns
-        if self._compare(self._memory, pose, state):
-            self._weigh()
+        evidence = self._compare(self._memory, pose, state)
+        if evidence >= ALARM or self.contradiction:
+            self._weigh(evidence)
+        if evidence >= 0.0 and abs(stamp_ns - self._fitted_ns) > FITTED_NS:
+            self._fitted_ns = stamp_ns
+            self._report(evidence)
         return not self.contradiction
 
     def check_arming(self) -> None:
         """Raise RefusedError when the vehicle may not be armed on this tracker."""
         if self.contradiction:
-            raise RefusedError(f"not armed: {self.contradiction}; {_AXES}, then {_PROVE}")
-        off, most = self._off(), self._parameters.tracker_tilt_max
+            raise RefusedError(
+                f"not armed: {self.contradiction}; {_AXES}, then tilt the vehicle by hand, or "
+                "start the tracker again"
+            )
+        off, most = self._tilt(), self._parameters.tracker_tilt_max
         if off > most:
             raise RefusedError(
                 f"not armed: the vertical of the tracker is {off:.1f} deg off that of the "
-                f"accelerometer, allowed {most:.1f} deg; level the tracker's frame and the body's "
-                "axes in it, or calibrate the accelerometer"
+                f"accelerometer, allowed {most:.1f} deg: {_VERTICAL}"
             )
 
-    def _off(self) -> float:
+    def _tilt(self) -> float:
         """Return the angle between the verticals, in deg, 0 while it is not known."""
-        if self._learnt.item() < KNOWN:
-            return 0.0
-        return math.degrees(vertical_error(self._memory))
+        is_known = self._memory["learnt"].item() > KNOWN
+        return math.degrees(vertical_error(self._memory)) if is_known else 0.0
 
-    def _weigh(self) -> None:
-        """Set flags by the evidence, and report what is new."""
-        p = self._parameters
-        most = float(self._evidence.max())
-        if not p.tracker_check:
+    def _weigh(self, evidence: float) -> None:
+        """Change by the largest evidence whether poses count as missing."""
+        if not self._parameters.tracker_check:
             self.contradiction = ""
-        elif most >= ALARM and not self.contradiction:
-            self.contradiction = _WITNESS[int(self._evidence.argmax())]
-            line = f"{self.contradiction}: its poses count as missing; {_AXES}"
-            self._say(line, mailbox.ERROR)
-        elif most == 0.0 and self.contradiction:
+        elif evidence >= ALARM and not self.contradiction:
+            self.contradiction = _WITNESS[int(self._memory["evidence"][0].argmax())]
+            self._say(f"{self.contradiction}: its poses count as missing; {_AXES}", mailbox.ERROR)
+        elif evidence == 0.0 and self.contradiction:
             self.contradiction = ""
+            self._memory["late"], self._memory["size"] = 0.0, 0.0  # of a lie
             self._say("the tracker agrees with the inertial sensors again", mailbox.INFO)
-        off, was = self._off(), self.flags & _TILTED
-        tilted = off > p.tracker_tilt_told * (AGREEING if was else 1.0)
-        self.flags = (_LIES if self.contradiction else 0) | (_TILTED if tilted else 0)
-        if tilted and not was:
-            self._say(
-                f"the vertical of the tracker is {off:.1f} deg off that of the accelerometer: the "
-                "tracker's frame or the body's axes in it are tilted, or the accelerometer is not "
-                "calibrated",
-                mailbox.WARN,
-            )
-        elif was and not tilted:
-            self._say("the verticals of tracker and accelerometer agree again", mailbox.INFO)
+        self._flag()
+
+    def _flag(self) -> None:
+        tilted = _TILTED if "vertical" in self._reported else 0
+        self.flags = tilted | (_CONTRADICTED if self.contradiction else 0)
+
+    def _report(self, evidence: float) -> None:
+        """Report errors that the vehicle can fly with."""
+        p, tilt = self._parameters, self._tilt()
+        line = f"the vertical of the tracker is {tilt:.1f} deg off that of the accelerometer"
+        self._tell("vertical", tilt / p.tracker_tilt_told, f"{line}: {_VERTICAL}")
+        self._flag()
+        if evidence > 0.0 or self.contradiction:
+            return  # the slopes may be those of a lie
+        late = stamp_error(self._memory)
+        size = 100.0 * scale_error(self._memory)
+        self._tell(
+            "stamps",
+            abs(late) / p.tracker_stamps_told,
+            f"the tracker's stamps are {1e3 * abs(late):.0f} ms too "
+            f"{'late' if late > 0 else 'early'} by the gyroscope: run the experiment tracker_delay",
+        )
+        self._tell(
+            "scale",
+            abs(size) / p.tracker_scale_told,
+            f"the tracker's positions are {abs(size):.0f} % too {'large' if size > 0 else 'small'} "
+            "by the accelerometer: calibrate the tracker, or the accelerometer",
+        )
+
+    def _tell(self, what: str, share: float, line: str) -> None:
+        """Report an error, given as a share of its bound, once when it appears and once when it has
+        gone.
+        """
+        if share > 1.0 and what not in self._reported:
+            self._reported.add(what)
+            self._say(line, mailbox.WARN)
+        elif share < AGREEING and what in self._reported:
+            self._reported.discard(what)
+            self._say(f"the tracker's {what}: no error any more", mailbox.INFO)
