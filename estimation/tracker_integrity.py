@@ -63,8 +63,8 @@ OUTLIERS = 0.15
 """Time, in s, after which poses that are outliers have jumped: the filters begin there."""
 SETTLING = 1.0
 """Time, in s, in which the filters forget their first start and nothing is judged."""
-KNOWN = 0.5
-"""Time, in s, after which the means are known."""
+KNOWN, FITTED = 0.5, 2.0
+"""Times, in s, after which the means and the slopes are known."""
 UNKNOWN = 0.03
 """Deviation, in m, of a displacement after another start, when velocity and vertical may be wrong;
 it decays in `MOTION_TIME`."""
@@ -93,6 +93,8 @@ OUTLIER, JUMP = 8.0, 6.0
 the filters, and by the turn since the last pose."""
 VISIBLE = 3.0
 """Deviations that noise may add to a motion."""
+USUAL_INTERVAL = 0.02
+"""Time, in s, between two poses, for which the turn since the last pose counts."""
 SMALLER, LARGER = 0.5, 1.3
 """Bounds of |t| over |g| for evidence against the tracker."""
 MOST = 20.0
@@ -141,22 +143,25 @@ def new_integrity() -> Record:
     return m
 
 
-def vertical_error(memory: Record) -> float:
-    """Return the angle, in rad, between the verticals of tracker and accelerometer."""
-    x, y, _ = memory["place_offset_w"][0].tolist()
-    return PLACE_RATE**2 * math.hypot(x, y) / GRAVITY
+@compiled(inner=True)
+def errors_of(m: Any) -> tuple[float, float, float]:
+    """Return the angle (rad) between the verticals, the time (s) by which stamps are too late, and
+    the share by which positions are too large; each 0 while it is not known.
+    """
+    tilt = late = size = 0.0
+    if m.learnt > KNOWN:
+        tilt = PLACE_RATE**2 * math.hypot(m.place_offset_w[0], m.place_offset_w[1]) / GRAVITY
+    if m.learnt > FITTED and m.late[1] > LEAST_RATE**2:
+        late = m.late[0] / m.late[1]
+    if m.learnt > FITTED and m.size[1] > LEAST_MOTION**2:
+        size = m.size[0] / m.size[1] - 1.0
+    return tilt, late, size
 
 
-def stamp_error(memory: Record) -> float:
-    """Return the time, in s, by which the poses' stamps are too late; 0 while it is not known."""
-    product, square = memory["late"][0].tolist()
-    return product / square if square > LEAST_RATE**2 else 0.0
-
-
-def scale_error(memory: Record) -> float:
-    """Return by which share positions are too large; 0 while it is not known."""
-    square, product = memory["size"][0].tolist()
-    return square / product - 1.0 if product > LEAST_MOTION**2 else 0.0
+@compiled
+def errors(memory: Record) -> tuple[float, float, float]:
+    """Return `errors_of` an INTEGRITY_MEMORY (1,)."""
+    return errors_of(memory[0])
 
 
 @compiled
@@ -268,9 +273,9 @@ def _take(
     g_w = subtract(felt_w, vector(m.place_offset_w))
     is_settled = m.learnt > 0.0 or m.settled >= SETTLING
     if is_settled and (
-        _is_outlier(shown, turn_b, m.turn_variance, JUMP)
-        or _is_outlier(shown_b, g_b, m.turn_variance, OUTLIER)
-        or _is_outlier(shown_w, g_w, m.place_variance + _unknown(m), OUTLIER)
+        _has_jumped(m, since, shown, turn_b)
+        or _is_outlier(shown_b, g_b, m.turn_variance)
+        or _is_outlier(shown_w, g_w, m.place_variance + _unknown(m))
     ):
         return False
     m.settled += since
@@ -299,9 +304,17 @@ def _unknown(m: Any) -> float:
 
 
 @compiled(inner=True)
-def _is_outlier(t: Vector, g: Vector, variance: float, deviations: float) -> bool:
+def _has_jumped(m: Any, since: float, shown_b: Vector, felt_b: Vector) -> bool:
+    """Return whether the attitude changed by more than noise and a lie about the rate."""
+    felt = length(felt_b) * min(1.0, USUAL_INTERVAL / since)
+    far = length(subtract(shown_b, felt_b))
+    return not far < 2.0 * felt + JUMP * math.sqrt(m.turn_variance)
+
+
+@compiled(inner=True)
+def _is_outlier(t: Vector, g: Vector, variance: float) -> bool:
     far = length(subtract(t, g))
-    return not far < 2.0 * length(g) + deviations * math.sqrt(variance)
+    return not far < 2.0 * length(g) + OUTLIER * math.sqrt(variance)
 
 
 @compiled(inner=True)

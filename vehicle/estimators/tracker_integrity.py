@@ -13,15 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from estimation.tracker_integrity import (
-    KNOWN,
-    compare_pose,
-    new_integrity,
-    note_sample,
-    scale_error,
-    stamp_error,
-    vertical_error,
-)
+from estimation.tracker_integrity import compare_pose, errors, new_integrity, note_sample
 from quadrotor.compiled import direct
 from quadrotor.errors import RefusedError
 from quadrotor.records import IMU_SAMPLE, Record, has_attitude, new_state, pose_sample
@@ -69,6 +61,7 @@ class TrackerIntegrity:
         pose = pose_sample(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
         self._note = direct(note_sample, self._memory, np.zeros(1, IMU_SAMPLE))
         self._compare = direct(compare_pose, self._memory, pose, new_state())
+        self._errors = direct(errors, self._memory)
         self._newest_ns = 0
         self.begin()
 
@@ -116,17 +109,12 @@ class TrackerIntegrity:
                 f"not armed: {self.contradiction}; {_AXES}, then tilt the vehicle by hand, or "
                 "start the tracker again"
             )
-        off, most = self._tilt(), self._parameters.tracker_tilt_max
+        off, most = math.degrees(self._errors(self._memory)[0]), self._parameters.tracker_tilt_max
         if off > most:
             raise RefusedError(
                 f"not armed: the vertical of the tracker is {off:.1f} deg off that of the "
                 f"accelerometer, allowed {most:.1f} deg: {_VERTICAL}"
             )
-
-    def _tilt(self) -> float:
-        """Return the angle between the verticals, in deg, 0 while it is not known."""
-        is_known = self._memory["learnt"].item() > KNOWN
-        return math.degrees(vertical_error(self._memory)) if is_known else 0.0
 
     def _weigh(self, evidence: float) -> None:
         """Change by the largest evidence whether poses count as missing."""
@@ -147,14 +135,13 @@ class TrackerIntegrity:
 
     def _report(self, evidence: float) -> None:
         """Report errors that the vehicle can fly with."""
-        p, tilt = self._parameters, self._tilt()
+        if evidence > 0.0 or self.contradiction:
+            return  # they may be those of a lie
+        p, (tilt, late, size) = self._parameters, self._errors(self._memory)
+        tilt, size = math.degrees(tilt), 100.0 * size
         line = f"the vertical of the tracker is {tilt:.1f} deg off that of the accelerometer"
         self._tell("vertical", tilt / p.tracker_tilt_told, f"{line}: {_VERTICAL}")
         self._flag()
-        if evidence > 0.0 or self.contradiction:
-            return  # the slopes may be those of a lie
-        late = stamp_error(self._memory)
-        size = 100.0 * scale_error(self._memory)
         self._tell(
             "stamps",
             abs(late) / p.tracker_stamps_told,

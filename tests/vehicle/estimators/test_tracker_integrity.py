@@ -176,7 +176,7 @@ def test_poses_that_are_true_again_are_used_again() -> None:
     moved = Moved()
     moved.run(4.0, left_handed)
     taken = moved.run(3.0, truth)
-    assert moved.lines[1:] == ["the tracker agrees with the inertial sensors again"]
+    assert "the tracker agrees with the inertial sensors again" in moved.lines
     assert all(taken[150:])
     assert not moved.judge.contradiction
 
