@@ -63,8 +63,8 @@ OUTLIERS = 0.15
 """Time, in s, after which poses that are outliers have jumped: the filters begin there."""
 SETTLING = 1.0
 """Time, in s, in which the filters forget their first start and nothing is judged."""
-KNOWN, FITTED = 0.5, 2.0
-"""Times, in s, after which the means and the slopes are known."""
+KNOWN, FITTED = 0.5, 8.0
+"""Times, in s, after which the means and the slopes are known, the latter without doubt."""
 UNKNOWN = 0.03
 """Deviation, in m, of a displacement after another start, when velocity and vertical may be wrong;
 it decays in `MOTION_TIME`."""
@@ -99,6 +99,10 @@ SMALLER, LARGER = 0.5, 1.3
 """Bounds of |t| over |g| for evidence against the tracker."""
 MOST = 20.0
 """Largest evidence."""
+DOUBTED = 10.0
+"""Evidence from which on nothing is learnt from the poses, …"""
+LONG_DOUBTED = 5.0
+"""… for this time, in s: what was learnt before may be that of a lie, as what is learnt later."""
 SLOWEST, FASTEST = 10.0, 250.0
 """Changes of the evidence, 1/s: smaller ones are noise on a mean that is not exact, and count as
 none; larger ones count as this, because one pose alone shows nothing."""
@@ -117,6 +121,7 @@ INTEGRITY_MEMORY = np.dtype(
         ("stamp_ns", "i8"),  # of the newest pose compared, 0 before the first
         ("settled", "f8"),  # s since the start of the filters
         ("learnt", "f8"),  # s for which means and variances were learnt
+        ("doubted", "f8"),  # s for which the evidence has been large
         ("quaternion_wb", "f8", 4),  # of the newest pose
         ("turn_shown_b", "f8", 3),  # rad, memory of the high-pass of the tracker
         ("turn_felt_b", "f8", 3),  # rad, the same of the IMU
@@ -128,6 +133,7 @@ INTEGRITY_MEMORY = np.dtype(
         ("place_variance", "f8"),  # m²
         ("motion", "f8", 4),  # rad² or m², mean of |g|², by the test
         ("evidence", "f8", 4),  # by the test
+        ("fitted", "f8"),  # s, for which the slopes were fitted
         ("late", "f8", 2),  # rad², means of (g - t)·rate, in s, and of |rate|², in 1/s²
         ("size", "f8", 2),  # m², means of |t|² and of t·g
         ("size_offset_h", "f8", 3),  # m, mean of g - t along the heading, for these
@@ -151,9 +157,9 @@ def errors_of(m: Any) -> tuple[float, float, float]:
     tilt = late = size = 0.0
     if m.learnt > KNOWN:
         tilt = PLACE_RATE**2 * math.hypot(m.place_offset_w[0], m.place_offset_w[1]) / GRAVITY
-    if m.learnt > FITTED and m.late[1] > LEAST_RATE**2:
+    if m.fitted > FITTED and m.late[1] > LEAST_RATE**2:
         late = m.late[0] / m.late[1]
-    if m.learnt > FITTED and m.size[1] > LEAST_MOTION**2:
+    if m.fitted > FITTED and m.size[1] > LEAST_MOTION**2:
         size = m.size[0] / m.size[1] - 1.0
     return tilt, late, size
 
@@ -325,6 +331,16 @@ def _judge(m: Any, since: float, t_b: Vector, g_b: Vector, t_w: Vector, g_w: Vec
     _weigh(m, PLACE, t_w, g_w, since)
     _weigh(m, LEVEL, _level(t_w), _level(g_w), since)
     m.learnt += since
+    e = m.evidence
+    if max(e[0], e[1], e[2], e[3]) > DOUBTED:
+        m.doubted += since
+        m.fitted = m.late[0] = m.late[1] = m.size[0] = m.size[1] = 0.0
+        if m.doubted < LONG_DOUBTED:
+            return
+    else:
+        if m.doubted > LONG_DOUBTED:
+            m.learnt = since
+        m.doubted = 0.0
     difference_b, difference_w = subtract(g_b, t_b), subtract(g_w, t_w)
     share = min(1.0, since / min(m.learnt, NOISE_TIME))
     m.turn_variance = _learnt(m.turn_variance, difference_b, share, LEAST_TURN)
@@ -354,6 +370,7 @@ def _fit(m: Any, since: float, late_b: Vector, rate_b: Vector, t_w: Vector, felt
     g_w = subtract(felt_w, (c * o[0] - s * o[1], s * o[0] + c * o[1], o[2]))
     if length(subtract(g_w, t_w)) > SMALLER * length(g_w) + OUTLIER * LEAST_PLACE:
         return
+    m.fitted += since
     share = min(1.0, since / SLOPE_TIME)
     m.late[0] += share * (dot(late_b, rate_b) - m.late[0])
     m.late[1] += share * (dot(rate_b, rate_b) - m.late[1])

@@ -75,6 +75,8 @@ TOLD = {8: VERTICAL, 9: VERTICAL, 10: VERTICAL, 11: SCALE, 12: STAMPS, 13: STAMP
 GIVEN_UP = 30.0
 """Time, in s, after which a lie is not noticed."""
 WORLDS = ("clean", "rough", "varied")
+SHARE = 0.2
+"""Hours in the other worlds over those in the clean one."""
 ALLOWED = {"clean": 0.01, "rough": 0.1}
 """False alarms an hour to stay below, lines in the log included."""
 _ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
@@ -316,7 +318,7 @@ def fly_all(flights: Sequence[Record]) -> Record:
 def run(size: Size = Size.FULL, hours: float | None = None) -> Report:
     """Return the false alarms in each world, and the times to notice each lie."""
     hours = hours or size.of(100.0, 1.0, 0.02)
-    count, seeds = math.ceil(hours * 3600.0 / SECONDS), size.of(100, 20, 2)
+    seeds = size.of(100, 20, 2)
     report = Report(
         "tracker_integrity",
         "A tracker that lies",
@@ -333,6 +335,8 @@ def run(size: Size = Size.FULL, hours: float | None = None) -> Report:
         ],
     )
     for world in WORLDS:
+        share = 1.0 if world == WORLDS[0] else SHARE
+        count = math.ceil(share * hours * 3600.0 / SECONDS)
         flown = fly_all([flight(world, seed) for seed in range(count)])
         honest = float(flown["flown"].sum()) / 3600.0
         alarms = int(np.isfinite(flown["alarm"]).sum())

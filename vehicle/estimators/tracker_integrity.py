@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from estimation.tracker_integrity import compare_pose, errors, new_integrity, note_sample
+from estimation.tracker_integrity import DOUBTED, compare_pose, errors, new_integrity, note_sample
 from quadrotor.compiled import direct
 from quadrotor.errors import RefusedError
 from quadrotor.records import IMU_SAMPLE, Record, has_attitude, new_state, pose_sample
@@ -125,7 +125,6 @@ class TrackerIntegrity:
             self._say(f"{self.contradiction}: its poses count as missing; {_AXES}", mailbox.ERROR)
         elif evidence == 0.0 and self.contradiction:
             self.contradiction = ""
-            self._memory["late"], self._memory["size"] = 0.0, 0.0  # of a lie
             self._say("the tracker agrees with the inertial sensors again", mailbox.INFO)
         self._flag()
 
@@ -135,7 +134,7 @@ class TrackerIntegrity:
 
     def _report(self, evidence: float) -> None:
         """Report errors that the vehicle can fly with."""
-        if evidence > 0.0 or self.contradiction:
+        if evidence > DOUBTED or self.contradiction:
             return  # they may be those of a lie
         p, (tilt, late, size) = self._parameters, self._errors(self._memory)
         tilt, size = math.degrees(tilt), 100.0 * size
