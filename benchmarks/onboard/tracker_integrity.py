@@ -7,7 +7,7 @@ Compiled flights of plant, sensors, filter and laws, each from the floor and bac
 hover, three laps of the 8, hover, landing. There are three worlds: `clean` and `rough` with the
 simulator's preset of that name and its default tracker, and `varied`, rough, with a tracker whose
 rate, delay, noise and errors of axes, scale and stamps are drawn for each flight, all within what
-is no lie. The vehicle reacts to nothing here; the tests fly the whole stack with its reactions.
+is no lie. The vehicle reacts to nothing there. With the whole stack it takes off on each lie.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
-from benchmarks.onboard.tracker_lies import LIES, LYING_TRACKER, UNDER_WAY, observe
+from benchmarks.onboard.tracker_lies import LIES, LYING_TRACKER, UNDER_WAY, lie, observe
 from control.geometric_law import step_one
 from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight, figure_eight_at
@@ -248,11 +249,11 @@ def fly(
         whole_references(wanted, carry)
 
 
-def _tracker(world: str, seed: int, lie: int, from_s: float) -> Record:
+def _tracker(world: str, seed: int, number: int, from_s: float) -> Record:
     t, chance = np.zeros(1, LYING_TRACKER), np.random.default_rng((seed, 3))
     t["interval_ns"], t["position_noise"] = 10_000_000, 0.001
     t["attitude_noise"], t["size"] = math.radians(0.2), 1.0
-    t["lie"], t["lies_ns"] = lie, round(1e9 * from_s)
+    t["lie"], t["lies_ns"] = number, round(1e9 * from_s)
     if world == "varied":
         t["interval_ns"] = round(1e9 / chance.choice([30.0, 60.0, 100.0, 120.0, 200.0]))
         t["delay_ns"] = round(1e9 * chance.uniform(0.0, 0.03))
@@ -266,7 +267,7 @@ def _tracker(world: str, seed: int, lie: int, from_s: float) -> Record:
     return t
 
 
-def flight(world: str, seed: int, lie: int = 0, from_s: float = ON_GROUND) -> Record:
+def flight(world: str, seed: int, number: int = 0, from_s: float = ON_GROUND) -> Record:
     """Return a FLIGHT (1,) ready to fly."""
     out, chance = np.zeros(1, FLIGHT), np.random.default_rng((seed, 1))
     preset = "clean" if world == "clean" else "rough"
@@ -281,13 +282,13 @@ def flight(world: str, seed: int, lie: int = 0, from_s: float = ON_GROUND) -> Re
         new_onboard(),
     )
     out["plant"]["x"][0, 6] = 1.0
-    out["tracker"], out["integrity"] = _tracker(world, seed, lie, from_s), new_integrity()
+    out["tracker"], out["integrity"] = _tracker(world, seed, number, from_s), new_integrity()
     out["random"] = seeded([seed])
     out["warmth_time"] = chance.uniform(0.0, 600.0)
     p = SafetyParameters()
     tilt, size = math.radians(p.tracker_tilt_told), 0.01 * p.tracker_scale_told
     out["bound"] = tilt, p.tracker_stamps_told, size
-    out["stops"], out["awaits"] = lie > 0, TOLD.get(lie, -1)
+    out["stops"], out["awaits"] = number > 0, TOLD.get(number, -1)
     return out
 
 
@@ -362,7 +363,55 @@ def run(size: Size = Size.FULL, hours: float | None = None) -> Report:
             for world in WORLDS[:2]:
                 flown = fly_all([flight(world, seed, number, from_s) for seed in range(seeds)])
                 report.rows.append(Row(f"{name}, {when}, {world}", _figures(flown, number, from_s)))
+    crashed = 0
+    for number, name in size.some([one for one in enumerate(LIES) if 0 < one[0] < min(TOLD)]):
+        for world in WORLDS[:2]:
+            landed = [take_off(seed, world, number) for seed in range(size.of(10, 2, 1))]
+            crashed += sum(not one["upright"] for one in landed)
+            figures = {of: max(one[of] for one in landed) for of in landed[0] if of != "upright"}
+            upright = {"upright": sum(one["upright"] for one in landed) / len(landed)}
+            report.rows.append(Row(f"{name}, whole stack, {world}", upright | figures))
+    report.targets.append(Target("vehicles turned over", crashed, 0))
     return report
+
+
+def take_off(seed: int, world: str, number: int) -> dict[str, float]:
+    """Take off with the whole stack on a tracker that lies from the start; return what it led to.
+
+    The vehicle was put down at a random place and heading.
+    """
+    rough = preset_values("clean" if world == WORLDS[0] else "rough")
+    chance = np.random.default_rng((seed, 5))
+    x, y, yaw = chance.uniform(-1.0, 1.0, 3).tolist()
+    flight = WatchedFlight(seed, {f"simulator.{name}": value for name, value in rough.items()})
+    flight.robot.place((x, y, 0.0), (math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)))
+    stack: Any = flight.stack
+    measure = stack.measure
+
+    def wrong(message: Any) -> None:
+        if isinstance(message, np.ndarray) and message.dtype == POSE_SAMPLE:
+            message = message.copy()
+            place, turn = message["position_w"][0], message["quaternion_wb"][0]
+            p, q = lie(number, 0.0, tuple(place.tolist()), tuple(turn.tolist()))
+            place[:], turn[:] = p, q
+        measure(message)
+
+    stack.measure = wrong
+    flight.wait_until(lambda view: view.mode == "ready", what="ready", timeout=20.0)
+    flight.wait(2.0)
+    flight.arm()
+    flight.wait(0.5)
+    flight.start("take_off")
+    flight.wait(3.0)
+    upright = flight.down()
+    _, places, _ = flight.trace()
+    return {
+        "upright": float(upright),
+        "tilt, deg, at most": math.degrees(flight.most_tilted),
+        "highest, m": float(places[:, 2].max()),
+        "away, m": float(np.hypot(places[:, 0] - x, places[:, 1] - y).max()),
+        "impact, m/s": flight.hardest,
+    }
 
 
 def _figures(flown: Record, number: int, from_s: float) -> dict[str, float | str]:
