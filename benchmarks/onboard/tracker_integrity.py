@@ -272,7 +272,7 @@ def flight(world: str, seed: int, number: int = 0, from_s: float = ON_GROUND) ->
     out, chance = np.zeros(1, FLIGHT), np.random.default_rng((seed, 1))
     preset = "clean" if world == "clean" else "rough"
     biases = {f"accelerometer_bias_{axis}": chance.uniform(-0.05, 0.05) for axis in "xyz"}
-    truth = SimulatorParameters(**(preset_values(preset) | biases))
+    truth = SimulatorParameters.model_validate(preset_values(preset) | biases)
     eight = FigureEight((0.0, 0.0, HEIGHT))
     model = SimulatorParameters()
     out["settings"] = new_settings(eight, model, ControlParameters(), EstimationParameters())
@@ -368,9 +368,11 @@ def run(size: Size = Size.FULL, hours: float | None = None) -> Report:
         for world in WORLDS[:2]:
             landed = [take_off(seed, world, number) for seed in range(size.of(10, 2, 1))]
             crashed += sum(not one["upright"] for one in landed)
-            figures = {of: max(one[of] for one in landed) for of in landed[0] if of != "upright"}
-            upright = {"upright": sum(one["upright"] for one in landed) / len(landed)}
-            report.rows.append(Row(f"{name}, whole stack, {world}", upright | figures))
+            of_all: dict[str, float | str] = {
+                of: max(one[of] for one in landed) for of in landed[0] if of != "upright"
+            }
+            of_all["upright"] = sum(one["upright"] for one in landed) / len(landed)
+            report.rows.append(Row(f"{name}, whole stack, {world}", of_all))
     report.targets.append(Target("vehicles turned over", crashed, 0))
     return report
 

@@ -83,7 +83,8 @@ class Moved:
         self.judge = TrackerIntegrity(
             SafetyParameters(**parameters), lambda line, _: self.lines.append(line)
         )
-        self.motion, self.lie, self.late_ns, self.outliers = motion, truth, 0, 0.0
+        self.lie: Lie = truth
+        self.motion, self.late_ns, self.outliers = motion, 0, 0.0
         self.time = 0.0
         self._chance = np.random.default_rng(1)
         self._quaternion = np.array([1.0, 0.0, 0.0, 0.0])
