@@ -42,6 +42,7 @@ FOLDERS = {
         "trajectories",
         "landings",
         "fault_library",
+        "tracker_integrity",
     ),
     "estimation": ("pose", "filters", "comparison", "tags"),
     "firmware": ("firmware",),
@@ -91,6 +92,7 @@ IN_CHROMIUM = (
 """Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs", "firmware"),
+    "hours": ("tracker_integrity",),
     "seed": ("fuzz_logs", "firmware", "hostile_flights", "hostile_plugins"),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
@@ -115,6 +117,7 @@ def main() -> int:
         sizes.add_argument(f"--{size}", dest="size", action="store_const", const=size, help=text)
     parser.set_defaults(size=Size.FULL)
     parser.add_argument("--count", type=int, help="of fuzz_logs: logs; of firmware: frames")
+    parser.add_argument("--hours", type=float, help="of tracker_integrity: flown without a lie")
     parser.add_argument(
         "--seed", type=int, help="number of the first mutated log or flight, or stream"
     )

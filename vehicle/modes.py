@@ -95,3 +95,5 @@ class Flag(IntFlag):
     BEACON_OFF = 8192  # bearings of one beacon do not fit the others
     RESCUED = 16384  # flown on the shadow: the chosen estimator is inconsistent
     HEADING_UNKNOWN = 32768  # on a marker alone, with too little motion to observe the heading
+    TRACKER_CONTRADICTED = 65536  # its poses contradict the inertial sensors and count as missing
+    TRACKER_TILTED = 131072  # its vertical is off that of the accelerometer

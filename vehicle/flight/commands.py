@@ -12,6 +12,7 @@ from vehicle import mailbox
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
+from vehicle.estimators.tracker_integrity import TrackerIntegrity
 from vehicle.flight.configuration import Configuration
 from vehicle.flight.gyroscope import GyroscopeStart
 from vehicle.flight.mode_machine import ModeMachine
@@ -42,6 +43,7 @@ class CommandHandler:
     behaviors: BehaviorMachine
     own_behaviors: OwnBehaviors
     navigation: Navigation
+    integrity: TrackerIntegrity
     guard: BearingsGuard
     supervisor: Supervisor
     ground: GroundContact
@@ -122,6 +124,7 @@ class CommandHandler:
         if self.modes.mode in MOTORS_ON:
             raise RefusedError("no move expected: the motors are on; press Disarm first")
         self.navigation.agreement.expect_move(self.tick.stamp_ns)
+        self.integrity.begin()
 
     def _require_rest(self, refused: str) -> None:
         """Raise RefusedError unless the vehicle is on the ground with its motors off."""
@@ -156,6 +159,7 @@ class CommandHandler:
             raise RefusedError("not armed: the motors were cut; disarm first to acknowledge it")
         if modes.obstacle:
             raise RefusedError(f"not armed: {modes.obstacle}")
+        self.integrity.check_arming()
         if not self.navigation.has_pose:
             raise RefusedError("not armed: no fresh pose measurement; check tracker and station")
         self.guard.check_take_off()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from control.behaviors.ground import rest_reference
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.vehicle_model import GRAVITY
+from vehicle import mailbox
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import LANDING
@@ -22,6 +23,8 @@ STOPPED, STOPPED_LONGER = 0.3, 0.05
 must show beyond that of the other witnesses, as a touch-down slows the vehicle first."""
 LEAST_DESCENT = 0.1
 """Commanded descent, in m/s, from which on this shows."""
+LOW = 0.1
+"""Height over the place of arming, in m, below which a take-off is aborted by motors off."""
 AGAIN = 0.5
 """Time, in s, from the start and from a test that found the air, in which this shows nothing."""
 
@@ -99,6 +102,16 @@ class Landing:
             or self.ground.carried >= dwell
             or self.stopped >= dwell + STOPPED_LONGER
         )
+
+    def abort_take_off(self, why: str) -> None:
+        """Switch the motors off unless the vehicle has left the ground, whose height a tracker may
+        show with the wrong sign.
+        """
+        ground = self.ground
+        height = abs(float(self.tick.state["position_w"][0, 2]) - ground.ground_z)
+        on_ground = not ground.airborne or height < LOW
+        if on_ground and self.behaviors.name not in LANDING:
+            self.modes.move(Mode.READY, f"motors off: {why}", mailbox.ERROR)
 
     def idle(self) -> None:
         """Idle while armed on the ground: motors turn slowly, the reference follows the state."""

@@ -29,6 +29,7 @@ from vehicle.estimators.estimators import Estimators
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.repeated_poses import RepeatedPoses
 from vehicle.estimators.rescue import Rescue
+from vehicle.estimators.tracker_integrity import TrackerIntegrity
 from vehicle.flight.automatic_changes import AutomaticChanges
 from vehicle.flight.commands import CommandHandler
 from vehicle.flight.configuration import Configuration
@@ -107,6 +108,7 @@ class FlightStack:
             p.estimation, outbox.say, estimator, beacons, p.fallback, estimators
         )
         self._repeats = RepeatedPoses(outbox.say)
+        self.integrity = TrackerIntegrity(p.safety, outbox.say)
         self.guard = BearingsGuard(p, tick.state, self.navigation, self.behaviors, self.ground)
         self.rescue = Rescue(p.estimation, self.navigation, tick.state)
         self.modes = ModeMachine(
@@ -179,6 +181,7 @@ class FlightStack:
             behaviors=self.behaviors,
             own_behaviors=self.own_behaviors,
             navigation=self.navigation,
+            integrity=self.integrity,
             guard=self.guard,
             supervisor=self.supervisor,
             ground=self.ground,
@@ -208,6 +211,7 @@ class FlightStack:
             supervisor=self.supervisor,
             guard=self.guard,
             rescue=self.rescue,
+            integrity=self.integrity,
             ground=self.ground,
         )
         self.loop_statistics = self._status_writer.loop
@@ -223,6 +227,7 @@ class FlightStack:
         dt = min(since, LONGEST_STEP)
         modes, tick = self.modes, self._tick
         self.imu_calibrator.calibrate(sample, tick.imu)
+        self.integrity.note(tick.imu)
         if modes.mode is STARTING:
             self.gyroscope.step(sample)
 
@@ -242,6 +247,8 @@ class FlightStack:
         if verdict is not None and modes.mode in FLYING:
             modes.react(verdict)
         self._changes.check_bearings()
+        if self.integrity.contradiction and modes.mode is Mode.ARMED:
+            self._landing.abort_take_off(self.integrity.contradiction)
         if modes.mode in FLYING:
             modes.follow_motor_state(sample)
         self._changes.check_law()
@@ -296,8 +303,7 @@ class FlightStack:
     def measure(self, measurement: mailbox.Measurement | Record) -> None:
         """Process one message, POSE_SAMPLE or BEARINGS_SAMPLE (1,), which acts at the next tick."""
         if isinstance(measurement, np.ndarray):
-            is_pose, airborne = measurement.dtype == POSE_SAMPLE, self.ground.airborne
-            if not is_pose or self._repeats.takes(measurement, self.state, airborne):
+            if measurement.dtype != POSE_SAMPLE or self._takes(measurement):
                 self.navigation.measure(measurement)
         elif isinstance(measurement, mailbox.Joy):
             self._joy = (measurement.stamp_ns, measurement.axes, measurement.enabled)
@@ -336,6 +342,16 @@ class FlightStack:
         return self.navigation.active
 
     # ------------------------------------------------------------------ parts of the tick
+    def _takes(self, pose: Record) -> bool:
+        """Return whether a POSE_SAMPLE (1,) is a measurement and no lie of the tracker."""
+        if not self._repeats.takes(pose, self.state, self.ground.airborne):
+            return False
+        if self.modes.mode is STARTING:  # without the gyroscope's bias
+            self.integrity.begin()
+            return True
+        vehicle = self.parameters.estimation.tracker.measured(pose)
+        return self.integrity.takes(vehicle, self.state)
+
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """Estimate the altitude by the barometer in every mode, as it may be needed at any time."""
         altitude, descent = self.near_hovering.altitude, self.near_hovering.descent

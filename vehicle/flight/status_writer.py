@@ -11,6 +11,7 @@ from vehicle.boards.board_link import LinkStatistics
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
+from vehicle.estimators.tracker_integrity import TrackerIntegrity
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
@@ -41,6 +42,7 @@ class StatusWriter:
     supervisor: Supervisor
     guard: BearingsGuard
     rescue: Rescue
+    integrity: TrackerIntegrity
     ground: GroundContact
 
     def __post_init__(self) -> None:
@@ -90,6 +92,7 @@ class StatusWriter:
         navigation, airborne = self.navigation, self.ground.airborne
         flags = self.supervisor.flags | self.guard.flags | self.rescue.flags
         flags |= navigation.agreement.flags | navigation.suspect.flags | navigation.heading.flags
+        flags |= self.integrity.flags
         if mode is STARTING:
             flags |= _GYRO_UNCALIBRATED
         if pose_age > self.estimation.measurement_timeout:

@@ -37,6 +37,17 @@ class SafetyParameters(Parameters):
     tilt_cut_reaction: str = _reaction("cut", "reaction to a tilt above tilt_cut")
     arm_tilt_max: float = parameter(15.0, unit="deg", ge=2.0, le=45.0, step=1.0)
     """largest tilt at which the vehicle may be armed"""
+    tracker_check: bool = parameter(True)
+    """poses that contradict gyroscope or accelerometer (reversed or permuted axes) count as
+    missing"""
+    tracker_tilt_told: float = parameter(1.2, unit="deg", ge=0.5, le=45.0, step=0.1)
+    """angle between the verticals of tracker and accelerometer that is reported"""
+    tracker_tilt_max: float = parameter(5.0, unit="deg", ge=1.0, le=45.0, step=0.5)
+    """largest such angle at which the vehicle may be armed"""
+    tracker_stamps_told: float = parameter(0.02, unit="s", ge=0.005, le=1.0, step=0.005)
+    """error of the poses' stamps, by the gyroscope, that is reported"""
+    tracker_scale_told: float = parameter(4.0, unit="%", ge=1.0, le=100.0, step=0.5)
+    """error of the positions' scale, by the accelerometer, that is reported"""
     disarm_after_landing: float = parameter(1.0, unit="s", ge=0.0, le=30.0, step=0.5)
     """time from touch-down to motors off"""
     landing_support: float = parameter(0.1, ge=0.05, le=1.0, step=0.01)

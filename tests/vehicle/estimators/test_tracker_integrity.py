@@ -1,0 +1,336 @@
+"""A tracker whose poses contradict the inertial sensors is noticed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.flights.watched_flight import WatchedFlight
+from quadrotor.constants import GRAVITY
+from quadrotor.errors import RefusedError
+from quadrotor.plain_rotations import matrix_of, turned
+from quadrotor.records import IMU_SAMPLE, NO_ATTITUDE, POSE_SAMPLE, Array, new_state, pose_sample
+from vehicle.estimators.tracker_integrity import TrackerIntegrity
+from vehicle.modes import Flag
+from vehicle.safety.parameters import SafetyParameters
+
+Lie = Callable[[Array, Array], tuple[Array, Array]]
+"""Function from the true position and attitude to those that the tracker sends."""
+PERIOD_NS, POSE_EVERY = 2_000_000, 5
+START_NS = 1_000_000_000
+
+
+def truth(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    return position_w, quaternion_wb
+
+
+def left_handed(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    """Return the pose in a frame whose y axis points to the right."""
+    return position_w * (1, -1, 1), quaternion_wb * (1, -1, 1, -1)
+
+
+def upside_down(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    """Return the pose in a frame whose z axis points down."""
+    return position_w * (1, 1, -1), quaternion_wb * (1, -1, -1, 1)
+
+
+def inverse(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    """Return the pose with the rotation from world to body."""
+    return position_w, quaternion_wb * (1, -1, -1, -1)
+
+
+def quarter_turn(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    """Return the pose of a body whose x axis points to the left."""
+    return position_w, turned(quaternion_wb, (0.0, 0.0, 0.5 * math.pi))
+
+
+def mirrored(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    """Return the pose with a wrong sign of y alone."""
+    return position_w * (1, -1, 1), quaternion_wb
+
+
+def exchanged(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    """Return the pose with x and y of the position exchanged."""
+    return position_w[[1, 0, 2]], quaternion_wb
+
+
+def turned_body(degrees: float) -> Lie:
+    """Return a lie about the heading of the body's axes."""
+    turn = 0.0, 0.0, math.radians(degrees)
+    return lambda position_w, quaternion_wb: (position_w, turned(quaternion_wb, turn))
+
+
+def tilted(degrees: float) -> Lie:
+    """Return a lie about the vertical."""
+    turn = math.radians(degrees), 0.0, 0.0
+    return lambda position_w, quaternion_wb: (position_w, turned(quaternion_wb, turn))
+
+
+def enlarged(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    """Return the pose with positions that are 6 % too large."""
+    return 1.06 * position_w, quaternion_wb
+
+
+class Moved:
+    """A vehicle that moves and turns on sines, its IMU and its tracker, both with seeded noise."""
+
+    def __init__(self, motion: float = 1.0, **parameters: Any) -> None:
+        self.lines: list[str] = []
+        self.judge = TrackerIntegrity(
+            SafetyParameters(**parameters), lambda line, _: self.lines.append(line)
+        )
+        self.lie: Lie = truth
+        self.motion, self.late_ns, self.outliers = motion, 0, 0.0
+        self.time = 0.0
+        self._chance = np.random.default_rng(1)
+        self._quaternion = np.array([1.0, 0.0, 0.0, 0.0])
+        self._past: list[tuple[Array, Array]] = []
+        self._state = new_state()
+
+    def run(self, seconds: float, lie: Lie | None = None) -> list[bool]:
+        """Advance; return which of the poses were taken."""
+        self.lie = lie or self.lie
+        taken = []
+        for _ in range(round(seconds * 1e9 / PERIOD_NS)):
+            self._sense()
+            if round(self.time * 1e9 / PERIOD_NS) % POSE_EVERY == 0:
+                taken.append(self._track())
+        return taken
+
+    @property
+    def told(self) -> str:
+        return " | ".join(self.lines)
+
+    def _sense(self) -> None:
+        dt = 1e-9 * PERIOD_NS
+        self.time += dt
+        a, middle = self.motion, self.time - 0.5 * dt
+        rate = a * np.array([0.5, 0.6, 0.4]) * np.cos(np.array([3.0, 2.5, 1.0]) * middle)
+        self._quaternion = turned(self._quaternion, (dt * rate).tolist())
+        w = np.array([2.0, 3.0, 2.5])
+        swing = a * np.array([0.3, 0.15, 0.1])
+        self._position = swing * np.sin(w * self.time) + (0.0, 0.0, 1.0)
+        self._state["velocity_w"][0] = swing * w * np.cos(w * self.time)
+        felt = matrix_of(self._quaternion).T @ (
+            -swing * w * w * np.sin(w * middle) + (0.0, 0.0, GRAVITY)
+        )
+        imu, noise = np.zeros(1, IMU_SAMPLE), self._chance.standard_normal(6)
+        imu["stamp_ns"] = START_NS + round(self.time * 1e9)
+        imu["specific_force_b"][0] = felt + 0.05 * noise[:3] + (0.03, -0.02, 0.04)
+        imu["angular_velocity_b"][0] = rate + math.radians(0.3) * noise[3:]
+        self.judge.note(imu)
+
+    def _track(self) -> bool:
+        self._past.append((self._position, self._quaternion))
+        place, turn = self._past[-1 - min(self.late_ns // 10_000_000, len(self._past) - 1)]
+        place, turn = self.lie(place, turn)
+        noise = self._chance.standard_normal(6)
+        if self._chance.random() < self.outliers:
+            place = place + 0.3 * noise[:3]
+        place = place + 0.001 * noise[:3]
+        turn = turned(turn, (math.radians(0.2) * noise[3:]).tolist())
+        stamp_ns = START_NS + round(self.time * 1e9)
+        return self.judge.takes(pose_sample(stamp_ns, place, turn), self._state)
+
+
+def test_true_poses_are_taken() -> None:
+    moved = Moved()
+    assert all(moved.run(20.0))
+    assert moved.lines == []
+    assert moved.judge.flags == 0
+
+
+TURNS, MOVES = "attitude contradicts the gyroscope", "position contradicts the accelerometer"
+
+
+@pytest.mark.parametrize(
+    ("lie", "witness"),
+    [
+        (left_handed, TURNS),
+        (inverse, TURNS),
+        (quarter_turn, TURNS),
+        (upside_down, TURNS),
+        (mirrored, MOVES),
+        (exchanged, MOVES),
+    ],
+)
+def test_reversed_and_permuted_axes_are_found(lie: Lie, witness: str) -> None:
+    moved = Moved()
+    taken = moved.run(4.0, lie)
+    assert witness in moved.told
+    assert "check that its frame is right-handed" in moved.told
+    assert not any(taken[300:])  # within 3 s, in whose first half the filters settle
+    assert moved.judge.flags & Flag.TRACKER_CONTRADICTED
+
+
+def test_at_rest_nothing_can_show() -> None:
+    moved = Moved(motion=0.0)
+    assert all(moved.run(10.0, left_handed))
+    assert moved.lines == []
+
+
+def test_poses_that_are_true_again_are_used_again() -> None:
+    moved = Moved()
+    moved.run(4.0)
+    moved.run(3.0, left_handed)
+    taken = moved.run(3.0, truth)
+    assert "the tracker agrees with the inertial sensors again" in moved.lines
+    assert all(taken[100:])
+
+
+def test_poses_that_are_true_at_last_are_used() -> None:
+    moved = Moved()
+    moved.run(10.0, left_handed)
+    assert all(moved.run(15.0, truth)[1200:])
+    assert "the tracker agrees with the inertial sensors again" in moved.lines
+    assert moved.judge.flags == 0
+
+
+def test_a_lie_is_not_forgotten_at_rest_but_after_a_pause_of_the_tracker() -> None:
+    moved = Moved()
+    moved.run(4.0, left_handed)
+    moved.motion = 0.0
+    assert not any(moved.run(10.0))
+    for _ in range(1100):
+        moved._sense()
+    assert moved._track()
+
+
+@pytest.mark.parametrize("lie", [turned_body(20.0), tilted(1.0)])
+def test_small_errors_are_no_lie(lie: Lie) -> None:
+    moved = Moved()
+    assert all(moved.run(15.0, lie))
+    assert "contradicts" not in moved.told
+
+
+def test_outliers_are_no_evidence() -> None:
+    moved = Moved()
+    moved.outliers = 0.3
+    assert all(moved.run(15.0))
+    assert moved.lines == []
+
+
+def test_the_check_can_be_switched_off() -> None:
+    moved = Moved(tracker_check=False)
+    assert all(moved.run(4.0, left_handed))
+    assert "contradicts" not in moved.told
+
+
+def test_a_marker_has_no_attitude_to_compare_by() -> None:
+    moved = Moved()
+    for k in range(500):
+        moved._sense()
+        sample = pose_sample(START_NS + k * PERIOD_NS, moved._position * (1, -1, 1), NO_ATTITUDE)
+        assert moved.judge.takes(sample, new_state())
+
+
+@pytest.mark.parametrize("motion", [0.0, 1.0])
+def test_a_vertical_that_is_off_by_2_degrees_is_told_within_5_s(motion: float) -> None:
+    moved = Moved(motion)
+    moved.run(5.0)
+    assert all(moved.run(5.0, tilted(2.0))[20:])  # the first ones jump
+    assert "vertical of the tracker is" in moved.told
+    assert moved.judge.flags == Flag.TRACKER_TILTED
+    moved.run(8.0, truth)
+    assert moved.judge.flags == 0
+
+
+def test_a_vertical_that_drifts_by_0_2_degrees_per_second_is_told() -> None:
+    moved = Moved(0.2)
+    moved.run(5.0)
+    for k in range(100):
+        moved.run(0.1, tilted(0.02 * k))
+    assert "vertical of the tracker is" in moved.told
+    assert "contradicts" not in moved.told
+
+
+def test_stamps_that_are_40_ms_late_are_told() -> None:
+    moved = Moved()
+    moved.run(5.0)
+    moved.late_ns = 40_000_000
+    assert all(moved.run(20.0)[20:])
+    assert "stamps are" in moved.told
+    assert "ms too late by the gyroscope" in moved.told
+
+
+def test_positions_that_are_6_percent_too_large_are_told() -> None:
+    moved = Moved()
+    assert all(moved.run(15.0, enlarged))
+    assert "positions are" in moved.told
+    assert "% too large by the accelerometer" in moved.told
+
+
+# ---------------------------------------------------------------------- whole flights
+
+
+def lying(flight: WatchedFlight, lie: Lie) -> WatchedFlight:
+    """Let the tracker of a flight lie from now on."""
+    stack: Any = flight.stack
+    measure = type(flight.stack).measure.__get__(stack)
+
+    def wrong(message: Any) -> None:
+        if isinstance(message, np.ndarray) and message.dtype == POSE_SAMPLE:
+            message = message.copy()
+            place, turn = lie(message["position_w"][0], message["quaternion_wb"][0])
+            message["position_w"][0], message["quaternion_wb"][0] = place, turn
+        measure(message)
+
+    stack.measure = wrong
+    return flight
+
+
+def ready(lie: Lie) -> WatchedFlight:
+    flight = lying(WatchedFlight(1), lie)
+    flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
+    flight.wait(2.0)
+    return flight
+
+
+def test_a_tracker_whose_z_axis_points_down_stops_the_motors_on_the_ground() -> None:
+    flight = ready(upside_down)
+    flight.arm()
+    flight.wait(0.5)
+    flight.start("take_off")
+    flight.wait(2.0)
+    assert flight.view().mode == "ready"
+    assert any(MOVES in text for text in flight.events.texts)
+    assert flight.trace()[1][:, 2].max() < 0.1
+    with pytest.raises(RefusedError, match=MOVES):
+        flight.arm()
+
+
+@pytest.mark.parametrize("lie", [left_handed, inverse, quarter_turn])
+def test_no_lie_from_the_start_turns_the_vehicle_over(lie: Lie) -> None:
+    flight = ready(lie)
+    flight.arm()
+    flight.wait(0.5)
+    flight.start("take_off")
+    flight.wait(2.0)
+    assert flight.down()
+    assert flight.most_tilted < math.radians(10.0)
+    assert flight.hardest < 0.8
+    assert any(TURNS in text for text in flight.events.texts)
+
+
+def test_a_flight_goes_on_when_the_tracker_is_right_again_in_time() -> None:
+    flight = WatchedFlight(3).hover(1.0)
+    flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
+    flight.wait(5.0)
+    y = flight.robot.truth["position_w"][0, 1:2]
+    flight.wait_until(lambda v: bool(abs(y[0]) < 0.02), what="the mirror's plane", timeout=4)
+    lying(flight, mirrored)
+    flight.wait_until(lambda v: bool(flight.stack.integrity.contradiction), what="alarm", timeout=3)
+    lying(flight, truth)
+    flight.wait(4.0)
+    assert flight.view().behavior == "follow_trajectory"
+    assert "the tracker agrees with the inertial sensors again" in flight.events.texts
+
+
+def test_a_vehicle_is_not_armed_on_a_tilted_tracker() -> None:
+    flight = ready(tilted(8.0))
+    with pytest.raises(RefusedError, match=r"vertical of the tracker is [78]\.\d deg off"):
+        flight.arm()

@@ -1,0 +1,166 @@
+"""Detection of a tracker whose poses contradict the inertial sensors.
+
+A left-handed tracker, or one with reversed or permuted axes, looks right at rest, and its poses
+turn the vehicle over. They are dropped and count as missing, so that the supervisor reacts as to a
+tracker that is silent. What the vehicle can fly with is only reported: a vertical, a scale or
+stamps that are off. `estimation.tracker_integrity` says what is compared, and how.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from estimation.tracker_integrity import DOUBTED, compare_pose, errors, new_integrity, note_sample
+from quadrotor.compiled import direct
+from quadrotor.errors import RefusedError
+from quadrotor.records import IMU_SAMPLE, Record, has_attitude, new_state, pose_sample
+from vehicle import mailbox
+from vehicle.modes import Flag
+from vehicle.safety.parameters import SafetyParameters
+
+ALARM = 15.0
+"""Evidence with which the poses count as missing; without any they are used again."""
+FORGOTTEN_NS = 2_000_000_000
+"""Time, in ns, without poses after which they count as those of another tracker."""
+FITTED_NS = 200_000_000
+"""Time, in ns, between two checks of what is only reported."""
+AGREEING = 0.8
+"""Share of its bound below which an error has gone."""
+
+_AXES = "check that its frame is right-handed, and the axes of world and body"
+_TURNS, _MOVES = (
+    "the tracker's attitude contradicts the gyroscope",
+    "the tracker's position contradicts the accelerometer",
+)
+_WITNESS = (_TURNS, _TURNS, _MOVES, _MOVES)
+"""What contradicts what, by the test."""
+_VERTICAL = (
+    "the tracker's frame or the body's axes are tilted, or the accelerometer is not calibrated"
+)
+_CONTRADICTED, _TILTED = int(Flag.TRACKER_CONTRADICTED), int(Flag.TRACKER_TILTED)
+
+
+class TrackerIntegrity:
+    """Judge of the poses of one vehicle.
+
+    Args:
+        parameters: read at each pose.
+        say: takes a line for the log and its level.
+
+    Attributes:
+        contradiction: why poses count as missing, "" while they do not.
+        flags: bits of vehicle.modes.Flag.
+    """
+
+    def __init__(self, parameters: SafetyParameters, say: Callable[[str, int], None]) -> None:
+        self._parameters, self._say = parameters, say
+        self._memory = new_integrity()
+        pose = pose_sample(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+        self._note = direct(note_sample, self._memory, np.zeros(1, IMU_SAMPLE))
+        self._compare = direct(compare_pose, self._memory, pose, new_state())
+        self._errors = direct(errors, self._memory)
+        self._newest_ns = 0
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what is known: the vehicle is moved, the gyroscope has no bias yet, or another
+        tracker sends.
+        """
+        self.contradiction, self.flags = "", 0
+        self._reported: set[str] = set()
+        self._fitted_ns = 0
+        if self._memory["stamp_ns"].item() == 0:
+            return  # nothing is known
+        ring, count = self._memory["ring"].copy(), self._memory["ring_next"].copy()
+        self._memory[...] = new_integrity()
+        self._memory["ring"], self._memory["ring_next"] = ring, count
+
+    def note(self, imu: Record) -> None:
+        """Store the IMU_SAMPLE (1,) of a tick."""
+        self._note(self._memory, imu)
+
+    def takes(self, pose: Record, state: Record) -> bool:
+        """Return whether a POSE_SAMPLE (1,) of the vehicle is a measurement.
+
+        Args:
+            state: STATE (1,), as estimated.
+        """
+        if not has_attitude(pose["quaternion_wb"][0]):
+            return True  # of a single marker, without an attitude to compare by
+        stamp_ns = pose["stamp_ns"].item()
+        if stamp_ns - self._newest_ns > FORGOTTEN_NS:
+            self.begin()
+        self._newest_ns = stamp_ns
+        evidence = self._compare(self._memory, pose, state)
+        if evidence >= ALARM or self.contradiction:
+            self._weigh(evidence)
+        if evidence >= 0.0 and abs(stamp_ns - self._fitted_ns) > FITTED_NS:
+            self._fitted_ns = stamp_ns
+            self._report(evidence)
+        return not self.contradiction
+
+    def check_arming(self) -> None:
+        """Raise RefusedError when the vehicle may not be armed on this tracker."""
+        if self.contradiction:
+            raise RefusedError(
+                f"not armed: {self.contradiction}; {_AXES}, then tilt the vehicle by hand, or "
+                "start the tracker again"
+            )
+        off, most = math.degrees(self._errors(self._memory)[0]), self._parameters.tracker_tilt_max
+        if off > most:
+            raise RefusedError(
+                f"not armed: the vertical of the tracker is {off:.1f} deg off that of the "
+                f"accelerometer, allowed {most:.1f} deg: {_VERTICAL}"
+            )
+
+    def _weigh(self, evidence: float) -> None:
+        """Change by the largest evidence whether poses count as missing."""
+        if not self._parameters.tracker_check:
+            self.contradiction = ""
+        elif evidence >= ALARM and not self.contradiction:
+            self.contradiction = _WITNESS[int(self._memory["evidence"][0].argmax())]
+            self._say(f"{self.contradiction}: its poses count as missing; {_AXES}", mailbox.ERROR)
+        elif evidence == 0.0 and self.contradiction:
+            self.contradiction = ""
+            self._say("the tracker agrees with the inertial sensors again", mailbox.INFO)
+        self._flag()
+
+    def _flag(self) -> None:
+        tilted = _TILTED if "vertical" in self._reported else 0
+        self.flags = tilted | (_CONTRADICTED if self.contradiction else 0)
+
+    def _report(self, evidence: float) -> None:
+        """Report errors that the vehicle can fly with."""
+        if evidence > DOUBTED or self.contradiction:
+            return  # they may be those of a lie
+        p, (tilt, late, size) = self._parameters, self._errors(self._memory)
+        tilt, size = math.degrees(tilt), 100.0 * size
+        line = f"the vertical of the tracker is {tilt:.1f} deg off that of the accelerometer"
+        self._tell("vertical", tilt / p.tracker_tilt_told, f"{line}: {_VERTICAL}")
+        self._flag()
+        self._tell(
+            "stamps",
+            abs(late) / p.tracker_stamps_told,
+            f"the tracker's stamps are {1e3 * abs(late):.0f} ms too "
+            f"{'late' if late > 0 else 'early'} by the gyroscope: run the experiment tracker_delay",
+        )
+        self._tell(
+            "scale",
+            abs(size) / p.tracker_scale_told,
+            f"the tracker's positions are {abs(size):.0f} % too {'large' if size > 0 else 'small'} "
+            "by the accelerometer: calibrate the tracker, or the accelerometer",
+        )
+
+    def _tell(self, what: str, share: float, line: str) -> None:
+        """Report an error, given as a share of its bound, once when it appears and once when it has
+        gone.
+        """
+        if share > 1.0 and what not in self._reported:
+            self._reported.add(what)
+            self._say(line, mailbox.WARN)
+        elif share < AGREEING and what in self._reported:
+            self._reported.discard(what)
+            self._say(f"the tracker's {what}: no error any more", mailbox.INFO)
