@@ -79,7 +79,7 @@ def fit_order(
     fits = [_fit(raw, order, way, grids, imu, gyro, lag, offset) for order, way in every]
     chosen = max(fits[: len(orders) * len(ways)], key=lambda one: one.score)
     best = max(fits, key=lambda one: one.score)
-    if float(np.sqrt((chosen.rate**2).sum(axis=1).mean())) < STILL:
+    if float(np.sqrt(chosen.rate.var(axis=0).sum())) < STILL:
         return chosen, False
     if chosen.score > max(FITS, NEARLY * best.score):
         return chosen, True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import resource
 import sqlite3
 from collections.abc import Callable
@@ -145,7 +146,65 @@ def test_a_truth_mounted_slightly_askew_is_corrected_and_told(tmp_path: Path) ->
     assert found.truth is not None
     same = np.abs((found.truth.states["quaternion_wb"] * FLIGHT.quaternion).sum(axis=1))
     assert np.degrees(2.0 * np.arccos(np.minimum(same, 1.0))).max() < 0.1  # it was 0.7
-    assert any("body is turned by 0.7 deg" in note for note in found.notes)
+    assert any(
+        re.search(r"body is turned by 0\.\d+ ± 0\.\d+ deg .*: corrected", note)
+        for note in found.notes
+    )
+
+
+def largest_turn(found: ImportedFlight) -> float:
+    """Return the largest angle, in degrees, of the imported truth's attitude to the flight's."""
+    assert found.truth is not None
+    at = found.truth.stamps_ns - found.imu.stamps_ns[0]
+    true = FLIGHT.quaternion[np.round(at / 1e7).astype(int)]
+    same = np.abs((found.truth.states["quaternion_wb"] * true).sum(axis=1))
+    return float(np.degrees(2.0 * np.arccos(np.minimum(same, 1.0))).max())
+
+
+@pytest.mark.parametrize("askew", [0.0, 1.0])
+@pytest.mark.parametrize("seconds", [30.0, 14.0])
+def test_a_gyroscopes_bias_is_no_turn_of_the_truths_body(
+    tmp_path: Path, askew: float, seconds: float
+) -> None:
+    from scipy.spatial.transform import Rotation
+
+    columns = columns_of(FLIGHT)
+    other = turned(FLIGHT, Rotation.from_rotvec([0.0, 0.0, np.radians(askew)]).as_matrix())
+    columns |= {name: column for name, column in columns_of(other).items() if name[0] == "q"}
+    columns |= {"gx": columns["gx"] - 0.002, "gy": columns["gy"] + 0.02, "gz": columns["gz"] + 0.08}
+    rows = round(seconds / 0.01)
+    found = imported(tmp_path, {name: column[:rows] for name, column in columns.items()})
+    assert largest_turn(found) < 0.1
+    assert any("corrected" in note for note in found.notes) == (askew > 0.0)
+
+
+def test_a_turn_and_an_offset_below_their_standard_errors_are_told_and_not_corrected(
+    tmp_path: Path,
+) -> None:
+    from scipy.spatial.transform import Rotation
+
+    random = np.random.default_rng(5)
+    noise = Rotation.from_rotvec(np.radians(2.0) * random.normal(size=(len(FLIGHT.seconds), 3)))
+    noisy = (FLIGHT.rotation * noise).as_quat()[:, [3, 0, 1, 2]]
+    columns = columns_of(FLIGHT)
+    columns |= {f"q{item}": noisy[:, k] for k, item in enumerate("wxyz")}
+    columns |= {name: column[:1200] for name, column in columns.items()}
+    found = imported(tmp_path, columns)
+    assert not any("corrected" in note for note in found.notes)
+    assert any("±" in note for note in found.notes)
+    assert found.truth is not None
+    assert np.array_equal(found.truth.stamps_ns, found.imu.stamps_ns)
+
+
+def test_a_clock_that_runs_faster_is_told_with_the_scale_that_corrects_it(tmp_path: Path) -> None:
+    columns = columns_of(FLIGHT)
+    start = columns["t"][0]
+    fast = start + 1.002 * (columns["t"] - start)
+    write_csv(tmp_path / "truth.csv", {**columns, "t": fast})
+    found = imported(tmp_path, columns, truth='file = "truth.csv"')
+    (told,) = (note for note in found.notes if "time_scale" in note)
+    (scale,) = re.findall(r"time_scale = (\S+)", told)
+    assert float(scale) == pytest.approx(1.0 / 1.002, abs=5e-5)
 
 
 def test_two_clocks_are_refused_with_the_offset_that_fits(tmp_path: Path) -> None:
@@ -330,6 +389,8 @@ def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
 
     here = Rotation.from_euler("z", 0.7)
     own = here.apply(FLIGHT.position) + np.array([1.0, -2.0, 0.1])
+    lost = slice(2500, 2560)
+    own[lost, 0] += 2.0 * np.sin(np.linspace(0.0, 3.0 * np.pi, 60))
     us = np.round((FLIGHT.seconds - FLIGHT.seconds[0] + 40.0) * 1e6).astype(np.int64)
     log = write_crazyflie(
         tmp_path / "log00",
@@ -340,7 +401,7 @@ def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
         **{f"stateEstimate_{k}": own[:, i] for i, k in enumerate("xyz")},
     )
     fast = make_flight(step=0.004)
-    stamps = 1e3 * (fast.seconds - FLIGHT.seconds[0]) + 7000.0
+    stamps = 1011.0 * (fast.seconds - FLIGHT.seconds[0]) + 7000.0  # a clock that runs faster
     np.save(tmp_path / "mocap00.npy", np.column_stack([stamps, fast.position]))
     found = read_flight(log, truth=tmp_path / "mocap00.npy")
     assert found.truth is not None
@@ -349,8 +410,11 @@ def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
     late = found.truth.stamps_ns[0] - found.imu.stamps_ns[0]
     assert abs(late) < 1_000_000
     assert np.allclose(found.imu.angular_velocity_b, FLIGHT.rate, atol=1e-5)
-    off = found.estimate.states["position_w"] - FLIGHT.position
-    assert np.abs(off).max() < 2e-3
+    off = np.abs(found.estimate.states["position_w"] - FLIGHT.position).max(axis=1)
+    off[lost] = 0.0
+    assert off.max() < 2e-3
+    at = (found.truth.stamps_ns - found.imu.stamps_ns[0]) * 1e-9
+    assert np.abs(at - (fast.seconds - FLIGHT.seconds[0])).max() < 1e-3
     read = read_recording(NewRun(found, log).write(tmp_path, "run"))
     assert len(read.poses) > 1000
     assert not any(one.measurement["quaternion_wb"].any() for one in read.poses)
