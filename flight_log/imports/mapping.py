@@ -13,8 +13,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from estimation.parameters import EstimationParameters
 from flight_log.imports.frames import axes
-from quadrotor.errors import LogFormatError, UsageError
+from quadrotor.errors import LogFormatError, ParameterError, UsageError
+from quadrotor.parameters import Parameters, ParameterStore
 
 HERE = Path(__file__).parent / "mappings"
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -83,6 +85,7 @@ class Mapping(Strict):
     truth: TrackRows | None = None
     estimate: TrackRows | None = None
     battery: BatteryRows | None = None
+    parameters: dict[str, float] = {}  # with which estimators are replayed on it
 
     def tables(self) -> set[str]:
         """Return the names of all tables that it uses."""
@@ -119,7 +122,17 @@ def load_mapping(chosen: str) -> Mapping:
                 axes(letters, f"mapping {path.name}, [{section}] {word}")
         if rows is not None and rows.time is None and rows.rate is None:
             raise UsageError(f"mapping {path.name}: [{section}] needs time or rate")
+    try:
+        ParameterStore(Replayed()).preset(found.parameters)
+    except ParameterError as error:
+        raise UsageError(f"mapping {path.name}: [parameters] {error}") from None
     return found
+
+
+class Replayed(Parameters):
+    """The parameters that a mapping may set: those of estimators."""
+
+    estimation: EstimationParameters = EstimationParameters()
 
 
 def _first(error: ValidationError) -> str:

@@ -13,12 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation import registry
-from flight_log.attached import json_value, logged_value
+from flight_log.attached import PARAMETERS, json_value, logged_value
 from flight_log.columns.log_columns import LogColumns, read_columns
 from flight_log.columns.topic import Topic
 from flight_log.fields import FORCE, ODOMETRY, RATE, TURNING_B
+from flight_log.imports.run_writer import IMPORT
 from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
+from flight_log.writer import RUN_METADATA
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
@@ -38,7 +40,6 @@ MAX_SAMPLES = 2_000_000
 CALIBRATED, ARMED = "ready: gyroscope bias", "armed: "
 """Beginnings of the events at whose sample the vehicle's estimators forget what they have learnt,
 and adopt the stated heading."""
-PARAMETERS = "parameters.json"
 UNIT = 1e-14
 """A quaternion this close to unit length is used as it was sent, as simulated flights do."""
 
@@ -120,6 +121,7 @@ def read_recording(path: Path) -> Recording:
     state_ns, state = _states(topics["state"])
     truth_ns, truth = _states(topics["truth"])
     status_ns, airborne = _stamped(topics["status"], ("airborne",))
+    imported = log.metadata.get(RUN_METADATA, {}).get("recorder") == IMPORT
     return Recording(
         path,
         space.strip("/"),
@@ -138,7 +140,7 @@ def read_recording(path: Path) -> Recording:
         bearings=_arrivals(topics["bearings"], decode_bearings),
         sweeps=_arrivals(topics["sweeps"], decode_sweeps),
         parameters=_parameters(path, log.attachments),
-        parameters_recorded=PARAMETERS in log.attachments,
+        parameters_recorded=PARAMETERS in log.attachments and not imported,
         changes=sorted(map(_change, _messages(topics["parameter_changes"])), key=itemgetter(0, 1)),
         resets=_told(topics["events"], CALIBRATED),
         armed=_told(topics["events"], ARMED),

@@ -17,11 +17,17 @@ from quadrotor.records import ESTIMATE, IMU_SAMPLE, Array, new_state
 from tests.support.sweeps import sweeps_of
 
 
-def fly(estimator: ErrorStateEstimator, seconds: float, *, moved: Array | None = None) -> Array:
+def fly(
+    estimator: ErrorStateEstimator,
+    seconds: float,
+    *,
+    moved: Array | None = None,
+    turned: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
+) -> Array:
     """Fly a level circle; return the position errors (N, 3) of the last half.
 
     Four planes sweep at 50 Hz each. `moved` is how far station 0 is from the filter's place for it,
-    from the middle on.
+    from the middle on; `turned` are errors of the planes' angles, rad.
     """
     rng, state, estimate = np.random.default_rng(5), new_state(), np.zeros(1, ESTIMATE)
     radius, rate, errors = 0.5, 1.0, []
@@ -41,6 +47,7 @@ def fly(estimator: ErrorStateEstimator, seconds: float, *, moved: Array | None =
             if moved is not None and number < 2 and t > 0.5 * seconds:
                 seen_from = position - moved
             frame = sweeps_of(number, round(t * 1e9), seen_from, rng)
+            frame["angle"] += turned[number]
             try:
                 estimator.correct_sweeps(frame, estimate)
             except UndeterminedStartError:
@@ -95,6 +102,21 @@ def test_filter_on_sweeps_starts_by_itself_and_is_as_good_as_its_covariance() ->
     assert rms < 0.002
     assert estimator.inconsistency == ""
     assert float(estimator.memory["refused_share"][0]) < 0.02
+
+
+def test_an_error_common_to_the_angles_of_a_plane_is_weighted_once() -> None:
+    """Stations that are surveyed to a centimetre turn each plane by milliradians."""
+    p = EstimationParameters()
+    turned = (0.0015, 0.0015, -0.0015, 0.0015)
+    trusting = ErrorStateEstimator(p)
+    apart = np.linalg.norm(fly(trusting, 6.0, turned=turned), axis=1)
+    p.error_state.sweep_plane_sigma = 0.1
+    estimator = ErrorStateEstimator(p)
+    errors = np.linalg.norm(fly(estimator, 6.0, turned=turned), axis=1)
+    assert float(estimator.memory["refused_share"][0]) == 0.0
+    assert errors.max() < 0.01 < apart.max()
+    assert errors.max() < 4.0 * estimator.deviations.position
+    assert apart.max() > 10.0 * trusting.deviations.position
 
 
 def test_moved_base_station_is_refused_or_told() -> None:

@@ -440,8 +440,13 @@ calibs:
 """
 
 
-def test_sweeps_of_a_crazyflie_are_stamped_by_their_pulses_and_replayed(tmp_path: Path) -> None:
-    """Both planes of a station are in the log 2 to 13 ms after the second hit the deck."""
+@pytest.mark.parametrize("crossing", [False, True])
+def test_sweeps_of_a_crazyflie_are_stamped_by_their_pulses_and_replayed(
+    tmp_path: Path, crossing: bool
+) -> None:
+    """Both planes of a station are in the log 2 to 13 ms after the second hit the deck; firmware
+    that crosses beams writes those of the other one again.
+    """
     place = tmp_path / "system-config.yaml"
     place.write_text(GEOMETRY)
     _, planes = read_stations(place)
@@ -462,6 +467,9 @@ def test_sweeps_of_a_crazyflie_are_stamped_by_their_pulses_and_replayed(tmp_path
                     x, y, z = position + matrix @ sensor
                     late = 0.02 * turn + 0.009 + 0.011 * station + 1e-5 * k
                     angles.append((late, station, sweep, k, swept(numbers, (x, y, z))[0]))
+            if crossing:
+                other = [one for one in angles[-16:-8] if one[1] != station]
+                angles += [(angles[-1][0] + 1e-5, *one[1:]) for one in other]
     tables = {
         "lhAngle": (angles, ("basestation", "sweep", "sensor", "angle")),
         "lhUartFrame": (pulses, ("basestation", "offset", "timestamp2FPGA")),
@@ -486,10 +494,11 @@ def test_sweeps_of_a_crazyflie_are_stamped_by_their_pulses_and_replayed(tmp_path
     after = (found.sweeps["stamp_ns"] - found.imu.stamps_ns[0]) * 1e-9 - 0.02
     met = 0.007 * (found.sweeps["number"] % 2) + 0.004 * (found.sweeps["number"] // 2)
     assert np.abs((after - met + 0.01) % 0.02 - 0.01).max() < 0.001
+    assert 4 * 1190 < len(found.sweeps) <= 4 * 1200  # no angle twice
     read = read_recording(NewRun(found, log).write(tmp_path, "run"))
     assert [one.measurement[0] for one in read.sweeps[:9]] == list(found.sweeps[:9])
-    words = "error_state estimation.error_state.accelerometer_noise=0.03"
-    [run] = plan_runs(read, (), [words], (), "sweeps")
+    [run] = plan_runs(read, (), ["error_state"], (), "sweeps")
+    assert run.parameters.estimation.error_state.accelerometer_noise == 0.03  # by the mapping
     done = replay(read, run, read.sweeps)
     off = np.linalg.norm(done.states["position_w"] - FLIGHT.position, axis=1)[500:2300]
     assert np.sqrt((off**2).mean()) < 0.02
