@@ -141,6 +141,7 @@ def begin(
     m["initialized"], m["consistency"], m["applied"], m["refused"] = 1, 1.0, 0, 0
     m["restarted"], m["freedom"], m["innovation"] = 0, 0, 0.0
     m["refused_share"], m["run_count"], m["last_unit"] = 0.0, 0, 0.0
+    m["contradicted_ns"] = 0
     m["outcomes"][Outcome.APPLIED] += 1
     m["event_count"], m["event_order"][0], m["event_kind"][0] = 1, 0, 0
     m["event_ns"][0] = m["base_ns"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -23,16 +24,19 @@ def fly(
     *,
     moved: Array | None = None,
     turned: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
+    before: Callable[[float], None] = lambda t: None,
 ) -> Array:
     """Fly a level circle; return the position errors (N, 3) of the last half.
 
     Four planes sweep at 50 Hz each. `moved` is how far station 0 is from the filter's place for it,
-    from the middle on; `turned` are errors of the planes' angles, rad.
+    from the middle on; `turned` are errors of the planes' angles, rad. `before` is called before
+    each sample.
     """
     rng, state, estimate = np.random.default_rng(5), new_state(), np.zeros(1, ESTIMATE)
     radius, rate, errors = 0.5, 1.0, []
     for k in range(1, round(400 * seconds)):
         t = k / 400
+        before(t)
         c, s = math.cos(rate * t), math.sin(rate * t)
         position = np.array([radius * (c - 1.0), radius * s, 1.0])
         imu = np.zeros(1, IMU_SAMPLE)
@@ -117,6 +121,35 @@ def test_an_error_common_to_the_angles_of_a_plane_is_weighted_once() -> None:
     assert errors.max() < 0.01 < apart.max()
     assert errors.max() < 4.0 * estimator.deviations.position
     assert apart.max() > 10.0 * trusting.deviations.position
+
+
+def test_a_filter_that_most_planes_contradict_restarts_although_one_agrees() -> None:
+    """Along a plane of light, its angles do not change."""
+    estimator = ErrorStateEstimator(EstimationParameters())
+    memory, moved_at = estimator.memory[0], 1.5
+
+    class Moved:
+        """Moves the estimate along the second plane, once."""
+
+        done = False
+
+        def __call__(self, t: float) -> None:
+            if self.done or t < moved_at:
+                return
+            self.done = True
+            place = memory["base"][:3].copy()
+            plane = plane_numbers(sweeps_of(1, 0, place, np.random.default_rng(1))[0])
+            across = np.array(swept(plane, tuple(place))[1])
+            away = np.cross(across, [0.0, 0.0, 1.0])
+            away *= 0.3 / np.linalg.norm(away)
+            for name in ("base", "now"):
+                memory[name][:3] += away
+            memory["after_state"][:, :3] += away
+
+    errors = fly(estimator, 5.0, before=Moved())
+    assert len(estimator.restarts) == 1
+    assert np.linalg.norm(errors, axis=1).max() < 0.02
+    assert estimator.inconsistency == ""
 
 
 def test_moved_base_station_is_refused_or_told() -> None:
