@@ -64,7 +64,7 @@ def run(size: Size = Size.FULL, *, data: Path | None = None) -> Report:
             f"flights of {data}, each from {SETTLE_NS / 1e9:g} s after its first sample on",
             f"poses: {', '.join(POSES)}, made of the truth",
             f"bearings: {', '.join(BEARINGS)}, of 4 beacons around the area flown, of the truth",
-            f"sweeps of Lighthouse base stations as recorded: {', '.join(SWEEPS)}",
+            "sweeps of Lighthouse base stations as recorded",
             "base stations surveyed: where `quadlab replay --survey` finds them without the truth",
             f"noise of poses and bearings: seeds 1 to {size.of(*SEEDS)} together",
             "other settings are this version's defaults; errors are rms",
@@ -133,7 +133,8 @@ def _judge(
         for word in ("error_state on sweeps", "… base stations surveyed"):
             done = replay(recording, one, store.of(one))
             figures = _figures(run_row(recording, truth, window, one, done).values)
-            figures |= _aligned(recording, truth, window, stamps, done.states)
+            began = stamps > (done.started_ns or stamps[-1])
+            figures |= _aligned(recording, truth, window, stamps[began], done.states[began])
             report.rows.append(Row(f"{name}: {word}", figures))
             if word.startswith("error"):
                 survey_stations(recording, one)

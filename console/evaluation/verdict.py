@@ -10,7 +10,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from console.evaluation.explanation.finding import AT_BOUND, flagged
 from console.experiments.client import FAILED, NOT_JUDGED, PASSED, Experiment, Result
+from flight_log.run import read_run
 
 NO_LIMITS = "no figure has a limit"
 
@@ -46,5 +48,12 @@ def settled(result: Result) -> Result:
 
 
 def evaluated(experiment: Experiment, log: Path) -> Result:
-    """Return the result of any experiment for a log. Raises what its `evaluate` raises."""
-    return settled(experiment.evaluate(log))
+    """Return the result of any experiment for a log, with the time that a bias, an integral or an
+    estimate was at its bound, if any was. Raises what its `evaluate` raises.
+    """
+    result = settled(experiment.evaluate(log))
+    held = flagged(read_run(log).topics, AT_BOUND)
+    if not held:
+        return result
+    seconds = float(sum(end - start for start, end in held))
+    return replace(result, metrics={**result.metrics, "at_bound_s": seconds})

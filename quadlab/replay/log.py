@@ -21,6 +21,7 @@ from flight_log.imports.run_writer import IMPORT
 from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.writer import RUN_METADATA
+from quadlab.replay.rest import bias_at_rest
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
@@ -83,6 +84,7 @@ class Recording:
     resets: set[int] = field(default_factory=set)  # stamps of samples
     armed: set[int] = field(default_factory=set)
     airborne: list[tuple[int, bool]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # what was done to the log's values
 
     @property
     def start_ns(self) -> int:
@@ -122,10 +124,12 @@ def read_recording(path: Path) -> Recording:
     truth_ns, truth = _states(topics["truth"])
     status_ns, airborne = _stamped(topics["status"], ("airborne",))
     imported = log.metadata.get(RUN_METADATA, {}).get("recorder") == IMPORT
+    samples = _newest(samples_ns, samples)
+    notes = [_without_bias(samples)] if imported and len(samples) else []
     return Recording(
         path,
         space.strip("/"),
-        _newest(samples_ns, samples),
+        samples,
         state_ns,
         state,
         _newest(truth_ns, truth_ns),
@@ -145,7 +149,20 @@ def read_recording(path: Path) -> Recording:
         resets=_told(topics["events"], CALIBRATED),
         armed=_told(topics["events"], ARMED),
         airborne=list(zip(status_ns.tolist(), (airborne[:, 0] > 0.0).tolist(), strict=True)),
+        notes=notes,
     )
+
+
+def _without_bias(samples: Record) -> str:
+    """Take the gyroscope's bias at rest off IMU_SAMPLE (N,), as a vehicle does at its start; return
+    a line about it.
+    """
+    found = bias_at_rest(samples)
+    if found is None:
+        return "the log begins without a second at rest: the gyroscope's bias is not taken off"
+    samples["angular_velocity_b"] -= found.bias_b
+    degrees = ", ".join(f"{one:.2f}" for one in np.degrees(found.bias_b))
+    return f"gyroscope bias {degrees} deg/s, found at rest, is taken off"
 
 
 def _check_whole(path: Path, log: LogColumns) -> None:

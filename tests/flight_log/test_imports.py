@@ -178,6 +178,36 @@ def test_a_gyroscopes_bias_is_no_turn_of_the_truths_body(
     assert any("corrected" in note for note in found.notes) == (askew > 0.0)
 
 
+def test_a_replay_takes_the_bias_at_rest_off_or_says_which_bound_holds_it(tmp_path: Path) -> None:
+    bias = np.array([-0.01, 0.03, 0.08])
+    columns = columns_of(FLIGHT)
+    columns |= {
+        f"g{axis}": columns[f"g{axis}"] + one for axis, one in zip("xyz", bias, strict=True)
+    }
+    flying = imported(tmp_path, columns)
+    read = read_recording(NewRun(flying, tmp_path / "flight.csv").write(tmp_path, "flying"))
+    assert read.notes == [
+        "the log begins without a second at rest: the gyroscope's bias is not taken off"
+    ]
+    [run] = plan_runs(read, (), ["error_state"], (), "poses")
+    held = replay(read, run, read.poses).held()
+    assert list(held) == ["estimation.gyroscope_bias_limit"]
+    assert held["estimation.gyroscope_bias_limit"] > 20.0
+
+    random = np.random.default_rng(7)
+    rest = {name: np.zeros(300) for name in columns} | {"az": np.full(300, 9.81)}
+    rest["t"] = columns["t"][0] - 3.0 + 0.01 * np.arange(300)
+    for axis, one in zip("xyz", bias, strict=True):
+        rest[f"g{axis}"] = one + random.normal(0.0, 0.002, 300)
+    joined = {name: np.concatenate([rest[name], columns[name]]) for name in columns}
+    mapping = write_mapping(tmp_path / "m.toml", 'angular_velocity_unit = "rad/s"')
+    mapping.write_text(mapping.read_text().partition("[truth]")[0])
+    path = write_csv(tmp_path / "rested.csv", joined)
+    read = read_recording(NewRun(read_flight(path, str(mapping)), path).write(tmp_path, "rested"))
+    assert np.allclose(read.imu["angular_velocity_b"][300:], FLIGHT.rate, atol=1e-3)
+    assert "found at rest" in read.notes[0]
+
+
 def test_a_turn_and_an_offset_below_their_standard_errors_are_told_and_not_corrected(
     tmp_path: Path,
 ) -> None:

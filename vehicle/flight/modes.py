@@ -95,3 +95,4 @@ class Flag(IntFlag):
     BEACON_OFF = 8192  # bearings of one beacon do not fit the others
     RESCUED = 16384  # flown on the shadow: the chosen estimator is inconsistent
     HEADING_UNKNOWN = 32768  # on a marker alone, with too little motion to observe the heading
+    AT_BOUND = 65536  # a bias, an integral or an estimate has been at its bound for a second

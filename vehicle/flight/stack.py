@@ -27,6 +27,7 @@ from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.repeated_poses import RepeatedPoses
 from vehicle.estimators.rescue import Rescue
 from vehicle.flight.automatic_changes import AutomaticChanges
+from vehicle.flight.bounds_watch import BoundsWatch
 from vehicle.flight.commands import CommandHandler
 from vehicle.flight.configuration import Configuration
 from vehicle.flight.control_law import ControlLaw
@@ -194,6 +195,7 @@ class FlightStack:
         self._situation = SituationReader(
             volume=p.behavior, tick=tick, modes=self.modes, ground=self.ground
         )
+        self._bounds = BoundsWatch(p, tick, self.law, outbox.say)
         self._status_writer = StatusWriter(
             estimation=p.estimation,
             tick=tick,
@@ -205,6 +207,7 @@ class FlightStack:
             guard=self.guard,
             rescue=self.rescue,
             ground=self.ground,
+            bounds=self._bounds,
         )
         self.loop_statistics = self._status_writer.loop
         self.link_statistics = self._status_writer.link
@@ -253,6 +256,7 @@ class FlightStack:
             command = self._make_command() if modes.mode in FLYING else None
         else:
             command = self._fly(dt, airborne)
+        self._bounds.step(tick.stamp_ns, airborne)
         self._status_writer.write(sample, pose_age)
         return command
 

@@ -11,6 +11,7 @@ from vehicle.boards.board_link import LinkStatistics
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
+from vehicle.flight.bounds_watch import BoundsWatch
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
@@ -42,6 +43,7 @@ class StatusWriter:
     guard: BearingsGuard
     rescue: Rescue
     ground: GroundContact
+    bounds: BoundsWatch
 
     def __post_init__(self) -> None:
         self._real_time = True
@@ -90,6 +92,7 @@ class StatusWriter:
         navigation, airborne = self.navigation, self.ground.airborne
         flags = self.supervisor.flags | self.guard.flags | self.rescue.flags
         flags |= navigation.agreement.flags | navigation.suspect.flags | navigation.heading.flags
+        flags |= self.bounds.flags
         if mode is STARTING:
             flags |= _GYRO_UNCALIBRATED
         if pose_age > self.estimation.measurement_timeout:
