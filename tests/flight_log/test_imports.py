@@ -237,6 +237,54 @@ def test_a_clock_that_runs_faster_is_told_with_the_scale_that_corrects_it(tmp_pa
     assert float(scale) == pytest.approx(1.0 / 1.002, abs=5e-5)
 
 
+EULER = 'euler = ["yaw", "pitch", "roll"]\neuler_order = "{}"\neuler_unit = "{}"'
+
+
+def with_euler(folder: Path, truth: str) -> ImportedFlight:
+    """Import the flight with its attitudes as Euler angles (deg) under names in capitals."""
+    columns = {name: one for name, one in columns_of(FLIGHT).items() if name[0] != "q"}
+    angles = FLIGHT.rotation.as_euler("ZYX", degrees=True)
+    columns |= {name: angles[:, k] for k, name in enumerate(("Yaw", "Pitch", "Roll"))}
+    path = write_csv(folder / "flight.csv", {one.upper(): columns[one] for one in columns})
+    mapping = write_mapping(folder / "mapping.toml", truth=truth)
+    quaternion = 'quaternion = ["qw", "qx", "qy", "qz"]\n'
+    mapping.write_text(mapping.read_text().replace(quaternion, ""))
+    return read_flight(path, str(mapping))
+
+
+def test_attitudes_may_be_euler_angles_and_names_in_capitals(tmp_path: Path) -> None:
+    is_the_flight(with_euler(tmp_path, EULER.format("ZYX", "deg")))
+
+
+@pytest.mark.parametrize(
+    ("truth", "hint"),
+    [
+        (EULER.format("XYZ", "deg"), "are euler_order and euler_unit right"),
+        (EULER.format("ZYX", "rad"), "are euler_order and euler_unit right"),
+        (EULER.format("ZZX", "deg"), "euler_order 'ZZX'"),
+        (EULER.format("ZyX", "deg"), "euler_order 'ZyX'"),
+        ('euler = ["yaw", "pitch", "roll"]\neuler_order = "ZYX"', "euler needs euler_unit"),
+        ('euler_unit = "deg"', "euler_unit without euler"),
+        (EULER.format("ZYX", "deg") + "\nquaternion = [0, 1, 2, 3]", "give one of them"),
+        (EULER.format("ZYX", "turns"), "euler_unit"),
+    ],
+)
+def test_wrong_euler_angles_are_refused_in_one_line(tmp_path: Path, truth: str, hint: str) -> None:
+    with pytest.raises(QuadlabError) as refused:
+        with_euler(tmp_path, truth)
+    assert hint in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_capitals_matter_where_two_columns_differ_by_them(tmp_path: Path) -> None:
+    columns = columns_of(FLIGHT)
+    columns = {"GX": 0.0 * columns["gx"], **columns}
+    is_the_flight(imported(tmp_path, columns))
+    columns = {"Gx" if name == "gx" else name: one for name, one in columns.items()}
+    with pytest.raises(LogFormatError, match="'gx'; near it are"):
+        imported(tmp_path, columns)
+
+
 def test_two_clocks_are_refused_with_the_offset_that_fits(tmp_path: Path) -> None:
     columns = columns_of(FLIGHT)
     write_csv(tmp_path / "truth.csv", {**columns, "t": columns["t"] - columns["t"][0]})
