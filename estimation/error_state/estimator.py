@@ -309,7 +309,9 @@ class ErrorStateEstimator(CompiledEstimator):
 
     def _start_from_sweeps(self, sweeps: Record, velocity_w: Array | None = None) -> None:
         """Start at the pose that the planes' newest sweeps give. Raises UndeterminedStartError."""
-        pose = start.start_by_sweeps(self._sweeps.values(), int(sweeps["stamp_ns"][0]))
+        plane_sigma = float(self._noise["sweep_plane_sigma"][0])
+        stamp_ns = int(sweeps["stamp_ns"][0])
+        pose = start.start_by_sweeps(self._sweeps.values(), stamp_ns, plane_sigma)
         self.initialize(*start.start_at(sweeps[0], pose), velocity_w)
 
     def _refused(self, error: MeasurementError) -> MeasurementError:
