@@ -100,14 +100,14 @@ def test_pose_from_the_planes_of_two_stations_within_its_covariance() -> None:
 def test_pose_from_planes_that_are_turned_by_milliradians() -> None:
     rng, place = np.random.default_rng(2), np.array([0.3, -0.2, 0.1])
     frames = [sweeps_of(number, 0, place, rng)[0].copy() for number in range(4)]
-    for frame, turned in zip(frames, (0.005, -0.005, 0.005, 0.005), strict=True):
+    for frame, turned in zip(frames, (0.008, 0.008, 0.008, -0.008), strict=True):
         frame["angle"] += turned
     with pytest.raises(DegenerateGeometryError, match="no pose fits the sweeps"):
         sweep_pose(frames)
-    found = sweep_pose(frames, 0.005)
+    found = sweep_pose(frames, 0.008)
     missed = np.concatenate([found.position_w - place, 2.0 * found.quaternion_wb[1:]])
     assert missed @ np.linalg.solve(found.covariance, missed) < 22.5  # chi-square of 6, 0.1 %
-    assert np.abs(missed[:3]).max() < 0.05
+    assert np.abs(missed[:3]).max() < 0.1
 
 
 def test_filter_on_sweeps_starts_by_itself_and_is_as_good_as_its_covariance() -> None:
