@@ -18,7 +18,7 @@ SURE = 3.0
 """Multiple of its standard error from which on something found in a flight is corrected."""
 SEGMENT = 1.0
 """Length, in s, of the parts of a signal whose errors count as independent."""
-RATES = 1.0 + np.arange(-10, 11) * 2e-3
+RATES = tuple(1.0 + 2e-3 * k for k in range(-10, 11))
 """Rates of a track's clock to the IMU's among which its motion decides."""
 PRIOR = (1.0, 0.05)
 """Prior deviations of an offset (s) and of its drift."""
@@ -53,9 +53,9 @@ class TrackClock:
         return at
 
     @property
-    def rates(self) -> Array:
+    def rates(self) -> tuple[float, ...]:
         """Return the rates to try: the stated one, or those of two crystals and a timer."""
-        return RATES if self._raw.rows.time_scale == 1.0 else np.ones(1)
+        return RATES if self._raw.rows.time_scale == 1.0 else (1.0,)
 
     def grids(self) -> tuple[Array, Array]:
         """Return the grids of the IMU and of the track: the same one if their clocks overlap."""
