@@ -22,6 +22,8 @@ RATES = tuple(1.0 + 2e-3 * k for k in range(-10, 11))
 """Rates of a track's clock to the IMU's among which its motion decides."""
 PRIOR = (1.0, 0.05)
 """Prior deviations of an offset (s) and of its drift."""
+LONG = 20.0
+"""Shortest time, in s, over which a drift is judged."""
 NOTABLE = 0.02
 """Change of an offset, in s, within a flight that is worth a note."""
 
@@ -126,7 +128,7 @@ class TrackClock:
 
     def tell_drift(self, drift: float, deviation: float, seconds: float) -> None:
         """Note a drift of the delay (s/s) that matters within the flight and is surely not 0."""
-        if abs(drift) * seconds > NOTABLE and abs(drift) > SURE * deviation:
+        if seconds > LONG and abs(drift) * seconds > NOTABLE and abs(drift) > SURE * deviation:
             scale = self.rate * self._raw.rows.time_scale * (1.0 - drift)
             self._notes.append(
                 f"[{self._raw.name}] its clock drifts by {drift * 1e6:.0f} ppm against the IMU's; "

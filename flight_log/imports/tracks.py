@@ -34,6 +34,8 @@ CALM = 0.15
 SLIGHT = (math.radians(0.2), math.radians(5.0))
 """Range of the angle, in rad, between the truth's and the IMU's body axes that is corrected: how
 marker frames are mounted."""
+ALIKE = 0.005
+"""Difference of two correlations that tells nothing."""
 WORLDS = ("ENU", "NED")
 
 
@@ -235,7 +237,11 @@ class Checked:
     def _fit_speed(self, estimate: RawTrack) -> None:
         """Determine the clock from the speed of the vehicle's estimate. Raises LogFormatError."""
         clock = self._clock
-        share, clock.rate = max((self._agreement(estimate, one), one) for one in clock.rates)
+        shares = [(self._agreement(estimate, one), one) for one in clock.rates]
+        best = max(shares)[0]
+        share, clock.rate = min(  # the smallest drift of those that fit as well
+            (one for one in shares if one[0] > best - ALIKE), key=lambda one: abs(one[1] - 1.0)
+        )
         if share < FITS:
             raise LogFormatError(
                 f"[{self.raw.name}] moves as the [estimate] by {share:.2f} only (1: wholly): "

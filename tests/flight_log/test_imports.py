@@ -22,6 +22,7 @@ from flight_log.imports.importing import NewRun, read_flight
 from flight_log.imports.mapping import load_mapping, names
 from flight_log.imports.sweeps import SENSORS_B, read_stations
 from flight_log.imports.tables import TextTable
+from flight_log.imports.trajectory import world_turn
 from quadlab.__main__ import main
 from quadlab.replay.lines import plan_runs
 from quadlab.replay.log import read_recording
@@ -505,6 +506,21 @@ def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
     with pytest.raises(LogFormatError, match="is incomplete"):
         read_flight(log)
     assert len(read_flight(log, torn=True).imu.stamps_ns) > 1000
+
+
+@pytest.mark.parametrize(("lively", "tilt"), [(True, 4.0), (True, 0.0), (False, 0.0)])
+def test_worlds_are_tilted_against_each_other_only_if_the_motion_shows_it(
+    lively: bool, tilt: float
+) -> None:
+    from scipy.spatial.transform import Rotation
+
+    random = np.random.default_rng(3)
+    own = FLIGHT.position * (1.0 if lively else np.array([0.01, 0.01, 1.0]))
+    turn = Rotation.from_euler("ZX", [40.0, tilt], degrees=True)
+    true = turn.apply(own) + random.normal(0.0, 0.01, own.shape)
+    found = Rotation.from_matrix(world_turn(own, true))
+    assert np.degrees((found * turn.inv()).magnitude()) < (1.0 if lively else 15.0)
+    assert (found.as_matrix()[2, 2] == pytest.approx(1.0, abs=1e-12)) == (tilt == 0.0)
 
 
 GEOMETRY = """
