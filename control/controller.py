@@ -10,7 +10,7 @@ import numpy as np
 from control.geometric_law import new_control_memory, step
 from control.parameters import ControlParameters, control_record
 from quadrotor.compiled import direct
-from quadrotor.records import ACTUATORS, Record, new_reference, new_state
+from quadrotor.records import ACTUATORS, Array, Record, new_reference, new_state
 
 Law = Callable[[Record, Record, Record, Record, Record, bool, float, Record], None]
 """Compiled law with the arguments of `control.geometric_law.step`."""
@@ -22,6 +22,11 @@ class Controller(Protocol):
     @property
     def tilt_limited(self) -> bool:
         """Return whether the last step limited the desired force."""
+        ...
+
+    @property
+    def integrals(self) -> tuple[Array, Array]:
+        """Return the integrals of position (m s) and attitude (rad s), (3,) each."""
         ...
 
     @property
@@ -95,6 +100,11 @@ class GeometricController:
         """
         found: Record = self.memory["disturbance"]
         return found
+
+    @property
+    def integrals(self) -> tuple[Array, Array]:
+        """Return the integrals of position (m s, world) and attitude (rad s, body), (3,) each."""
+        return self.memory["position_integral_w"][0], self.memory["attitude_integral_b"][0]
 
     @property
     def tilt_limited(self) -> bool:

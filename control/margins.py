@@ -16,14 +16,19 @@ A disturbance observer (control.disturbance_observer) of low pass Q = a / (s + a
 motors G = 1 / (tau s + 1) next to the true ones. Broken there, L becomes (L + Q G) / (1 - Q G): the
 torque's at the motors and in yaw, the force's in height. Sideways it holds the measured motion
 against the measured tilt, neither of which is behind the desired tilt or the motors: those two
-cuts do not see it. The loop `estimate` does, broken at the measured motion: with T the position
-loop's tilt over the desired one, and T_o that of what the observer subtracts, whose rate is fed
-forward behind a low pass b / (s + b),
+cuts do not see it. The loop `estimate` does, broken at the measured motion x. With d the force
+subtracted, whose rate is fed forward behind a low pass W = b / (s + b),
 
-    L = (T P + T_o Q s^2) / (s^2 (1 - Q T_o))
-    T_o = (A + k_w s b / (s + b)) / ((tau s + 1) s^2 + A + k_w s)
+    B theta = -M x - O d,    d = Q (s^2 x - theta),    L = (M + O Q s^2) / (s^2 (B - O Q))
 
-which is L of the position loop without an observer.
+    M = P A                                 B = (tau s + 1) s^2 + A + k_w s
+    O = A + k_w s W                                               with the nominal rates
+    M + k_w (k_p s + k_i) + k_i s           B + k_w k_v + k_p + k_v s
+    O + k_w k_v + k_p + k_v s W                                   with the exact ones
+
+because the exact rates take acceleration and jerk from attitude and angular velocity, which are
+not late with the motion. Without an observer and with the nominal rates it is L of the position
+loop.
 """
 
 from __future__ import annotations
@@ -87,23 +92,35 @@ def margins(parameters: ControlParameters, motor_time_constant: float) -> tuple[
     force = d.force_bandwidth if d.force else 0.0
     torque = d.torque_bandwidth if d.torque else 0.0
     motors = damped * s**3 + position * feed_forward
-    # Q T_o, a ratio; the subtracted force has the nominal rates and its own, whatever the others
-    # have.
-    rate = Polynomial([RATE_POLE, 1.0])
-    taken = force * (attitude * rate + RATE_POLE * a.kw_xy * s**2)
-    left = tilt * rate * Polynomial([force, 1.0])
-    estimate = (
-        (position * feed_forward * left + taken * tilt * s**3, s**3 * tilt * (left - taken))
-        if force
-        else (position * feed_forward, s**3 * tilt)
-    )
     return (
         _margin("position", position * feed_forward, s**3 * tilt),
         _margin("motors", *_observed(motors, lag * s**6, torque, lag)),
         _margin("height", *_observed(height, lag * s**3, force, lag)),
         _margin("yaw", *_observed(yaw, lag * s**3, torque, lag)),
-        _margin("estimate", *estimate),
+        _margin("estimate", *_estimate(parameters, lag, force)),
     )
+
+
+def _estimate(
+    parameters: ControlParameters, lag: Polynomial, force: float
+) -> tuple[Polynomial, Polynomial]:
+    """Return the loop broken at the measured motion; `force` is the observer's bandwidth (rad/s), 0
+    for none.
+    """
+    p, a = parameters.position, parameters.attitude
+    s, rate = Polynomial([0.0, 1.0]), Polynomial([RATE_POLE, 1.0])
+    integral = Polynomial([a.ki_xy, a.kr_xy])
+    motion = integral * Polynomial([p.ki_xy, p.kp_xy, p.kv_xy])  # s^2 M
+    tilt = lag * s**3 + integral + a.kw_xy * s**2  # s B
+    taken = integral * rate + RATE_POLE * a.kw_xy * s**2  # s O, times s + b
+    if a.rates == "exact":
+        motion += a.kw_xy * s**2 * Polynomial([p.ki_xy, p.kp_xy]) + p.ki_xy * s**3
+        tilt += s * Polynomial([a.kw_xy * p.kv_xy + p.kp_xy, p.kv_xy])
+        taken += s * (a.kw_xy * p.kv_xy + p.kp_xy) * rate + RATE_POLE * p.kv_xy * s**2
+    if force == 0.0:
+        return motion, s**3 * tilt
+    left = rate * Polynomial([force, 1.0])
+    return motion * left + force * taken * s**3, s**3 * (tilt * left - force * taken)
 
 
 def _observed(

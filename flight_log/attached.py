@@ -15,6 +15,8 @@ from quadrotor.errors import LogFormatError, WrongTypeError
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.parameters.messages import from_value
 
+PARAMETERS = "parameters.json"
+"""Name of the attachment with the parameters at the start of a run."""
 LONGEST = 100_000
 """Longest value of a parameter, in characters; the largest layout of beacons has a tenth of it."""
 

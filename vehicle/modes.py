@@ -97,3 +97,4 @@ class Flag(IntFlag):
     HEADING_UNKNOWN = 32768  # on a marker alone, with too little motion to observe the heading
     TRACKER_CONTRADICTED = 65536  # its poses contradict the inertial sensors and count as missing
     TRACKER_TILTED = 131072  # its vertical is off that of the accelerometer
+    AT_BOUND = 262144  # a bias, an integral or an estimate has been at its bound for a second

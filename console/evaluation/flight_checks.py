@@ -12,14 +12,29 @@ from pathlib import Path
 
 import numpy as np
 
+from console.evaluation.explanation.finding import AT_BOUND, flagged
 from console.experiments.client import FAILED, Result
 from flight_log.columns.log_columns import read_columns
 from flight_log.columns.topic import Topic
 from flight_log.fields import ATTITUDE, POSITION, VELOCITY_B
+from flight_log.run import read_run
 from quadrotor.records import Array
 
 IMPACT, TILT, EMERGENCIES = "impact_m_s", "tilt_max_deg", "emergencies"
-LIMITS: Mapping[str, float] = {IMPACT: 1.0, TILT: 75.0, EMERGENCIES: 0.0}
+FLAGS = {
+    "tracker_contradicted": "tracker_contradicted_s",
+    "tracker_tilted": "tracker_tilted_s",
+    AT_BOUND: "at_bound_s",
+}
+"""Flags of the vehicle, and the figures of the time, in s, for which each was set, if it was: poses
+contradicted the inertial sensors, or a bias, an integral or an estimate was at its bound."""
+LIMITS: Mapping[str, float] = {
+    IMPACT: 1.0,
+    TILT: 75.0,
+    EMERGENCIES: 0.0,
+    "tracker_contradicted_s": 0.0,
+    "tracker_tilted_s": 0.0,
+}
 """Speed, in m/s, at which a touch-down may damage the vehicle; tilt that no manoeuvre needs, 5°
 more than the supervisor allows for 0.2 s; number of emergency landings and cuts."""
 HIGH, LOW = 0.10, 0.03
@@ -46,7 +61,14 @@ def flight_checks(log: Path) -> dict[str, float]:
     for status in _named(topics, "status"):
         modes = [mode for _, mode in status.texts.get("mode", [])]
         _keep_worst(figures, {EMERGENCIES: float(sum(mode in SEVERE for mode in modes))})
-    return figures
+    return figures | (_flagged(log) if EMERGENCIES in figures else {})
+
+
+def _flagged(log: Path) -> dict[str, float]:
+    """Return the time (s) for which each of FLAGS was set, by its figure, if it was."""
+    topics = read_run(log).topics
+    spans = {figure: flagged(topics, flag) for flag, figure in FLAGS.items()}
+    return {name: sum(end - start for start, end in held) for name, held in spans.items() if held}
 
 
 def _named(topics: Mapping[str, Topic], name: str) -> list[Topic]:
@@ -63,7 +85,7 @@ def with_checks(result: Result, figures: Mapping[str, float]) -> Result:
     """Return the result of an experiment with these figures of its flight, which can fail it."""
     if not figures:
         return result
-    limits = {name: LIMITS[name] for name in figures}
+    limits = {name: LIMITS[name] for name in figures if name in LIMITS}
     failed = any(not figures[name] <= limit for name, limit in limits.items())
     verdict, reason = (FAILED, "") if failed else (result.verdict, result.reason)
     # The experiment's own figures come first, and count where both have one.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from console.evaluation.explanation.finding import within
+from console.evaluation.explanation.finding import AT_BOUND, flagged, within
 from console.evaluation.verdict import evaluated, judged
 from console.experiments.catalogue import EXPERIMENTS, find
 from console.experiments.client import NOT_JUDGED, VERDICTS, Calibrating, Experiment, Result
@@ -175,6 +175,9 @@ def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, flo
         if len(motors):
             found["motor_mean_counts"] = float(np.nanmean(motors))
             found["saturated_share"] = float(np.mean(scaling < 1.0))
+    held = [(max(a, c), min(b, d)) for a, b in flagged(log.topics, AT_BOUND) for c, d in spans]
+    if held:
+        found["at_bound_s"] = sum(max(0.0, end - start) for start, end in held)
     if spans:
         found["airborne_s"] = sum(end - start for start, end in airborne(log))
     return {name: value for name, value in found.items() if np.isfinite(value)}

@@ -103,7 +103,11 @@ class Turn:
 
 
 def best_turn(one: Array, other: Array) -> Turn:
-    """Return the turn with other ≈ scale · matrix @ one, both (N, 3)."""
+    """Return the turn with other ≈ scale · matrix @ one + a constant, both (N, 3).
+
+    The constant is fitted, too, so that a sensor's bias is not taken for a turn.
+    """
+    one, other = one - one.mean(axis=0), other - other.mean(axis=0)
     u, s, vt = np.linalg.svd(other.T @ one)
     sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     matrix = (u * sign) @ vt

@@ -269,11 +269,14 @@ class ErrorStateEstimator(CompiledEstimator):
             self._run.compare(frame, outcome, all_used=all_used)
         if outcome != Outcome.OUTLIER and (tracked or outcome != Outcome.APPLIED):
             return
-        agree = m["run_count"] >= RUN_LEAST if tracked else self._run.long_enough
+        if measurement.dtype == SWEEPS_SAMPLE:
+            agree = judgement.is_contradicted(m)  # the pose that they give says whether
+        else:
+            agree = m["run_count"] >= RUN_LEAST if tracked else self._run.long_enough
         if not judgement.is_lost(m, confirmed=bool(confirmed), agree=bool(agree)):
             return
-        lost_ns = int(m["stamp_ns"] - m["refused_ns"])
-        count, before, innovation = int(m["refused"]), m["now"].copy(), m["innovation"].copy()
+        contradiction = judgement.contradiction_of(m, confirmed=bool(confirmed))
+        before, innovation = m["now"].copy(), m["innovation"].copy()
         if tracked:
             if not agree:  # they contradict each other, too
                 return
@@ -288,9 +291,7 @@ class ErrorStateEstimator(CompiledEstimator):
         m["restarted"], m["consistency"] = 1, judgement.NOT_YET_CONSISTENT
         m["innovation"] = innovation
         m["outcomes"][outcome] -= 1  # it is counted as applied by the start
-        self.restarts.append(
-            judgement.restart_line(m, before, count, lost_ns, confirmed=bool(confirmed))
-        )
+        self.restarts.append(judgement.restart_line(m, before, contradiction))
 
     def _anchor(self) -> None:
         """Propagate filter and covariance to the newest sample without a measurement."""
@@ -308,7 +309,9 @@ class ErrorStateEstimator(CompiledEstimator):
 
     def _start_from_sweeps(self, sweeps: Record, velocity_w: Array | None = None) -> None:
         """Start at the pose that the planes' newest sweeps give. Raises UndeterminedStartError."""
-        pose = start.start_by_sweeps(self._sweeps.values(), int(sweeps["stamp_ns"][0]))
+        plane_sigma = float(self._noise["sweep_plane_sigma"][0])
+        stamp_ns = int(sweeps["stamp_ns"][0])
+        pose = start.start_by_sweeps(self._sweeps.values(), stamp_ns, plane_sigma)
         self.initialize(*start.start_at(sweeps[0], pose), velocity_w)
 
     def _refused(self, error: MeasurementError) -> MeasurementError:

@@ -9,22 +9,18 @@ import numpy as np
 
 from estimation.convergence import Convergence, Deviations
 from estimation.error_state.gate import RUN_LEAST
-from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS
+from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS, REFUSED_MAX
 from quadrotor.records import Array
 
 FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
 """Largest deviations with which the estimate may be flown on."""
-REFUSED_MAX = 0.5
-"""Largest share of refused measurements, lately, of a consistent filter."""
-
-
 NOT_YET_CONSISTENT = 2.0 * FIT_CONSISTENCY
 """Mean consistency with which a filter restarts: measurements have to reduce it."""
 JUMP_WAIT_NS, DRIFT_WAIT_NS = 500_000_000, 200_000_000
 """Times in ns for which LOST_REFUSALS measurements in a row must be refused until the filter counts
-as wrong: when they suddenly jumped away from it, and when none had been used for a while before. A
-start that fewer than FIT_UPDATES have confirmed is wrong as soon as RUN_LEAST contradict it
-together."""
+as wrong: when they suddenly jumped away from it, and when none had been used for a while before;
+the first also for most of them if single ones are still used. A start that fewer than FIT_UPDATES
+have confirmed is wrong as soon as RUN_LEAST contradict it together."""
 SHORTEST_RUN = 0.1
 """Shortest time, in s, over which the motion of such poses is computed."""
 
@@ -37,7 +33,14 @@ def is_lost(m: Any, *, confirmed: bool, agree: bool) -> bool:
         agree: whether those refused agree with each other.
     """
     waited = m["stamp_ns"] - m["refused_ns"] > (JUMP_WAIT_NS if m["at_once"] else DRIFT_WAIT_NS)
-    return (not confirmed and agree) or bool(m["refused"] >= LOST_REFUSALS and waited)
+    all_refused = bool(m["refused"] >= LOST_REFUSALS and waited)
+    return (agree and (not confirmed or is_contradicted(m))) or all_refused
+
+
+def is_contradicted(m: Any) -> bool:
+    """Return whether most measurements of the last half second were refused."""
+    since_ns = int(m["contradicted_ns"])
+    return bool(since_ns and m["stamp_ns"] - since_ns > JUMP_WAIT_NS)
 
 
 def missed_velocity(m: Any) -> Array:
@@ -47,18 +50,23 @@ def missed_velocity(m: Any) -> Array:
     return missed_w
 
 
-def restart_line(m: Any, before: Array, count: int, lost_ns: int, *, confirmed: bool) -> str:
-    """Return a line about the restart of a lost filter.
+def contradiction_of(m: Any, *, confirmed: bool) -> str:
+    """Return which measurements show that an ERROR_STATE_MEMORY item is lost."""
+    if not confirmed:
+        return f"the first {RUN_LEAST} measurements"
+    if m["refused"] >= LOST_REFUSALS:
+        lasted = 1e-9 * float(m["stamp_ns"] - m["refused_ns"])
+        return f"{int(m['refused'])} measurements in {lasted:.1f} s"
+    lasted = 1e-9 * float(m["stamp_ns"] - m["contradicted_ns"])
+    return f"{float(m['refused_share']):.0%} of the measurements of {lasted:.1f} s"
 
-    Args:
-        before: its state before, (16,).
-        count: number of measurements refused in `lost_ns`.
-    """
+
+def restart_line(m: Any, before: Array, contradiction: str) -> str:
+    """Return a line about the restart of a lost filter, whose state was `before` (16,)."""
     apart = float(np.linalg.norm(m["now"][:3] - before[:3]))
-    many = f"{count} measurements in {1e-9 * lost_ns:.1f} s"
     return (
         f"error_state restarted, {apart:.2f} m from where it was: "
-        f"{many if confirmed else f'the first {RUN_LEAST} measurements'} did not agree with it"
+        f"{contradiction} did not agree with it"
     )
 
 
@@ -76,7 +84,7 @@ def convergence_of(m: Any) -> Convergence:
     applied = int(m["applied"])
     if applied < FIT_UPDATES:
         return Convergence(False, f"{applied} measurements applied, needs {FIT_UPDATES}")
-    if contradicted := _refusals(m) or _innovations(m):
+    if contradicted := _refusals(m) or _refused_share(m) or _innovations(m):
         return Convergence(False, contradicted)
     d = deviations_of(m)
     text = (

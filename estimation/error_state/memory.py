@@ -83,6 +83,7 @@ ERROR_STATE_MEMORY = np.dtype(
         ("nis", "f8"),  # normalised innovation squared, of `freedom` degrees
         ("consistency", "f8"),  # mean of nis / freedom over the last few dozen
         ("refused_share", "f8"),  # of the last few dozen measurements
+        ("contradicted_ns", "i8"),  # since when that has been most of them; 0: it is not
         ("applied", "i8"),  # since the start
         ("refused", "i8"),  # since one was within the gate
         ("refused_ns", "i8"),  # stamp of the first of them

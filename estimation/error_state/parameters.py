@@ -18,6 +18,7 @@ ERROR_STATE_NOISE = np.dtype(
         ("pose_position_sigma", "f8"),  # m
         ("pose_attitude_sigma", "f8"),  # rad
         ("bearing_sigma_floor", "f8"),  # rad
+        ("sweep_plane_sigma", "f8"),  # rad
         ("gate", "f8"),  # standard deviations
         ("heading", "f8"),  # rad
         ("marker_x", "f8"),  # m
@@ -52,6 +53,8 @@ class ErrorStateParameters(Parameters):
     """standard deviation of a tracker's attitude on each axis"""
     bearing_sigma_floor: float = parameter(0.1, unit="deg", ge=0.001, le=10.0, step=0.05)
     """least deviation taken for a bearing, whatever its sender claims"""
+    sweep_plane_sigma: float = parameter(0.0, unit="deg", ge=0.0, le=5.0, step=0.01)
+    """deviation common to the angles of one sweep, by place and calibration of its base station"""
     gate: float = parameter(4.0, ge=2.0, le=20.0, step=0.5)
     """standard deviations beyond which a bearing or pose is an outlier"""
     heading: float = parameter(0.0, unit="deg", ge=-180.0, le=180.0, step=5.0)
@@ -69,6 +72,7 @@ DEGREES = (
     "gyroscope_bias_walk",
     "pose_attitude_sigma",
     "bearing_sigma_floor",
+    "sweep_plane_sigma",
     "heading",
 )
 """Parameters given in degrees; the record holds radians."""

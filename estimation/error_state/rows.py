@@ -66,7 +66,7 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
             variance[i] = m.noise_scale[POSITION if i < 3 else ATTITUDE] * sigma * sigma
         return 3
     if m.event_kind[slot] == SWEEPS:
-        return linearize_sweeps(m, slot, x)
+        return linearize_sweeps(m, slot, x, g)
     if m.event_kind[slot] == MARKER:
         return linearize_marker(m, slot, x, g)
     if m.event_kind[slot] == READING:
@@ -149,11 +149,14 @@ def linearize_marker(m: Any, slot: int, x: Array, g: Any) -> int:
 
 
 @compiled(inner=True)
-def linearize_sweeps(m: Any, slot: int, x: Array) -> int:
+def linearize_sweeps(m: Any, slot: int, x: Array, g: Any) -> int:
     """Write row, rest and variance of the sensors that one plane met, two per pair; return the
     number of pairs.
 
-    The last of an odd number is paired with an empty row.
+    What place and calibration of the base station leave unexplained is common to the angles of one
+    plane. Their mean, which has it, and their differences, which do not, are independent: the first
+    row is the angles' sum over the root of their number, the others compare each angle with those
+    before it. The last of an odd number is paired with an empty row.
     """
     data, axes = m.event_data[slot], axes_of((x[6], x[7], x[8], x[9]))
     count = m.event_beacons[slot] - PLANE_ROWS
@@ -176,4 +179,27 @@ def linearize_sweeps(m: Any, slot: int, x: Array) -> int:
         m.rest[k] = past - 2.0 * math.pi * math.floor(past / (2.0 * math.pi)) - math.pi
         for j in range(3):
             row[j], row[3 + j] = gradient[j], turn[j]
+    compare(m, count)
+    m.variance[0] += m.noise_scale[BEARING] * count * g.sweep_plane_sigma**2
     return int(pairs)
+
+
+@compiled(inner=True)
+def compare(m: Any, count: int) -> None:
+    """Replace rests and rows of `count` numbers by their sum and by their differences, of the same
+    variance (Helmert's transformation).
+    """
+    for j in range(POSE_ERRORS + 1):
+        total = 0.0
+        for k in range(count):
+            value = m.rest[k] if j == POSE_ERRORS else m.row[k, j]
+            difference = (total - k * value) / math.sqrt(k * (k + 1.0)) if k > 0 else 0.0
+            total += value
+            if j == POSE_ERRORS:
+                m.rest[k] = difference
+            else:
+                m.row[k, j] = difference
+        if j == POSE_ERRORS:
+            m.rest[0] = total / math.sqrt(count)
+        else:
+            m.row[0, j] = total / math.sqrt(count)

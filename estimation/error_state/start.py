@@ -60,13 +60,16 @@ def start_by_bearings(frame: Any) -> PlanarPose:
         ) from error
 
 
-def start_by_sweeps(newest: Iterable[Any], stamp_ns: int) -> SweepPose:
+def start_by_sweeps(newest: Iterable[Any], stamp_ns: int, plane_sigma: float) -> SweepPose:
     """Return the start pose at this time from each plane's newest SWEEPS_SAMPLE item. Raises
     UndeterminedStartError.
+
+    Args:
+        plane_sigma: rad, deviation common to the angles of a plane.
     """
     frames = [one for one in newest if one["stamp_ns"] > stamp_ns - ONE_PLACE_NS]
     try:
-        return sweep_pose(frames)
+        return sweep_pose(frames, plane_sigma)
     except DegenerateGeometryError as error:
         raise UndeterminedStartError(
             f"error_state cannot start on these sweeps: {error}"
@@ -141,6 +144,7 @@ def begin(
     m["initialized"], m["consistency"], m["applied"], m["refused"] = 1, 1.0, 0, 0
     m["restarted"], m["freedom"], m["innovation"] = 0, 0, 0.0
     m["refused_share"], m["run_count"], m["last_unit"] = 0.0, 0, 0.0
+    m["contradicted_ns"] = 0
     m["outcomes"][Outcome.APPLIED] += 1
     m["event_count"], m["event_order"][0], m["event_kind"][0] = 1, 0, 0
     m["event_ns"][0] = m["base_ns"]

@@ -22,6 +22,7 @@ from estimation.error_state.memory import (
     POSE,
     POSE_ERRORS,
     READING,
+    SWEEPS,
 )
 from estimation.error_state.rows import linearize
 from quadrotor.compiled import compiled
@@ -37,6 +38,8 @@ SINGLE = 10.0
 """Largest contribution of a single measurement to the mean consistency."""
 LOST_REFUSALS = 8
 """Number of refused measurements in a row that are no longer chance outliers."""
+REFUSED_MAX = 0.5
+"""Largest share of refused measurements, lately, of a consistent filter."""
 AT_ONCE_NS = 200_000_000
 """Time in ns between the last used measurement and the first refused one; within it the
 measurements jumped, otherwise the estimate drifted."""
@@ -173,6 +176,10 @@ def judge(m: Any, pairs: int, kind: int, count: int) -> None:
     tell_innovation(m, pairs, kind, count)
     m.freedom, m.nis = min(2 * count, 3) if kind == MARKER else 2 * count, 0.0
     m.refused_share += MEMORY * (1.0 - count / pairs - m.refused_share)
+    if m.refused_share <= REFUSED_MAX:
+        m.contradicted_ns = 0
+    elif m.contradicted_ns == 0:
+        m.contradicted_ns = m.base_ns
     few = 2 * count < pairs
     if few and m.refused == 0:
         m.at_once = 1 if m.base_ns - m.measurement_ns < AT_ONCE_NS else 0
@@ -207,7 +214,7 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
             m.prior[i, j] = P[i, j]
     pairs = linearize(m, slot, x, g)
     tracked = kind in (POSE, MARKER)
-    count = gate(m, pairs, tracked or kind == READING, g.gate)
+    count = gate(m, pairs, tracked or kind in (SWEEPS, READING), g.gate)
     judged = newest and kind != READING
     if judged:
         judge(m, pairs, kind, count)

@@ -46,8 +46,9 @@ class SweepPose(NamedTuple):
     covariance: Array
 
 
-def sweep_pose(frames: Sequence[Record]) -> SweepPose:
-    """Return the pose that fits SWEEPS_SAMPLE items, one per plane.
+def sweep_pose(frames: Sequence[Record], plane_sigma: float = 0.0) -> SweepPose:
+    """Return the pose that fits SWEEPS_SAMPLE items, one per plane, whose angles have an error in
+    common of `plane_sigma` (rad).
 
     Raises DegenerateGeometryError when they leave it open or contradict each other.
     """
@@ -57,8 +58,8 @@ def sweep_pose(frames: Sequence[Record]) -> SweepPose:
     stacked, planes = np.array(frames), np.array([plane_numbers(one) for one in frames])
     best = min(
         (
-            _fit(stacked, planes, first, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]))
-            for yaw in YAWS
+            _fit(stacked, planes, plane_sigma, first, np.array([np.cos(half), 0, 0, np.sin(half)]))
+            for half in 0.5 * YAWS
         ),
         key=lambda one: one[0],
     )
@@ -89,18 +90,18 @@ def _first_guess(planes: Sequence[Record]) -> Array:
 
 
 def _fit(
-    frames: Record, planes: Array, position: Array, attitude: Array
+    frames: Record, planes: Array, plane_sigma: float, position: Array, attitude: Array
 ) -> tuple[float, Array, Array, Array]:
     """Return squared residuals (in variances), pose and normal matrix (6, 6) of a local fit."""
     damping = 1e-3
-    cost, normal, pull = _system(frames, planes, position, attitude)
+    cost, normal, pull = _system(frames, planes, plane_sigma, position, attitude)
     for _ in range(STEPS):
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), pull)
         moved = position + step[:3]
         phi = turned((1.0, 0.0, 0.0, 0.0), (step[3], step[4], step[5]))
         w, x, y, z = attitude
         other = np.array(normalized(multiply(phi, (w, x, y, z))))
-        trial = _system(frames, planes, moved, other)
+        trial = _system(frames, planes, plane_sigma, moved, other)
         if trial[0] < cost:
             gained = cost - trial[0]
             position, attitude, damping = moved, other, damping / 3.0
@@ -114,17 +115,21 @@ def _fit(
 
 @compiled
 def _system(
-    frames: Record, planes: Array, position: Array, attitude: Array
+    frames: Record, planes: Array, plane_sigma: float, position: Array, attitude: Array
 ) -> tuple[float, Array, Array]:
     """Return squared residuals (in variances), normal matrix (6, 6) and right side (6,).
 
     Args:
         frames: SWEEPS_SAMPLE (N,).
         planes: (N, 12), their numbers.
+        plane_sigma: rad, deviation common to the angles of a plane.
     """
     cost, normal, pull, row = 0.0, np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+    row_sum = np.zeros(6)
     axes = axes_of(quaternion(attitude))
     for n in range(len(frames)):
+        row_sum[:] = 0.0
+        rest_sum = 0.0
         for k in range(frames[n].count):
             lever = to_world(axes, vector(frames[n].sensor_b[k]))
             predicted, gradient = swept(planes[n], add(vector(position), lever))
@@ -138,4 +143,12 @@ def _system(
             cost += rest * rest
             normal += np.outer(row, row)
             pull += rest * row
+            row_sum += row
+            rest_sum += rest
+        # The inverse of a covariance with a common part weighs the sum less.
+        ratio = (plane_sigma / frames[n].sigma) ** 2
+        less = ratio / (1.0 + frames[n].count * ratio)
+        cost -= less * rest_sum * rest_sum
+        normal -= less * np.outer(row_sum, row_sum)
+        pull -= less * rest_sum * row_sum
     return cost, normal, pull

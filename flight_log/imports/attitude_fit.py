@@ -79,7 +79,7 @@ def fit_order(
     fits = [_fit(raw, order, way, grids, imu, gyro, lag, offset) for order, way in every]
     chosen = max(fits[: len(orders) * len(ways)], key=lambda one: one.score)
     best = max(fits, key=lambda one: one.score)
-    if float(np.sqrt((chosen.rate**2).sum(axis=1).mean())) < STILL:
+    if float(np.sqrt(chosen.rate.var(axis=0).sum())) < STILL:
         return chosen, False
     if chosen.score > max(FITS, NEARLY * best.score):
         return chosen, True
@@ -87,6 +87,10 @@ def fit_order(
         f"[{raw.name}] the gyroscope explains {chosen.turn.explained:.0%} of the attitude's "
         f"turning, and gravity is along its world's z by {chosen.upright:.0%}"
     )
+    if raw.rows.euler is not None or (raw.rows.attitude and raw.rows.attitude.euler is not None):
+        raise LogFormatError(
+            f"{finding}: are euler_order and euler_unit right, and are these the right columns?"
+        )
     if best.score > FITS:
         raise LogFormatError(
             f'{finding}: write quaternion_order = "{best.order}", quaternion_maps = "{best.way}"'

@@ -60,6 +60,11 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
     flight = ImportedFlight(vehicle, source, Imu(at, force, rate), notes=notes)
     made = {one.raw.name: one.track(base_ns) for one in found}
     flight.truth, flight.estimate = made.get("truth"), made.get("estimate")
+    if flight.truth and not flight.truth.attitude_known:
+        notes.append(
+            "[truth] has no attitude: error_state can be replayed on its positions, complementary "
+            "cannot"
+        )
     if flight.truth and flight.estimate:
         align(flight.truth, flight.estimate, raw.sweeps, notes)
     if raw.battery:

@@ -39,5 +39,6 @@ class ImportedFlight:
     estimate: Track | None = None
     sweeps: Record | None = None  # (N,) SWEEPS_SAMPLE, in order
     battery: tuple[Stamps, Array] | None = None  # V
+    parameters: dict[str, float] = field(default_factory=dict)  # of a replay
     events: list[tuple[int, int, str]] = field(default_factory=list)  # stamp, level, text
     notes: list[str] = field(default_factory=list)  # what was found and done

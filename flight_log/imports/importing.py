@@ -48,7 +48,9 @@ def read_flight(
     raw = read_raw(path, found, torn=torn)
     vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
     modified_ns = path.stat().st_mtime_ns
-    return checked_flight(raw, vehicle, f"{kind}, mapping {Path(mapping).name}", modified_ns)
+    flight = checked_flight(raw, vehicle, f"{kind}, mapping {Path(mapping).name}", modified_ns)
+    flight.parameters = found.parameters
+    return flight
 
 
 def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:

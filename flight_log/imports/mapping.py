@@ -13,8 +13,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from estimation.parameters import EstimationParameters
 from flight_log.imports.frames import axes
-from quadrotor.errors import LogFormatError, UsageError
+from quadrotor.errors import LogFormatError, ParameterError, UsageError
+from quadrotor.parameters import Parameters, ParameterStore
 
 HERE = Path(__file__).parent / "mappings"
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -52,19 +54,44 @@ class ImuRows(Rows):
     body: str | None = None
 
 
-class AttitudeRows(Rows):
-    quaternion: Columns
-    quaternion_order: Literal["wxyz", "xyzw"] | None = None
-    quaternion_maps: Literal["body to world", "world to body"] | None = None
+class Attitudes(Rows):
+    """Attitudes as quaternions, or as Euler angles."""
 
-
-class TrackRows(Rows):
-    position: Columns
-    position_unit: Literal["m", "cm", "mm", "ft"] | Positive | None = None
-    velocity: Columns | None = None  # in world axes, position_unit per second
     quaternion: Columns | None = None
     quaternion_order: Literal["wxyz", "xyzw"] | None = None
     quaternion_maps: Literal["body to world", "world to body"] | None = None
+    euler: Columns | None = None  # in the order of euler_order
+    euler_order: str | None = None  # ZYX: about the body's axes one after another; zyx: the world's
+    euler_unit: Literal["deg", "rad"] | None = None
+
+    def misfit(self) -> str:
+        """Return what is wrong with the statements about the attitudes; empty if nothing is."""
+        told = {"euler_order": self.euler_order, "euler_unit": self.euler_unit}
+        if self.euler is None:
+            named = [name for name, value in told.items() if value is not None]
+            return f"{named[0]} without euler" if named else ""
+        if self.quaternion is not None or self.quaternion_order is not None:
+            return "quaternion and euler are both stated: give one of them"
+        if missing := [name for name, value in told.items() if value is None]:
+            return f"euler needs {' and '.join(missing)}"
+        order = self.euler_order or ""
+        apart = len(order) == 3 and order[0] != order[1] != order[2]
+        if not (apart and (set(order) <= set("XYZ") or set(order) <= set("xyz"))):
+            return (
+                f"euler_order {order!r} is none: three letters like ZYX (about the body's axes, "
+                "one after another) or zyx (about the world's) are needed"
+            )
+        return ""
+
+
+class AttitudeRows(Attitudes):
+    pass
+
+
+class TrackRows(Attitudes):
+    position: Columns
+    position_unit: Literal["m", "cm", "mm", "ft"] | Positive | None = None
+    velocity: Columns | None = None  # in world axes, position_unit per second
     attitude: AttitudeRows | None = None  # if it is in a separate table
     world: str | None = None
     body: str | None = None
@@ -83,6 +110,7 @@ class Mapping(Strict):
     truth: TrackRows | None = None
     estimate: TrackRows | None = None
     battery: BatteryRows | None = None
+    parameters: dict[str, float] = {}  # with which estimators are replayed on it
 
     def tables(self) -> set[str]:
         """Return the names of all tables that it uses."""
@@ -119,7 +147,26 @@ def load_mapping(chosen: str) -> Mapping:
                 axes(letters, f"mapping {path.name}, [{section}] {word}")
         if rows is not None and rows.time is None and rows.rate is None:
             raise UsageError(f"mapping {path.name}: [{section}] needs time or rate")
+    for section in ("truth", "estimate"):
+        track = getattr(found, section)
+        if track is None:
+            continue
+        for where, one in ((section, track), (f"{section}.attitude", track.attitude)):
+            if one is not None and (why := one.misfit()):
+                raise UsageError(f"mapping {path.name}: [{where}] {why}")
+        if track.attitude and track.attitude.quaternion is None and track.attitude.euler is None:
+            raise UsageError(f"mapping {path.name}: [{section}.attitude] needs quaternion or euler")
+    try:
+        ParameterStore(Replayed()).preset(found.parameters)
+    except ParameterError as error:
+        raise UsageError(f"mapping {path.name}: [parameters] {error}") from None
     return found
+
+
+class Replayed(Parameters):
+    """The parameters that a mapping may set: those of estimators."""
+
+    estimation: EstimationParameters = EstimationParameters()
 
 
 def _first(error: ValidationError) -> str:
@@ -147,15 +194,25 @@ def _model(model: Any, part: str) -> Any:
     return next((one for one in getattr(kind, "__args__", (kind,)) if one is not type(None)), kind)
 
 
+def _as_written(name: str, known: list[str]) -> str:
+    """Return a name in the letters of the only column that it is but for capitals, else itself."""
+    stem, bracket, rest = name.partition("[")
+    stems = {one.partition("[")[0] for one in known}
+    alike = [one for one in stems if one.lower() == stem.lower()]
+    if name in known or stem in stems or len(alike) != 1:
+        return name
+    return f"{alike[0]}{bracket}{rest}"
+
+
 def column_names(asked: Columns, known: list[str], count: int, where: str) -> list[str]:
     """Return the columns that a mapping names, `count` of them.
 
-    NAME may stand for all of NAME[0], NAME[1], …, and NAME[3:7] for some of them.
-    Raises LogFormatError.
+    NAME may stand for all of NAME[0], NAME[1], …, and NAME[3:7] for some of them; capitals matter
+    only where two columns differ by them. Raises LogFormatError.
     """
     found: list[str] = []
     for word in asked if isinstance(asked, list) else [asked]:
-        text = str(word)
+        text = _as_written(str(word), known)
         part = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", text)
         if text in known:
             found.append(text)

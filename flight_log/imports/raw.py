@@ -12,6 +12,7 @@ from flight_log.imports.mapping import (
     ORDERS,
     TIME_UNITS,
     AttitudeRows,
+    Attitudes,
     Columns,
     ImuRows,
     Mapping,
@@ -185,11 +186,12 @@ def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:
     columns: dict[str, tuple[Columns, int]] = {"position": (rows.position, 3)}
     if rows.velocity is not None:
         columns["velocity"] = (rows.velocity, 3)
-    if rows.quaternion is not None:
-        columns["quaternion"] = (rows.quaternion, 4)
+    columns |= _attitude_columns(rows)
     seconds, position, *more = files.read(rows, name, columns)
     velocity = more.pop(0) if rows.velocity is not None else None
-    quaternion = _unit(more.pop(0), name) if rows.quaternion is not None else None
+    quaternion = _quaternions(more.pop(0), rows, name) if more else None
+    if rows.euler is not None:
+        rows = rows.model_copy(update={"quaternion_order": "wxyz"})
     track = RawTrack(name, rows, seconds, position, velocity, quaternion)
     if rows.attitude is not None and not _left_out(files, rows.attitude):
         _join_attitude(files, track, rows.attitude)
@@ -199,8 +201,8 @@ def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:
 def _join_attitude(files: _Files, track: RawTrack, rows: AttitudeRows) -> None:
     """Interpolate the attitude of another table at the track's stamps, and trim the track to it."""
     section = f"{track.name}.attitude"
-    times, found = files.read(rows, section, {"quaternion": (rows.quaternion, 4)})
-    found = _unit(found, section)
+    times, found = files.read(rows, section, _attitude_columns(rows))
+    found = _quaternions(found, rows, section)
     make_continuous(found)
     inside = (track.seconds >= times[0]) & (track.seconds <= times[-1])
     if inside.sum() < FEWEST:
@@ -210,12 +212,33 @@ def _join_attitude(files: _Files, track: RawTrack, rows: AttitudeRows) -> None:
         track.velocity = track.velocity[inside]
     turned = np.stack([np.interp(track.seconds, times, one) for one in found.T], axis=1)
     track.quaternion = turned / np.linalg.norm(turned, axis=1, keepdims=True)
-    more = {"quaternion_order": rows.quaternion_order, "quaternion_maps": rows.quaternion_maps}
+    order = "wxyz" if rows.euler is not None else rows.quaternion_order
+    more = {"quaternion_order": order, "quaternion_maps": rows.quaternion_maps}
     track.rows = track.rows.model_copy(update=more)
 
 
 def _left_out(files: _Files, rows: Rows) -> bool:
     return rows.optional and rows.table not in files.source(rows).tables()
+
+
+def _attitude_columns(rows: Attitudes) -> dict[str, tuple[Columns, int]]:
+    if rows.quaternion is not None:
+        return {"quaternion": (rows.quaternion, 4)}
+    return {} if rows.euler is None else {"euler": (rows.euler, 3)}
+
+
+def _quaternions(values: Array, rows: Attitudes, section: str) -> Array:
+    """Return unit quaternions, in the file's order or (w, x, y, z) of Euler angles. Raises
+    LogFormatError.
+    """
+    if rows.euler is None:
+        return _unit(values, section)
+    from scipy.spatial.transform import Rotation
+
+    assert rows.euler_order is not None
+    turned = Rotation.from_euler(rows.euler_order, values, degrees=rows.euler_unit == "deg")
+    found: Array = turned.as_quat()[:, [3, 0, 1, 2]]
+    return found
 
 
 def _unit(quaternions: Array, section: str) -> Array:

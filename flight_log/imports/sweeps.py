@@ -10,6 +10,7 @@ stations are in the `system-config.yaml` that cfclient writes.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -57,10 +58,9 @@ def read_sweeps(source: Source, base: float, notes: list[str]) -> Record | None:
     rows = source.read(ANGLES, columns)
     known = np.isin(2 * rows[:, 1] + rows[:, 2], list(planes)) & (rows[:, 3] < len(SENSORS_B))
     rows = rows[known & np.isfinite(rows[:, 4])]
-    new = (np.diff(rows[:, 0]) > APART) | (np.diff(rows[:, 1]) != 0.0)
     pulses = _pulses(source) if make == 2 and PULSES in source.tables() else {}
     out = []
-    for turn in np.split(rows, np.flatnonzero(new) + 1):
+    for turn in _turns(rows):
         for sweep in (0, 1):
             met = turn[turn[:, 2] == sweep][:MAX_SENSORS]
             if not len(met):
@@ -82,6 +82,22 @@ def read_sweeps(source: Source, base: float, notes: list[str]) -> Record | None:
             out.append(one)
     found = np.array(out, SWEEPS_SAMPLE)
     return found[np.argsort(found["stamp_ns"], kind="stable")]
+
+
+def _turns(rows: Array) -> Iterator[Array]:
+    """Yield the rows of each turn of a base station's rotor, as soon as they are all written.
+
+    Firmware that crosses beams writes both stations together, with the angles of the one again that
+    has not turned since; these are left out.
+    """
+    last: dict[float, Array] = {}
+    for written in np.split(rows, np.flatnonzero(np.diff(rows[:, 0]) > APART) + 1):
+        for station in np.unique(written[:, 1]):
+            turn = written[written[:, 1] == station]
+            before = last.get(station)
+            last[station] = turn
+            if before is None or not np.isin(turn[:, 4], before[:, 4]).all():
+                yield turn
 
 
 def read_stations(path: Path) -> tuple[int, dict[int, Record]]:

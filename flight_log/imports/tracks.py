@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from estimation.calibration import motion
+from estimation.calibration.attitude_fit import AttitudeFit, fit_attitudes
 from estimation.calibration.motion import (
     angular_velocity,
     best_turn,
@@ -20,11 +21,11 @@ from estimation.calibration.motion import (
 from flight_log.imports.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
 from flight_log.imports.flight import Track
 from flight_log.imports.frames import axes, quaternion_of
-from flight_log.imports.mapping import LENGTH_UNITS
+from flight_log.imports.mapping import LENGTH_UNITS, RATE_UNITS
 from flight_log.imports.raw import RawTrack, ordered
-from flight_log.imports.track_clock import TrackClock
+from flight_log.imports.track_clock import SURE, TrackClock
 from flight_log.imports.trajectory import derivative
-from quadrotor.errors import LogFormatError
+from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.plain_rotations import matrices_of, product_of
 from quadrotor.records import STATE, Array
 
@@ -33,8 +34,8 @@ CALM = 0.15
 SLIGHT = (math.radians(0.2), math.radians(5.0))
 """Range of the angle, in rad, between the truth's and the IMU's body axes that is corrected: how
 marker frames are mounted."""
-ALIKE = 0.95
-"""Share of the rotation that must agree for that correction."""
+ALIKE = 0.005
+"""Difference of two correlations that tells nothing."""
 WORLDS = ("ENU", "NED")
 
 
@@ -98,12 +99,17 @@ class Checked:
         if raw.quaternion is None:
             states["quaternion_wb"] = states["angular_velocity_b"] = math.nan
         else:
-            turned = product_of(quaternion_of(self._world), ordered(raw.quaternion, *self._order))
-            turned = product_of(turned, quaternion_of(self._body.T))
+            turned = product_of(quaternion_of(self._world), self._attitudes())
             states["quaternion_wb"] = turned
             states["angular_velocity_b"] = angular_velocity(raw.seconds, turned)
         stamps = np.round(self._clock.at * 1e9).astype(np.int64) + base_ns
         return Track(raw.name, stamps, states, raw.quaternion is not None)
+
+    def _attitudes(self) -> Array:
+        """Return the attitudes (N, 4) of the body FLU in the file's world."""
+        assert self.raw.quaternion is not None
+        found = ordered(self.raw.quaternion, *self._order)
+        return product_of(found, quaternion_of(self._body.T))
 
     def _fit_attitude(self) -> None:
         """Determine order, clock and body from the rotation."""
@@ -127,7 +133,27 @@ class Checked:
         self._settle_body(fit.turn)
         gyro = on_grid(mine, self._seconds, self._turning)
         turned = fit.rate @ fit.turn.matrix.T * fit.turn.scale
-        self._clock.settle(gyro, turned, mine, theirs)
+        lag = self._clock.checked_lag(gyro, turned, mine, theirs)
+        if (whole := self._whole_fit(fit.turn, lag)) is None:
+            self._clock.settle(gyro, turned, mine, theirs)
+            return
+        self._correct_body(whole)
+        self._clock.take(whole.delay, float(whole.deviations[0]))
+        lasted = whole.at[-1] - whole.at[0]
+        self._clock.tell_drift(whole.drift, float(whole.deviations[1]), lasted)
+
+    def _whole_fit(self, turn: motion.Turn, lag: float) -> AttitudeFit | None:
+        """Return clock, mounting and the gyroscope's bias, fitted together; None if the flight is
+        too short for that.
+        """
+        stated = self._attitudes()
+        scale = next((1.0 / k for k in RATE_UNITS.values() if 0.75 < turn.scale * k < 1.33), None)
+        rate = self._turning / (scale or turn.scale)
+        try:
+            return fit_attitudes(self._seconds, rate, self._clock.at, stated, -lag, np.eye(3))
+        except MeasurementError as error:
+            self._notes.append(f"[{self.raw.name}] how its body is mounted is not checked: {error}")
+            return None
 
     def _settle_body(self, turn: motion.Turn) -> None:
         raw = self.raw
@@ -141,12 +167,19 @@ class Checked:
                 f"[{raw.name}] its body is turned by {rest:.0f} deg against the IMU's, as both "
                 f'turn: write body = "{best}", or is another body of the [imu] right?'
             )
-        finding = f"[{raw.name}] its body is turned by {rest:.1f} deg to the IMU's"
-        slight = SLIGHT[0] < math.radians(rest) < SLIGHT[1] and turn.explained > ALIKE
-        if raw.name == "truth" and slight:
-            self._body = turn.matrix
-            self._notes.append(f"{finding}, as both turn: corrected")
-        elif rest > 1.0:
+
+    def _correct_body(self, fit: AttitudeFit) -> None:
+        """Correct the truth's body by a slight turn that is surely not 0."""
+        angle = float(fit.mount.magnitude())
+        finding = (
+            f"[{self.raw.name}] its body is turned by {math.degrees(angle):.2f} ± "
+            f"{math.degrees(fit.turn_deviation):.2f} deg to the IMU's, as both turn"
+        )
+        sure = angle > SURE * fit.turn_deviation
+        if self.raw.name == "truth" and sure and SLIGHT[0] < angle < SLIGHT[1]:
+            self._body = fit.mount.as_matrix() @ self._body
+            self._notes.append(f"{finding}: corrected")
+        else:
             self._notes.append(finding)
 
     def _fit_position(self) -> None:
@@ -203,21 +236,44 @@ class Checked:
 
     def _fit_speed(self, estimate: RawTrack) -> None:
         """Determine the clock from the speed of the vehicle's estimate. Raises LogFormatError."""
-        mine, theirs = self._clock.grids()
-        one = speed(on_grid(mine, estimate.seconds, estimate.position))
-        own = speed(on_grid(theirs, self._clock.at, self.raw.position))
-        lag = self._clock.lag(one, own, mine, theirs)
-        mine_too, theirs_too = joined(mine, one, theirs + lag, own)
-        share = float(np.corrcoef(mine_too[:, 0], theirs_too[:, 0])[0, 1])
+        clock = self._clock
+        shares = [(self._agreement(estimate, one), one) for one in clock.rates]
+        best = max(shares)[0]
+        share, clock.rate = min(  # the smallest drift of those that fit as well
+            (one for one in shares if one[0] > best - ALIKE), key=lambda one: abs(one[1] - 1.0)
+        )
         if share < FITS:
             raise LogFormatError(
                 f"[{self.raw.name}] moves as the [estimate] by {share:.2f} only (1: wholly): "
                 "are both of the same flight?"
             )
-        self._clock.settle(one, own, mine, theirs)
         self._notes.append(
             f"[{self.raw.name}] has no attitude: its clock is found by the speed of the [estimate]"
         )
+        if clock.rate != 1.0:
+            self._notes.append(
+                f"[{self.raw.name}] its clock runs differently from the IMU's, by about "
+                f"{1e6 * (clock.rate - 1.0):.0f} ppm: corrected, with the rest by the positions"
+            )
+        clock.settle(*self._speeds(estimate))
+
+    def _agreement(self, estimate: RawTrack, rate: float) -> float:
+        """Return the correlation of both speeds at a rate of the track's clock."""
+        self._clock.rate = rate
+        one, own, mine, theirs = self._speeds(estimate)
+        lag = self._clock.lag(one, own, mine, theirs)
+        mine_too, theirs_too = joined(mine, one, theirs + lag, own)
+        return float(np.corrcoef(mine_too[:, 0], theirs_too[:, 0])[0, 1])
+
+    def _speeds(self, estimate: RawTrack) -> tuple[Array, Array, Array, Array]:
+        """Return the speeds of the estimate and of the track on their grids, and both grids.
+
+        An estimate may be wrong for a while: it is never faster than the track ever is.
+        """
+        mine, theirs = self._clock.grids()
+        one = speed(on_grid(mine, estimate.seconds, estimate.position))
+        other = speed(on_grid(theirs, self._clock.at, self.raw.position))
+        return np.minimum(one, other.max()), other, mine, theirs
 
     def _fit_position_alone(self) -> None:
         """Determine clock, unit and vertical of positions from the length of the specific force."""

@@ -120,7 +120,7 @@ class Replay:
         if self.set or self.beacons:
             words = [*self.set, *([f"beacons of {self.beacons}"] if self.beacons else [])]
             print(f"set in all runs: {', '.join(words)}")
-        for line in surveyed:
+        for line in (*recording.notes, *surveyed):
             print(f"  {line}")
         print_table(rows)
         if len(flown := flown_choices(recording)) > 1:

@@ -13,12 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation import registry
-from flight_log.attached import json_value, logged_value
+from flight_log.attached import PARAMETERS, json_value, logged_value
 from flight_log.columns.log_columns import LogColumns, read_columns
 from flight_log.columns.topic import Topic
 from flight_log.fields import FORCE, ODOMETRY, RATE, TURNING_B
+from flight_log.imports.run_writer import IMPORT
 from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
+from flight_log.writer import RUN_METADATA
+from quadlab.replay.rest import bias_at_rest
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameter_description import ParameterValue
@@ -39,7 +42,6 @@ MAX_SAMPLES = 2_000_000
 CALIBRATED, ARMED = "ready: gyroscope bias", "armed: "
 """Beginnings of the events at whose sample the vehicle's estimators forget what they have learnt,
 and adopt the stated heading."""
-PARAMETERS = "parameters.json"
 UNIT = 1e-14
 """A quaternion this close to unit length is used as it was sent, as simulated flights do."""
 
@@ -83,6 +85,7 @@ class Recording:
     resets: set[int] = field(default_factory=set)  # stamps of samples
     armed: set[int] = field(default_factory=set)
     airborne: list[tuple[int, bool]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # what was done to the log's values
 
     @property
     def start_ns(self) -> int:
@@ -121,10 +124,13 @@ def read_recording(path: Path) -> Recording:
     state_ns, state = _states(topics["state"])
     truth_ns, truth = _states(topics["truth"])
     status_ns, airborne = _stamped(topics["status"], ("airborne",))
+    imported = log.metadata.get(RUN_METADATA, {}).get("recorder") == IMPORT
+    samples = _newest(samples_ns, samples)
+    notes = [_without_bias(samples)] if imported and len(samples) else []
     return Recording(
         path,
         space.strip("/"),
-        _newest(samples_ns, samples),
+        samples,
         state_ns,
         state,
         _newest(truth_ns, truth_ns),
@@ -139,12 +145,25 @@ def read_recording(path: Path) -> Recording:
         bearings=_arrivals(topics["bearings"], decode_bearings),
         sweeps=_arrivals(topics["sweeps"], decode_sweeps),
         parameters=_parameters(path, log.attachments),
-        parameters_recorded=PARAMETERS in log.attachments,
+        parameters_recorded=PARAMETERS in log.attachments and not imported,
         changes=sorted(map(_change, _messages(topics["parameter_changes"])), key=itemgetter(0, 1)),
         resets=_told(topics["events"], CALIBRATED),
         armed=_told(topics["events"], ARMED),
         airborne=list(zip(status_ns.tolist(), (airborne[:, 0] > 0.0).tolist(), strict=True)),
+        notes=notes,
     )
+
+
+def _without_bias(samples: Record) -> str:
+    """Take the gyroscope's bias at rest off IMU_SAMPLE (N,), as a vehicle does at its start; return
+    a line about it.
+    """
+    found = bias_at_rest(samples)
+    if found is None:
+        return "the log begins without a second at rest: the gyroscope's bias is not taken off"
+    samples["angular_velocity_b"] -= found.bias_b
+    degrees = ", ".join(f"{one:.2f}" for one in np.degrees(found.bias_b))
+    return f"gyroscope bias {degrees} deg/s, found at rest, is taken off"
 
 
 def _check_whole(path: Path, log: LogColumns) -> None:

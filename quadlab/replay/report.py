@@ -95,6 +95,8 @@ def run_row(
         note = f"never started: {replayed.complaint or 'no measurement was received'}"
     elif started_ns > window.start_ns:
         note = f"started at {recording.seconds(started_ns):.2f} s, compared from there on"
+    for name, held in replayed.held().items():
+        note += f"{'; ' if note else ''}{name} held the bias for {held:.1f} s: raise it"
     unsound = int((~np.isfinite(found.position)).sum())
     if unsound:
         note = f"{unsound} of {len(found.position)} estimates are not finite"

@@ -10,6 +10,8 @@ import numpy as np
 
 from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import parse_layout
+from console.evaluation.explanation.consequences import HELD, NEARLY
+from console.evaluation.explanation.finding import stretches
 from estimation import registry
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator, TakesHeading
@@ -31,6 +33,7 @@ from quadrotor.records import (
 )
 from vehicle.flight.tick_record import LONGEST_GAP, NOMINAL_STEP
 
+SENSORS = ("gyroscope", "accelerometer")
 STATE_AGE_NS = 50_000_000
 """Age, in ns, above which a recorded state cannot start the estimator."""
 _BYTES = f"V{STATE.itemsize}"
@@ -49,6 +52,9 @@ class Replayed:
     nis: list[float] = field(default_factory=list)  # per component; NaN: none
     freedom: list[int] = field(default_factory=list)  # components of the measurement
     deviations: list[tuple[float, float, float]] = field(default_factory=list)  # m, m/s, rad
+    bounds: dict[str, list[float]] = field(  # largest bias over its bound, by its parameter
+        default_factory=lambda: {f"estimation.{one}_bias_limit": [] for one in SENSORS}
+    )
     posteriors: list[Posterior] = field(default_factory=list)  # of measurements used
 
     def within(self, start_ns: int, end_ns: int) -> tuple[int, float | None, Consistency | None]:
@@ -58,6 +64,15 @@ class Replayed:
         count = int(inside.sum())
         nis = of_innovations(np.array(self.nis)[inside], np.array(self.freedom, int)[inside])
         return count, float(np.mean(np.array(self.rejected)[inside])) if count else None, nis
+
+    def held(self) -> dict[str, float]:
+        """Return for how long (s) biases were at their bounds for more than a second at a time."""
+        seconds = 1e-9 * np.array(self.taken_ns, np.float64)
+        found = {}
+        for name, used in self.bounds.items():
+            spans = stretches(seconds, np.array(used) >= NEARLY)
+            found[name] = sum(end - start for start, end in spans if end - start > HELD)
+        return {name: lasted for name, lasted in found.items() if lasted}
 
     def posteriors_within(self, start_ns: int, end_ns: int) -> list[Posterior]:
         """Return the posteriors within a window."""
@@ -209,7 +224,16 @@ class Vehicle:
             else (math.nan, math.nan, math.nan)
         )
         self._refused = refused
+        self._note_bounds()
         self._note_start(now_ns)
+
+    def _note_bounds(self) -> None:
+        self._estimator.report(self._estimate)
+        limits = self._parameters.estimation
+        for name, used in self._out.bounds.items():
+            limit = float(getattr(limits, name.rpartition(".")[2]))
+            bias = self._estimate[name.removeprefix("estimation.").replace("_limit", "_b")]
+            used.append(float(np.abs(bias).max()) / limit if limit > 0.0 else 0.0)
 
     def _note_start(self, now_ns: int) -> None:
         if self._out.started_ns is None and self._estimator.initialized:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from math import factorial
 
 import numpy as np
@@ -13,6 +14,7 @@ from control.presets import PRESETS, preset
 from control.trajectories.line import Hover
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import ParameterStore
+from quadrotor.records import Record
 from tests.control.flight import Flight
 
 LAG = 0.047
@@ -74,6 +76,46 @@ def test_the_delay_is_what_the_height_loop_bears(share: float, stable: bool) -> 
     loop = (g.kv_z * s * s + g.kp_z * s + g.ki_z) * top
     closed = loop + s**3 * (LAG * s + 1) * bottom
     assert (closed.roots.real.max() < 0.0) == stable
+
+
+def test_exact_rates_take_the_acceleration_from_the_attitude() -> None:
+    found = of(preset("damped"), "estimate")
+    assert found.phase == pytest.approx(46.0, abs=0.5)
+    assert found.delay == pytest.approx(0.316, abs=0.002)
+
+
+def hovering(parameters: ControlParameters, delay: float) -> tuple[float, float]:
+    """Return the largest error in the middle and in the last third of 30 s that begin 1 cm beside
+    the reference, with position and velocity sideways measured late (s).
+    """
+    f, dt = Flight(parameters=parameters), 0.002
+    law, late = f.controller.step, deque[Record](maxlen=round(delay / dt) + 1)
+
+    def step(
+        state: Record, reference: Record, airborne: bool, dt: float, actuators: Record
+    ) -> None:
+        late.append(state.copy())
+        seen = state.copy()
+        for name in ("position_w", "velocity_w"):
+            seen[name][:, :2] = late[0][name][:, :2]
+        law(seen, reference, airborne, dt, actuators)
+
+    f.controller.step = step  # type: ignore[method-assign]
+    f.x[0] = 0.01
+    _, middle, last = np.split(np.abs(f.fly(Hover((0.0, 0.0, 0.0), 0.0), 30.0, dt)[:, 0]), 3)
+    return float(middle.max()), float(last.max())
+
+
+@pytest.mark.parametrize("name", ["standard", "damped"])
+def test_the_delay_of_the_measured_motion_is_what_the_flying_law_bears(name: str) -> None:
+    parameters = preset(name)
+    delay = of(parameters, "estimate").delay
+    low, high = 0.8 * delay, 1.2 * delay
+    for _ in range(4):  # to 2.5 %
+        tried = 0.5 * (low + high)
+        middle, last = hovering(parameters, tried)
+        low, high = (tried, high) if last < middle else (low, tried)
+    assert 0.5 * (low + high) == pytest.approx(delay, rel=0.03)
 
 
 @pytest.mark.parametrize("name", PRESETS)

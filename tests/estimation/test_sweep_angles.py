@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -17,16 +18,25 @@ from quadrotor.records import ESTIMATE, IMU_SAMPLE, Array, new_state
 from tests.support.sweeps import sweeps_of
 
 
-def fly(estimator: ErrorStateEstimator, seconds: float, *, moved: Array | None = None) -> Array:
+def fly(
+    estimator: ErrorStateEstimator,
+    seconds: float,
+    *,
+    moved: Array | None = None,
+    turned: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
+    before: Callable[[float], None] = lambda t: None,
+) -> Array:
     """Fly a level circle; return the position errors (N, 3) of the last half.
 
     Four planes sweep at 50 Hz each. `moved` is how far station 0 is from the filter's place for it,
-    from the middle on.
+    from the middle on; `turned` are errors of the planes' angles, rad. `before` is called before
+    each sample.
     """
     rng, state, estimate = np.random.default_rng(5), new_state(), np.zeros(1, ESTIMATE)
     radius, rate, errors = 0.5, 1.0, []
     for k in range(1, round(400 * seconds)):
         t = k / 400
+        before(t)
         c, s = math.cos(rate * t), math.sin(rate * t)
         position = np.array([radius * (c - 1.0), radius * s, 1.0])
         imu = np.zeros(1, IMU_SAMPLE)
@@ -41,6 +51,7 @@ def fly(estimator: ErrorStateEstimator, seconds: float, *, moved: Array | None =
             if moved is not None and number < 2 and t > 0.5 * seconds:
                 seen_from = position - moved
             frame = sweeps_of(number, round(t * 1e9), seen_from, rng)
+            frame["angle"] += turned[number]
             try:
                 estimator.correct_sweeps(frame, estimate)
             except UndeterminedStartError:
@@ -86,6 +97,19 @@ def test_pose_from_the_planes_of_two_stations_within_its_covariance() -> None:
         sweep_pose(frames[:2])
 
 
+def test_pose_from_planes_that_are_turned_by_milliradians() -> None:
+    rng, place = np.random.default_rng(2), np.array([0.3, -0.2, 0.1])
+    frames = [sweeps_of(number, 0, place, rng)[0].copy() for number in range(4)]
+    for frame, turned in zip(frames, (0.008, 0.008, 0.008, -0.008), strict=True):
+        frame["angle"] += turned
+    with pytest.raises(DegenerateGeometryError, match="no pose fits the sweeps"):
+        sweep_pose(frames)
+    found = sweep_pose(frames, 0.008)
+    missed = np.concatenate([found.position_w - place, 2.0 * found.quaternion_wb[1:]])
+    assert missed @ np.linalg.solve(found.covariance, missed) < 22.5  # chi-square of 6, 0.1 %
+    assert np.abs(missed[:3]).max() < 0.1
+
+
 def test_filter_on_sweeps_starts_by_itself_and_is_as_good_as_its_covariance() -> None:
     p = EstimationParameters()
     estimator = ErrorStateEstimator(p)
@@ -95,6 +119,50 @@ def test_filter_on_sweeps_starts_by_itself_and_is_as_good_as_its_covariance() ->
     assert rms < 0.002
     assert estimator.inconsistency == ""
     assert float(estimator.memory["refused_share"][0]) < 0.02
+
+
+def test_an_error_common_to_the_angles_of_a_plane_is_weighted_once() -> None:
+    """Stations that are surveyed to a centimetre turn each plane by milliradians."""
+    p = EstimationParameters()
+    turned = (0.0015, 0.0015, -0.0015, 0.0015)
+    trusting = ErrorStateEstimator(p)
+    apart = np.linalg.norm(fly(trusting, 6.0, turned=turned), axis=1)
+    p.error_state.sweep_plane_sigma = 0.1
+    estimator = ErrorStateEstimator(p)
+    errors = np.linalg.norm(fly(estimator, 6.0, turned=turned), axis=1)
+    assert float(estimator.memory["refused_share"][0]) == 0.0
+    assert errors.max() < 0.01 < apart.max()
+    assert errors.max() < 4.0 * estimator.deviations.position
+    assert apart.max() > 10.0 * trusting.deviations.position
+
+
+def test_a_filter_that_most_planes_contradict_restarts_although_one_agrees() -> None:
+    """Along a plane of light, its angles do not change."""
+    estimator = ErrorStateEstimator(EstimationParameters())
+    memory, moved_at = estimator.memory[0], 1.5
+
+    class Moved:
+        """Moves the estimate along the second plane, once."""
+
+        done = False
+
+        def __call__(self, t: float) -> None:
+            if self.done or t < moved_at:
+                return
+            self.done = True
+            place = memory["base"][:3].copy()
+            plane = plane_numbers(sweeps_of(1, 0, place, np.random.default_rng(1))[0])
+            across = np.array(swept(plane, tuple(place))[1])
+            away = np.cross(across, [0.0, 0.0, 1.0])
+            away *= 0.3 / np.linalg.norm(away)
+            for name in ("base", "now"):
+                memory[name][:3] += away
+            memory["after_state"][:, :3] += away
+
+    errors = fly(estimator, 5.0, before=Moved())
+    assert len(estimator.restarts) == 1
+    assert np.linalg.norm(errors, axis=1).max() < 0.02
+    assert estimator.inconsistency == ""
 
 
 def test_moved_base_station_is_refused_or_told() -> None:

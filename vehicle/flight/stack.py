@@ -31,6 +31,7 @@ from vehicle.estimators.repeated_poses import RepeatedPoses
 from vehicle.estimators.rescue import Rescue
 from vehicle.estimators.tracker_integrity import TrackerIntegrity
 from vehicle.flight.automatic_changes import AutomaticChanges
+from vehicle.flight.bounds_watch import BoundsWatch
 from vehicle.flight.commands import CommandHandler
 from vehicle.flight.configuration import Configuration
 from vehicle.flight.control_law import ControlLaw
@@ -201,6 +202,7 @@ class FlightStack:
         self._situation = SituationReader(
             volume=p.behavior, tick=tick, modes=self.modes, ground=self.ground
         )
+        self._bounds = BoundsWatch(p, tick, self.law, outbox.say)
         self._status_writer = StatusWriter(
             estimation=p.estimation,
             tick=tick,
@@ -213,6 +215,7 @@ class FlightStack:
             rescue=self.rescue,
             integrity=self.integrity,
             ground=self.ground,
+            bounds=self._bounds,
         )
         self.loop_statistics = self._status_writer.loop
         self.link_statistics = self._status_writer.link
@@ -264,6 +267,7 @@ class FlightStack:
             command = self._make_command() if modes.mode in FLYING else None
         else:
             command = self._fly(dt, airborne)
+        self._bounds.step(tick.stamp_ns, airborne)
         self._status_writer.write(sample, pose_age)
         return command
 

@@ -12,6 +12,7 @@ from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
 from vehicle.estimators.tracker_integrity import TrackerIntegrity
+from vehicle.flight.bounds_watch import BoundsWatch
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
@@ -44,6 +45,7 @@ class StatusWriter:
     rescue: Rescue
     integrity: TrackerIntegrity
     ground: GroundContact
+    bounds: BoundsWatch
 
     def __post_init__(self) -> None:
         self._real_time = True
@@ -93,6 +95,7 @@ class StatusWriter:
         flags = self.supervisor.flags | self.guard.flags | self.rescue.flags
         flags |= navigation.agreement.flags | navigation.suspect.flags | navigation.heading.flags
         flags |= self.integrity.flags
+        flags |= self.bounds.flags
         if mode is STARTING:
             flags |= _GYRO_UNCALIBRATED
         if pose_age > self.estimation.measurement_timeout:

@@ -38,6 +38,10 @@ class ExternalLaw(External):
         return self.base.tilt_limited
 
     @property
+    def integrals(self) -> tuple[Array, Array]:
+        return self.base.integrals
+
+    @property
     def disturbance(self) -> Record:
         return self.base.disturbance
 

@@ -1,7 +1,7 @@
 """The simulated vehicle while it is held in a hand or fixed on a bench.
 
 Rotors turn and the battery drains as usual; hand or bench absorb their forces. The hand lifts the
-vehicle, turns it and holds it still, so that the accelerometer measures gravity alone; when it lets
+vehicle, turns it and holds it still; then the accelerometer measures gravity alone. When it lets
 go, it sets the vehicle down level.
 """
 
@@ -32,8 +32,10 @@ from vehicle.simulator.parameters import SimulatorParameters
 FREE, HAND, BENCH, SET_DOWN = range(4)
 TURN_RATE = math.radians(60.0)
 """Fastest rotation by hand, in rad/s."""
-LIFT_HEIGHT, LIFT_SPEED = 0.6, 0.3
-"""Height in m, and speed in m/s."""
+LIFT_HEIGHT, LIFT_SPEED, LIFT_ACCELERATION = 0.6, 0.3, 1.0
+"""Height in m, largest speed in m/s, and acceleration in m/s²."""
+AT_HEIGHT = 1e-4
+"""Distance in m from the height at which the hand holds still."""
 
 HOLDER = np.dtype([("held", "i8"), ("quaternion_wb", "f8", 4)], align=True)
 
@@ -74,9 +76,11 @@ def hold(plant: Record, holder: Record, references: Four, duration: float) -> No
     share = motor_share(p.model.motor_time_constant, duration)
     for i in range(4):
         p.rotor_speeds[i] += share * (references[i] - p.rotor_speeds[i])
+    was = p.x[5] if h.held != BENCH else 0.0
     for i in range(3):
         p.x[3 + i] = p.x[10 + i] = 0.0
-    q = p.x[6:10].copy()
+    q, force_w = p.x[6:10].copy(), np.zeros(3)
+    force_w[2] = GRAVITY
     if h.held != BENCH:
         phi = quaternion_log(quaternion_multiply(quaternion_conjugate(q), h.quaternion_wb))
         angle = math.sqrt(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])
@@ -90,14 +94,16 @@ def hold(plant: Record, holder: Record, references: Four, duration: float) -> No
             q = h.quaternion_wb.copy()
         p.x[6:10] = q
         up = (LIFT_HEIGHT if h.held == HAND else 0.0) - p.x[2]
-        if abs(up) > LIFT_SPEED * duration:
-            p.x[5] = math.copysign(LIFT_SPEED, up)
+        if abs(up) > AT_HEIGHT:
+            most = LIFT_ACCELERATION * duration
+            wanted = min(LIFT_SPEED, math.sqrt(2.0 * LIFT_ACCELERATION * abs(up)))
+            change = math.copysign(wanted, up) - was
+            p.x[5] = was + max(-most, min(most, change))
             p.x[2] += p.x[5] * duration
         else:
             p.x[2] += up
             if h.held == SET_DOWN and angle <= step:
                 h.held = FREE
-    gravity = np.zeros(3)
-    gravity[2] = GRAVITY
-    p.specific_force_b[:] = rotate_inverse(q, gravity)
+        force_w[2] += (p.x[5] - was) / duration
+    p.specific_force_b[:] = rotate_inverse(q, force_w)
     discharge(plant, duration)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from console.evaluation.explanation.finding import (
+    AT_BOUND,
     ROLL_PITCH,
     SETTLING,
     Finding,
@@ -15,10 +16,13 @@ from console.evaluation.explanation.finding import (
     Topics,
     blocks,
     distances,
+    flagged,
     has,
     longest,
     means,
     number,
+    overlaps,
+    stretches,
     within,
 )
 from flight_log.fields import POSITION, REFERENCE
@@ -29,6 +33,8 @@ SATURATED = 0.1
 """Limit of the saturated share of the time."""
 INCONSISTENT, REFUSED = 4.0, 0.2
 """Limits of the mean normalised innovation squared, and of the share of refused measurements."""
+HELD, NEARLY = 1.0, 1.0 - 1e-5
+"""Limit in s of the time at a bound, and share of it from which a value counts as at it."""
 TILT = 70.0
 """Limit in deg, for logs without the vehicle's own limit."""
 
@@ -120,6 +126,45 @@ def inconsistent(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
             weight,
             follows=True,
         )
+
+
+def at_bound(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find biases, integrals and estimates that their bounds held for more than a second."""
+    biases = {
+        f"estimation.{sensor}_bias_limit": tuple(f"{sensor}_bias.{axis}" for axis in "xyz")
+        for sensor in ("gyroscope", "accelerometer")
+    }
+    held: Spans = []
+    names = []
+    for name, fields in biases.items():
+        if has(topics, "estimator", *fields) and name in parameters:
+            series = topics["estimator"]
+            largest = np.abs(series.rows(fields)).max(axis=1)
+            at = largest >= NEARLY * number(parameters, name, np.inf)
+            found = [one for one in stretches(series.time, at) if one[1] - one[0] > HELD]
+            names += [name] if found else []
+            held += found
+    held = [one for one in held + flagged(topics, AT_BOUND) if overlaps(spans, *one)]
+    if not held:
+        return
+    held = sorted(held)
+    lasted = max(end - start for start, end in held)
+    which = f" ({', '.join(names)})" if names else "; the events say which"
+    yield Finding(
+        AT_BOUND,
+        max(1.0, lasted / HELD),
+        held[0][0],
+        max(end for _, end in held),
+        f"A bias, an integral or an estimate was at its bound for up to {lasted:.1f} s{which}: "
+        "what the flight needs is beyond it.",
+        tuple(biases[names[0]]) if names else (),
+        "at its bound",
+        "0 or 1",
+        0.5,
+        np.repeat(np.ravel(held), 2),
+        np.tile([0.0, 1.0, 1.0, 0.0], len(held)),
+        follows=True,
+    )
 
 
 def tilted(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:

@@ -25,6 +25,7 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
     consequences.saturation,
     consequences.inconsistent,
     consequences.tilted,
+    consequences.at_bound,
 )
 
 

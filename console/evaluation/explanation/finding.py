@@ -26,6 +26,8 @@ BLOCK = 2.0
 """Time in s over which most figures are computed."""
 SETTLING = 2.0
 """Seconds after take-off and before landing that are not judged, because of the ground effect."""
+AT_BOUND = "at_bound"
+"""Flag of a bias, an integral or an estimate that its bound has held for a second."""
 AIRBORNE_HEIGHT = 0.5
 """Height in m above the lowest point that counts as flying, for logs without the status."""
 
@@ -137,6 +139,13 @@ def flagged(topics: Topics, flag: str) -> Spans:
         begin = found.pop()[0] if found and found[-1][1] == start else start
         found.append((begin, end))
     return found
+
+
+def stretches(time: Array, on: npt.NDArray[np.bool_]) -> Spans:
+    """Return the intervals (s) in which successive samples are on."""
+    edges = np.diff(np.concatenate([[0], on.astype(int), [0]]))
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return [(float(time[a]), float(time[b])) for a, b in zip(starts, ends, strict=True)]
 
 
 def blocks(

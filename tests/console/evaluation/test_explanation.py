@@ -179,6 +179,12 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
         3.0,
         "12.0 times",
     ),
+    "at_bound": (
+        {"status": {"flags": [(0.0, ""), (15.0, "at_bound"), (20.0, "")]}},
+        {"status": {"flags": [(0.0, "at_bound"), (3.0, "")]}},
+        5.0,
+        "5.0 s",
+    ),
     "tilted": (
         {"state": {"pose.pose.orientation.x": during(500, 33.0, 34.0, np.sqrt(0.5))}},
         {"state": {"pose.pose.orientation.x": 0.5}},
@@ -186,6 +192,16 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
         "90°",
     ),
 }
+
+
+def test_a_bias_at_its_bound_is_named_without_the_flag() -> None:
+    biases = {f"gyroscope_bias.{axis}": 0.0 for axis in "xyz"}
+    held = biases | {"gyroscope_bias.y": during(50, 10.0, 20.0, -0.05)}
+    limit = {"estimation.gyroscope_bias_limit": 0.05}
+    [found] = explain(flight(estimator=held), limit)
+    assert (found.kind, found.start) == ("at_bound", 10.0)
+    assert "estimation.gyroscope_bias_limit" in found.claim
+    assert explain(flight(estimator=held), {"estimation.gyroscope_bias_limit": 0.06}) == []
 
 
 def explained(columns: dict[str, Any]) -> list[Finding]:

@@ -38,7 +38,13 @@ def hovered(tmp_path_factory: pytest.TempPathFactory, short_hover: None) -> dict
 @pytest.fixture(scope="module")
 def heavy(tmp_path_factory: pytest.TempPathFactory, short_hover: None) -> dict[str, Any]:
     """Return one flight of another seed, with a mass that the vehicle does not know."""
-    words = ("--seed", "5", "--set", "simulator.mass=1.6")
+    words = (
+        "--seed",
+        "5",
+        "--set",
+        "simulator.mass=1.6",
+        "control.limits.position_integral_max=0.01",
+    )
     return flown(tmp_path_factory.mktemp("heavy"), "hover", *words)
 
 
@@ -105,4 +111,6 @@ def test_a_set_parameter_reaches_the_vehicle_and_the_log(
     hovered: dict[str, Any], heavy: dict[str, Any]
 ) -> None:
     assert heavy["verdict"] == "failed"
+    assert heavy["metrics"]["at_bound_s"] > 5.0  # its integral cannot carry the mass
+    assert "at_bound_s" not in hovered["metrics"]
     assert heavy["metrics"]["position_rms_m"] > 5 * hovered["metrics"]["position_rms_m"]
