@@ -12,12 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from console.evaluation.explanation.finding import AT_BOUND, flagged
+from console.evaluation.explanation.finding import AT_BOUND, Spans, flagged, stretches, within
 from console.experiments.client import FAILED, Result
 from flight_log.columns.log_columns import read_columns
-from flight_log.columns.topic import Topic
 from flight_log.fields import ATTITUDE, POSITION, VELOCITY_B
-from flight_log.run import read_run
+from flight_log.run import Series, read_run
 from quadrotor.records import Array
 
 IMPACT, TILT, EMERGENCIES = "impact_m_s", "tilt_max_deg", "emergencies"
@@ -41,44 +40,34 @@ HIGH, LOW = 0.10, 0.03
 """Heights, in m above the lowest, of a vehicle in the air and of one that touches the ground."""
 SEVERE = ("emergency_land", "cut")
 """Modes of the vehicle that end a flight otherwise than planned."""
+AFTER = 3.0
+"""Time, in s, after a flight in which the vehicle may still fall, its motors off."""
 BEFORE = 0.05
 """Time, in s, before the first touch, in which its speed is looked for."""
 _MOTION = (*POSITION, *ATTITUDE, *VELOCITY_B)
 
 
 def flight_checks(log: Path) -> dict[str, float]:
-    """Return the figures that the log shows, by name; none for a log without a flight.
+    """Return the figures that the log shows, by name; none for a log without a flight: what is done
+    with a vehicle by hand is not judged.
 
     The motion is the truth, or the vehicle's estimate where there is none. Raises LogFormatError or
     StorageError.
     """
-    topics = read_columns(log, dtype=np.float64).topics
-    figures: dict[str, float] = {}
-    for motion in _named(topics, "truth") or _named(topics, "state"):
-        rows = motion.take(_MOTION).astype(np.float64, copy=False)
-        if len(rows) and np.isfinite(rows).all():
-            _keep_worst(figures, _of_motion(motion, rows))
-    for status in _named(topics, "status"):
-        modes = [mode for _, mode in status.texts.get("mode", [])]
-        _keep_worst(figures, {EMERGENCIES: float(sum(mode in SEVERE for mode in modes))})
-    return figures | (_flagged(log) if EMERGENCIES in figures else {})
-
-
-def _flagged(log: Path) -> dict[str, float]:
-    """Return the time (s) for which each of FLAGS was set, by its figure, if it was."""
+    if not read_columns(log).topics:
+        return {}
     topics = read_run(log).topics
-    spans = {figure: flagged(topics, flag) for flag, figure in FLAGS.items()}
-    return {name: sum(end - start for start, end in held) for name, held in spans.items() if held}
-
-
-def _named(topics: Mapping[str, Topic], name: str) -> list[Topic]:
-    """Return the topics with this name and messages, of any vehicle."""
-    return [topic for path, topic in topics.items() if path.endswith(f"/{name}") and len(topic)]
-
-
-def _keep_worst(figures: dict[str, float], found: Mapping[str, float]) -> None:
-    for name, value in found.items():
-        figures[name] = max(value, figures.get(name, 0.0))
+    if "status" not in topics or not (flown := _flown(topics["status"])):
+        return {}
+    modes = [mode for _, mode in topics["status"].changes("mode")]
+    figures = {EMERGENCIES: float(sum(mode in SEVERE for mode in modes))}
+    motion = topics.get("truth") or topics.get("state")
+    if motion is not None:
+        figures |= _of_motion(motion, flown)
+    for flag, figure in FLAGS.items():
+        if held := overlap(flagged(topics, flag), flown):
+            figures[figure] = sum(end - start for start, end in held)
+    return figures
 
 
 def with_checks(result: Result, figures: Mapping[str, float]) -> Result:
@@ -89,20 +78,35 @@ def with_checks(result: Result, figures: Mapping[str, float]) -> Result:
     failed = any(not figures[name] <= limit for name, limit in limits.items())
     verdict, reason = (FAILED, "") if failed else (result.verdict, result.reason)
     # The experiment's own figures come first, and count where both have one.
-    metrics, allowed = result.metrics, result.limits
-    return Result(
-        verdict, {**metrics, **figures, **metrics}, {**allowed, **limits, **allowed}, reason
-    )
+    all_figures = result.metrics | dict(figures) | result.metrics
+    all_limits = result.limits | limits | result.limits
+    return Result(verdict, all_figures, all_limits, reason)
 
 
-def _of_motion(motion: Topic, rows: Array) -> dict[str, float]:
-    time, height = motion.publish_ns * 1e-9, rows[:, 2]
+def _flown(status: Series) -> Spans:
+    """Return when the vehicle was in the air, and some seconds after, in which it may fall."""
+    airborne = stretches(status.time, status.values("airborne") > 0.5)
+    return [(start, end + AFTER) for start, end in airborne]
+
+
+def overlap(spans: Spans, others: Spans) -> Spans:
+    """Return the parts (s) of some intervals that lie in others."""
+    found = [(max(a, c), min(b, d)) for a, b in spans for c, d in others]
+    return [(start, end) for start, end in found if end > start]
+
+
+def _of_motion(motion: Series, flown: Spans) -> dict[str, float]:
+    rows = motion.rows(_MOTION)
+    known = within(motion.time, flown) & np.isfinite(rows).all(axis=1)
+    time, rows = motion.time[known], rows[known].astype(np.float64)
+    if not len(rows):
+        return {}
     w, x, y, z = rows[:, 3:7].T
     up = np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
     climb = np.einsum("ij,ij->i", up, rows[:, 7:10])
     tilt = math.degrees(float(np.arccos(np.clip(up[:, 2].min(), -1.0, 1.0))))
     hardest = 0.0
-    for touched in _touches(height - height.min()):
+    for touched in _touches(rows[:, 2] - rows[:, 2].min()):
         before = np.searchsorted(time, time[touched] - BEFORE)
         hardest = max(hardest, -float(climb[before : touched + 1].min()))
     return {IMPACT: hardest, TILT: tilt}

@@ -260,7 +260,7 @@ def test_the_gain_set_with_it_bears_as_much_delay_as_the_standard_one() -> None:
 
 
 def test_without_it_the_estimate_loop_is_the_position_loop() -> None:
-    for name in ("standard", "stiff", "damped"):
+    for name in ("standard", "stiff"):  # without exact rates, which take it from the attitude
         found = {one.loop: one for one in margins(preset(name), LAG)}
         assert found["estimate"].phase == found["position"].phase
 

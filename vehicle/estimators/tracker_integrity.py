@@ -62,6 +62,8 @@ class TrackerIntegrity:
         self._note = direct(note_sample, self._memory, np.zeros(1, IMU_SAMPLE))
         self._compare = direct(compare_pose, self._memory, pose, new_state())
         self._errors = direct(errors, self._memory)
+        evidence = self._memory["evidence"][0]
+        self._of_turns, self._of_moves = evidence[:2], evidence[2:]
         self._newest_ns = 0
         self.begin()
 
@@ -82,11 +84,13 @@ class TrackerIntegrity:
         """Store the IMU_SAMPLE (1,) of a tick."""
         self._note(self._memory, imu)
 
-    def takes(self, pose: Record, state: Record) -> bool:
+    def takes(self, pose: Record, state: Record, armed: bool) -> bool:
         """Return whether a POSE_SAMPLE (1,) of the vehicle is a measurement.
 
         Args:
             state: STATE (1,), as estimated.
+            armed: otherwise the vehicle may be in a hand, and its accelerometer not calibrated:
+                its position begins no contradiction.
         """
         if not has_attitude(pose["quaternion_wb"][0]):
             return True  # of a single marker, without an attitude to compare by
@@ -95,6 +99,9 @@ class TrackerIntegrity:
             self.begin()
         self._newest_ns = stamp_ns
         evidence = self._compare(self._memory, pose, state)
+        if not (armed or self.contradiction) and evidence > 0.0:
+            self._of_moves[:] = 0.0
+            evidence = float(self._of_turns.max())
         if evidence >= ALARM or self.contradiction:
             self._weigh(evidence)
         if evidence >= 0.0 and abs(stamp_ns - self._fitted_ns) > FITTED_NS:

@@ -354,7 +354,7 @@ class FlightStack:
             self.integrity.begin()
             return True
         vehicle = self.parameters.estimation.tracker.measured(pose)
-        return self.integrity.takes(vehicle, self.state)
+        return self.integrity.takes(vehicle, self.state, self.modes.mode in FLYING)
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """Estimate the altitude by the barometer in every mode, as it may be needed at any time."""

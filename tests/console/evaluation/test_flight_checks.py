@@ -21,7 +21,12 @@ MS, RATE = 1_000_000, 100
 
 
 def write(
-    path: Path, speed: float, *, tilt: float = 0.0, modes: tuple[str, ...] = ("armed",)
+    path: Path,
+    speed: float,
+    *,
+    tilt: float = 0.0,
+    modes: tuple[str, ...] = ("armed",),
+    in_the_air: bool = True,
 ) -> Path:
     """Write a flight that climbs to 1 m, tilts (rad, about x), and comes down at `speed` (m/s)."""
     climb = np.concatenate([np.full(RATE, 1.0), np.zeros(RATE)])
@@ -42,9 +47,14 @@ def write(
             payloads_of(topics.odometry_messages(stamps, states)), stamps.tolist(), strict=True
         ):
             log.write("/quad1/truth", TOPICS["truth"].type_name, payload, ns, ns)
-        for k, mode in enumerate(modes, 1):
-            message = new("quadlab_msgs/VehicleStatus", header=header(k * MS), mode=mode)
-            log.write("/quad1/status", TOPICS["status"].type_name, encode(message), k * MS, k * MS)
+        told = [(k * MS, mode, in_the_air) for k, mode in enumerate(modes, 1)]
+        told += [(int(ns), modes[-1], in_the_air) for ns in stamps[10:-RATE:10]]
+        told.append((int(stamps[-RATE]), modes[-1], False))
+        for ns, mode, airborne in told:
+            message = new(
+                "quadlab_msgs/VehicleStatus", header=header(ns), mode=mode, airborne=airborne
+            )
+            log.write("/quad1/status", TOPICS["status"].type_name, encode(message), ns, ns)
     return path
 
 
@@ -66,6 +76,11 @@ def test_emergencies_are_counted_once_each(tmp_path: Path) -> None:
     modes = ("armed", "emergency_land", "emergency_land", "ready", "armed", "cut")
     figures = flight_checks(write(tmp_path / "run.mcap", 0.5, modes=modes))
     assert figures["emergencies"] == 2.0
+
+
+def test_what_is_done_by_hand_is_not_judged(tmp_path: Path) -> None:
+    log = write(tmp_path / "run.mcap", 4.0, tilt=math.radians(80.0), in_the_air=False)
+    assert flight_checks(log) == {}
 
 
 def test_a_log_without_a_flight_changes_no_verdict(tmp_path: Path) -> None:

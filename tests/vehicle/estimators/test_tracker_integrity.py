@@ -85,6 +85,7 @@ class Moved:
         )
         self.lie: Lie = truth
         self.motion, self.late_ns, self.outliers = motion, 0, 0.0
+        self.armed = True
         self.time = 0.0
         self._chance = np.random.default_rng(1)
         self._quaternion = np.array([1.0, 0.0, 0.0, 0.0])
@@ -134,7 +135,7 @@ class Moved:
         place = place + 0.001 * noise[:3]
         turn = turned(turn, (math.radians(0.2) * noise[3:]).tolist())
         stamp_ns = START_NS + round(self.time * 1e9)
-        return self.judge.takes(pose_sample(stamp_ns, place, turn), self._state)
+        return self.judge.takes(pose_sample(stamp_ns, place, turn), self._state, self.armed)
 
 
 def test_true_poses_are_taken() -> None:
@@ -165,6 +166,15 @@ def test_reversed_and_permuted_axes_are_found(lie: Lie, witness: str) -> None:
     assert "check that its frame is right-handed" in moved.told
     assert not any(taken[300:])  # within 3 s, in whose first half the filters settle
     assert moved.judge.flags & Flag.TRACKER_CONTRADICTED
+
+
+@pytest.mark.parametrize(("lie", "seen"), [(mirrored, False), (left_handed, True)])
+def test_in_a_hand_only_the_attitude_is_compared(lie: Lie, seen: bool) -> None:
+    moved = Moved()
+    moved.armed = False
+    taken = moved.run(4.0, lie)
+    assert bool(moved.judge.contradiction) is seen
+    assert not any(taken[300:]) if seen else all(taken)
 
 
 def test_at_rest_nothing_can_show() -> None:
@@ -225,7 +235,7 @@ def test_a_marker_has_no_attitude_to_compare_by() -> None:
     for k in range(500):
         moved._sense()
         sample = pose_sample(START_NS + k * PERIOD_NS, moved._position * (1, -1, 1), NO_ATTITUDE)
-        assert moved.judge.takes(sample, new_state())
+        assert moved.judge.takes(sample, new_state(), True)
 
 
 @pytest.mark.parametrize("motion", [0.0, 1.0])
