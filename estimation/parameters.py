@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from estimation.error_state.parameters import DEGREES, ERROR_STATE_NOISE, ErrorStateParameters
+from estimation.error_state_parameters import DEGREES, ERROR_STATE_NOISE, ErrorStateParameters
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record, has_attitude, pose_sample
 from quadrotor.tracked_body import TrackedBody

@@ -26,7 +26,7 @@ from benchmarks.estimation.flights import (
 from benchmarks.harness import Report, Row, Size, Target
 from estimation.complementary import ComplementaryEstimator
 from estimation.error_state.estimator import ErrorStateEstimator
-from estimation.error_state.parameters import ErrorStateParameters
+from estimation.error_state_parameters import ErrorStateParameters
 from estimation.estimator import Estimator
 from estimation.history import recall
 from estimation.parameters import PRESETS, EstimationParameters

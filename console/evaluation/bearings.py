@@ -17,7 +17,7 @@ from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.figures import rms
 from console.evaluation.flight_checks import SEVERE
 from console.evaluation.log_columns import read_parameters
-from estimation.error_state.parameters import ErrorStateParameters
+from estimation.error_state_parameters import ErrorStateParameters
 from flight_log.attached import logged_value
 from flight_log.columns.log_columns import read_topics
 from flight_log.columns.topic import Topic

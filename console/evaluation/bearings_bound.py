@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimation.error_state.parameters import ErrorStateParameters
+from estimation.error_state_parameters import ErrorStateParameters
 from estimation.parameters import EstimationParameters, noise_record
 from quadrotor.constants import GRAVITY
 from quadrotor.plain_rotations import matrix_of

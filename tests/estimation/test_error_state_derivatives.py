@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from estimation.error_state.memory import BEARINGS, MARKER, NOISES, POSE, new_memory
 from estimation.error_state.motion import move, spread
-from estimation.error_state.parameters import ErrorStateParameters
 from estimation.error_state.rows import linearize
 from estimation.error_state.update import displace, reset
+from estimation.error_state_parameters import ErrorStateParameters
 from estimation.parameters import EstimationParameters, noise_record
 from quadrotor.records import Array
 

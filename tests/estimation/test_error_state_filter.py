@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.error_state.filter import apply, predict, take_bearings
 from estimation.error_state.memory import new_memory
-from estimation.error_state.parameters import ErrorStateParameters
+from estimation.error_state_parameters import ErrorStateParameters
 from estimation.estimator import Estimator
 from estimation.outcome import Outcome
 from estimation.parameters import EstimationParameters, noise_record

@@ -11,7 +11,7 @@ from console.evaluation.bearings_bound import UNKNOWN, Frame, PoseBound, posteri
 from console.evaluation.bearings_limits import DECIDING, limits
 from console.evaluation.verdict import judged, settled
 from console.experiments.client import Result
-from estimation.error_state.parameters import ErrorStateParameters
+from estimation.error_state_parameters import ErrorStateParameters
 
 FIGURES = {"rms": 1.0, "most": 2.0}
 
