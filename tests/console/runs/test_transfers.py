@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
@@ -601,11 +602,12 @@ def kill_a_new_job(killed: set[int]) -> bool:
     """Kill a job's process of this process that is not among those killed, and add it to them."""
     for path in Path("/proc/self/task").glob("*/children"):
         for pid in map(int, path.read_text().split()):
-            words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
-            if pid not in killed and b"vehicle_link.jobs" in words:
-                os.kill(pid, signal.SIGKILL)
-                killed.add(pid)
-                return True
+            with contextlib.suppress(ProcessLookupError, FileNotFoundError):  # it has just ended
+                words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+                if pid not in killed and b"vehicle_link.jobs" in words:
+                    os.kill(pid, signal.SIGKILL)
+                    killed.add(pid)
+                    return True
     return False
 
 

@@ -22,8 +22,8 @@ class RestingCrazyflie(CrazyflieFirmware):
         super().__init__()
         self.guard = None
         self._protocol = protocol
-        self._plant = np.zeros(1, [("voltage", "f8")])
-        self._plant["voltage"] = 16.4
+        self._sensors = np.zeros(1, [("voltage", "f8")])
+        self._sensors["voltage"] = 16.4
         self._sensed[0] = 0.0, 0.0, 9.81
         self._pressure = 96000.0
         self.taken: list[Packet] = []
