@@ -157,23 +157,19 @@ def test_the_fleet_s_socket_tells_how_and_where_each_one_is(
     second.said = {"armed": False, "airborne": False}
     second.fly(x=-1.0, y=0.5, z=0.0)
     told: dict[str, Any] = {}
+    expected = [[1.0, 2.0, 1.5], [-1.0, 0.5, 0]], (True, 1.5, 15.6, "good")
     with fleet_site.websocket("/ws/fleet?plot=1", fleet_site.cookie(pilot)) as socket:
-        for _ in range(50):  # a position is dropped soon after it was sent, so send it again
+        for _ in range(50):  # what was sent is dropped soon after, so send it again
             first.fly(x=1.0, y=2.0, z=1.5)
             second.fly(x=-1.0, y=0.5, z=0.0)
             told |= json.loads(socket.recv(10))  # vehicles are sent at first and when they change
             positions = [where and where[:3] for where in told["positions"]]
-            if positions == [[1.0, 2.0, 1.5], [-1.0, 0.5, 0]]:
+            one, two = told["vehicles"]
+            how = one["armed"], one["height"], one["battery"], one["link"]["state"]
+            if (positions, how) == expected:
                 break
         else:
-            pytest.fail(f"the socket told {positions}")
-    one, two = told["vehicles"]
-    assert (one["armed"], one["height"], one["battery"], one["link"]["state"]) == (
-        True,
-        1.5,
-        15.6,
-        "good",
-    )
+            pytest.fail(f"the socket told {positions}, {how}")
     assert (two["name"], two["armed"]) == ("quad2", False)
 
 
