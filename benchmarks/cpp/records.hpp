@@ -115,4 +115,6 @@ struct Plant {
     double battery_nominal, battery_exponent, battery_share;
     double air_w[3], wind_w[3], gust, gust_time, motor_gain[4], ground_effect, air_share;
     double gusts[5], rotor_drag_b[3], inflow_loss, rotor_turns[4];
+    // Of the faults of the body, which the twin does not have:
+    double centre_b[2], products_b[3], full_inverse_b[9], load_mass, load_length, load[6];
 };
