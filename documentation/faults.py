@@ -44,7 +44,7 @@ ports, dropped poses, outliers, delays and the rate of the poses are scheduled
 ([parameters](../parameters.md)).
 
 On the page they are under SIMULATION, *Wind and faults*: the wind, the gusts and the payload as
-sliders, the faults with start and stop, and one button that takes back all of them.
+sliders, the faults with start and stop, and one button that removes all of them.
 
 ## Schedules
 """

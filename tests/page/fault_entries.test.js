@@ -34,7 +34,7 @@ test("a schedule can move what can change in flight and is no free text", () => 
   assert.equal(entryOf(found[0].name, found[0].words, SCHEDULE, { value: 0.3, from: 2, to: "" }), "simulator.payload value=0.3 from=2");
 });
 
-test("calm and aligned takes back disturbances and errors, and nothing else", () => {
+test("removing all takes disturbances and errors away, and nothing else", () => {
   const changed = (name, value, initial) => ({ name, value, default: initial });
   assert.deepEqual(calm([
     changed("simulator.wind_x", 3, 0), changed("simulator.gust", 0, 0), changed("simulator.gust_time", 2, 1), changed("simulator.payload", 0.3, 0),

@@ -42,7 +42,7 @@ def test_a_fault_is_started_with_a_schedule_listed_and_stopped(
 ) -> None:
     open_panel(page, look)
     look.text(SET, "^None\\.$")
-    look.text(f"{PANEL} output", "^calm and aligned$")
+    look.text(f"{PANEL} output", "^no wind, no faults$")
     page.select_option(f"{PANEL} > select", "motors.fade")
     page.select_option(f"{PANEL} select[aria-label=motor]", "left")
     page.fill(f"{PANEL} input[aria-label=gain]", "0.9")
@@ -82,8 +82,8 @@ def test_calm_and_aligned_takes_back_wind_load_and_faults(
     open_panel(page, look)
     look.text(SET, "imu.stuckonStop")
     look.value(f"{PANEL} .gain:has(input[aria-label='simulator.wind_x']) input.value", "3")
-    page.click(f"{PANEL} button >> text=Calm and aligned")
-    look.text(f"{PANEL} output", "^calm and aligned$")
+    page.click(f"{PANEL} button >> text=Remove all")
+    look.text(f"{PANEL} output", "^no wind, no faults$")
     names = ("simulator.faults", "simulator.wind_x", "simulator.payload")
     assert [store.get(name) for name in names] == ["", 0.0, 0.0]
 

@@ -18,7 +18,7 @@ export class FaultsPanel {
     /** @type {any} */
     this.table = null; // of the declarations, once the panel has been opened
     this.offered = new Map(); // by name
-    this.calmButton = this.button("Calm and aligned", "wind, load and faults away; tracker and bearings without errors of their own", () => this.set(calm(gains.known.values())));
+    this.calmButton = this.button("Remove all", "wind, load and faults away; tracker and bearings without errors of their own", () => this.set(calm(gains.known.values())));
     this.count = element("output", { className: "facts" });
     this.answer = element("p", { className: "reason", role: "status", hidden: true });
     this.air = element("div", { className: "air" });
@@ -120,7 +120,7 @@ export class FaultsPanel {
     const texts = Object.values(TEXTS).map((name) => [name, this.gains.value(name) ?? ""]);
     const set = texts.flatMap(([name, text]) => entriesOf(text).map((entry, index) => ({ name, text, entry, index })));
     const drawn = JSON.stringify(set), isCalm = Object.keys(calm(this.gains.known.values())).length === 0;
-    setText(this.count, isCalm ? "calm and aligned" : set.length ? `${set.length} ${set.length === 1 ? "fault" : "faults"} set` : "no faults set");
+    setText(this.count, isCalm ? "no wind, no faults" : set.length ? `${set.length} ${set.length === 1 ? "fault" : "faults"} set` : "no faults set");
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     this.list.replaceChildren(...set.map((one) => this.line(one)));
