@@ -24,9 +24,11 @@ def simulated(station: Any) -> Iterator[Any]:
     """Yield the site's station, with its vehicle simulated and on the ground."""
     before = station.store
     station.store = ParameterStore(_Root().model_copy(deep=True))
+    station.instance += 1  # another vehicle, whose parameters are read anew
     station.said = STANDS
     yield station
     station.store = before
+    station.instance += 1
 
 
 def open_panel(page: Any, look: Any) -> None:
