@@ -365,6 +365,8 @@ class FlightStack:
             return
         tick, lift = self._tick, self._tick.specific_force_b.item(2)
         altitude.step(sample.pressure, lift, dt)
+        if self.integrity.contradiction:
+            descent.distrust_accelerometer()
         if self.behaviors.name is _DESCENT:
             descent.watch(lift, self.parameters.behavior.emergency_landing_speed, dt)
         else:

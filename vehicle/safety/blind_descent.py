@@ -82,6 +82,12 @@ class BlindDescent:
         bias = self._bias - pole * pole * error * held
         self._bias = min(LARGEST_BIAS, max(-LARGEST_BIAS, bias))
 
+    def distrust_accelerometer(self) -> None:
+        """Believe the barometer for some time, as poses contradict the accelerometer, and it may be
+        the accelerometer that is wrong.
+        """
+        self._shaken_s = SETTLING
+
     def watch(self, lift: float, speed: float, dt: float) -> None:
         """Judge a descent after a sample: `lift`, the specific force along z_B (m/s²), the
         commanded `speed` (m/s), and dt (s).

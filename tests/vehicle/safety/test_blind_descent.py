@@ -89,6 +89,19 @@ def test_a_hard_touch_down_that_the_accelerometer_does_not_measure_is_no_leak() 
     assert descent.altitude.climb == pytest.approx(0.0, abs=0.05)
 
 
+def test_an_accelerometer_that_poses_contradict_does_not_blame_the_barometer() -> None:
+    doubted, believed = Descent(), Descent()
+    for _ in range(round(3.0 / DT)):  # it hovers, and its accelerometer reads 0.5 m/s² too much
+        for descent in (doubted, believed):
+            descent.altitude.step(descent.pressure(0.0), GRAVITY + BIAS + 0.5, DT)
+            if descent is believed:
+                descent.watch.distrust_accelerometer()
+            descent.watch.watch(GRAVITY + BIAS + 0.5, SPEED, DT)
+    assert not doubted.altitude.is_believed
+    assert believed.altitude.is_believed
+    assert believed.lines == []
+
+
 def test_a_descent_that_should_have_ended_becomes_faster() -> None:
     descent = Descent()
     descent.sink(2.0 / SPEED + 2.9)  # 1.45 m below the place of take-off
