@@ -23,8 +23,9 @@ STOPPED, STOPPED_LONGER = 0.3, 0.05
 must show beyond that of the other witnesses, as a touch-down slows the vehicle first."""
 LEAST_DESCENT = 0.1
 """Commanded descent, in m/s, from which on this shows."""
-LOW = 0.1
-"""Height over the place of arming, in m, below which a take-off is aborted by motors off."""
+LOW, LOW_BY_BAROMETER = 0.1, 0.5
+"""Heights over the place of arming, in m, by the estimate and by the barometer, below both of which
+a take-off is aborted by motors off: the estimate rests on the poses that are in doubt."""
 AGAIN = 0.5
 """Time, in s, from the start and from a test that found the air, in which this shows nothing."""
 
@@ -109,7 +110,8 @@ class Landing:
         """
         ground = self.ground
         height = abs(float(self.tick.state["position_w"][0, 2]) - ground.ground_z)
-        on_ground = not ground.airborne or height < LOW
+        is_low = height < LOW and self.altitude.height < LOW_BY_BAROMETER
+        on_ground = not ground.airborne or is_low
         if on_ground and self.behaviors.name not in LANDING:
             self.modes.move(Mode.READY, f"motors off: {why}", mailbox.ERROR)
 
