@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from console.exchange.subscriptions import RECORDED_AS_RECEIVED
 from console.link.outbox import ENCODERS, RECORDED
-from console.link.subscriptions import RECORDED_AS_RECEIVED
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.units import number_at, numbers
 from vehicle_link.topics import TOPICS
