@@ -43,7 +43,7 @@ def test_stopping_the_features_stops_the_services_that_vehicles_share() -> None:
 
 def test_a_service_of_one_vehicle_ends_with_its_context(monkeypatch: pytest.MonkeyPatch) -> None:
     ended: list[BeaconSurvey] = []
-    monkeypatch.setattr(BeaconSurvey, "stop", ended.append)
+    monkeypatch.setattr(BeaconSurvey, "stop", lambda one: ended.append(one))
     with contextlib.ExitStack() as closing:
         add_survey(FastAPI(), cast(VehicleContext, SimpleNamespace(closing=closing)), None)
         assert not ended
