@@ -56,7 +56,7 @@ def rotated_rows(
     return rotated
 
 
-def roll_pitch_yaw(quaternion_wb: Array) -> Array:
+def roll_pitch_yaw(quaternion_wb: npt.NDArray[np.floating]) -> Array:
     """Return the angles (rad), shape (N, 3), of quaternions (N, 4); yaw without jumps."""
     angles = roll_pitch_yaw_of_rows(quaternion_wb)
     known = np.isfinite(angles[:, 2])
