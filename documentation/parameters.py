@@ -17,7 +17,7 @@ def page() -> str:
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters
-    from quadlab.mavlink.parameter_names import has_short_name, is_faithful, short_name
+    from extensions.mavlink.parameter_names import has_short_name, is_faithful, short_name
     from quadlab.simulated.parameters import CameraParameters, OutsideCameraParameters
     from vehicle.boards.betaflight.options import BetaflightOptions
     from vehicle.boards.crazyflie.options import CrazyflieOptions
