@@ -107,6 +107,21 @@ class PluginFormat(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Importer(Offer):
+    """A format of recorded flights that `quadlab log import` reads; the name is the format's.
+
+    The target is a function of a path and the names of the tables that are wanted, which returns
+    the opened file as an `extensions.importers.tables.Source`.
+
+    Attributes:
+        starts: the first bytes of such files, by which they are recognised.
+    """
+
+    kind: ClassVar[str] = "importer"
+    starts: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Extension:
     """What an extension offers.
 

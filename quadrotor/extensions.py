@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
+from operator import attrgetter
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from quadrotor.checkout import PREFIX
@@ -20,7 +21,7 @@ from quadrotor.packaged_files import packaged
 
 GROUP = "quadlab.extensions"
 FOLDER = f"{PREFIX}extensions"
-BUILT_IN = ("fmu", "mavlink")
+BUILT_IN = ("fmu", "importers", "mavlink")
 """The folders of `extensions`. A folder that was taken away is no error."""
 
 Kind = TypeVar("Kind", bound=Offer)
@@ -42,9 +43,9 @@ class Offered(NamedTuple, Generic[Kind]):
         """
         module, _, name = self.offer.target.partition(":")
         if self.extension is None:
-            return getattr(import_module(module, self.package), name)
+            return attrgetter(name)(import_module(module, self.package))
         try:
-            return getattr(import_module(module, self.package), name)
+            return attrgetter(name)(import_module(module, self.package))
         except Exception as error:
             raise UsageError(self._reason(error)) from error
 
@@ -146,7 +147,7 @@ def _checked(found: object) -> Extension:
         raise UsageError(f"its name is {found.name!r}; use letters, digits and _")
     for offer in found.offers:
         module, _, name = offer.target.partition(":")
-        if not module or not name.isidentifier():
+        if not module or not name:
             raise UsageError(
                 f"the target of its {offer.kind} {offer.name} is {offer.target!r}; write "
                 '".module:name"'

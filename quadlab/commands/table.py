@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
-from typing import Protocol
+from functools import lru_cache, reduce
+from operator import or_
+from typing import Annotated, Any, Protocol
 
 from quadrotor.extension import Command as Row
 from quadrotor.extension import Group
@@ -242,6 +243,15 @@ def actions(command: str) -> Mapping[str, type[Command]]:
     found = registry().offers(Row)
     words = {name.partition(" ")[2]: one for name, one in found.items() if _is_of(name, command)}
     return {word: one.load() for word, one in words.items()}
+
+
+def chosen(actions: Mapping[str, type[Command]]) -> Any:
+    """Return the type of an option whose first word chooses one of these actions."""
+    import tyro
+
+    return reduce(
+        or_, (Annotated[one, tyro.conf.subcommand(word)] for word, one in actions.items())
+    )
 
 
 def _is_of(name: str, command: str) -> bool:

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from flight_log.imports.frames import quaternion_of
-from flight_log.imports.tables import Source
+from extensions.importers.frames import quaternion_of
+from extensions.importers.tables import Source
 from quadrotor.errors import LogFormatError
 from quadrotor.records import MAX_SENSORS, SWEEP_PLANE, SWEEPS_SAMPLE, Array, Record
 

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.imports.tables import FileTables
+from extensions.importers.tables import FileTables
+from flight_log.limits import bounded_reader
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.records import Array
 
@@ -36,6 +37,12 @@ class _Watched(io.BufferedReader):
 
 class UlogTables(FileTables):
     """The topics `wanted` that the log has."""
+
+    @classmethod
+    def opened(cls, path: Path, wanted: Collection[str]) -> UlogTables:
+        """Read the log, in bounded memory. Raises LogFormatError or StorageError."""
+        with bounded_reader(path.name):
+            return cls(path, wanted)
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the log. Raises LogFormatError or StorageError."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from estimation.calibration.motion import STEP, best_lag, common_grid, joined
 from estimation.calibration.segmented_fit import solve_segments
-from flight_log.imports.raw import RawTrack
+from extensions.importers.raw import RawTrack
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 

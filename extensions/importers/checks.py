@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flight_log.imports.flight import ImportedFlight, Imu
-from flight_log.imports.frames import axes, bodies
-from flight_log.imports.mapping import FORCE_UNITS, RATE_UNITS
-from flight_log.imports.raw import RawFlight, RawImu, RawTrack
-from flight_log.imports.tracks import Checked
-from flight_log.imports.trajectory import align
+from extensions.importers.flight import ImportedFlight, Imu
+from extensions.importers.frames import axes, bodies
+from extensions.importers.mapping import FORCE_UNITS, RATE_UNITS
+from extensions.importers.raw import RawFlight, RawImu, RawTrack
+from extensions.importers.tracks import Checked
+from extensions.importers.trajectory import align
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 

@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 
 from estimation.calibration.motion import Turn, angular_velocity, best_turn, interpolated, on_grid
-from flight_log.imports.frames import axes, bodies
-from flight_log.imports.mapping import ORDERS
-from flight_log.imports.raw import RawTrack, ordered
+from extensions.importers.frames import axes, bodies
+from extensions.importers.mapping import ORDERS
+from extensions.importers.raw import RawTrack, ordered
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import matrices_of
 from quadrotor.records import Array

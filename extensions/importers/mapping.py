@@ -1,6 +1,6 @@
 """Mappings: the meaning of a file's columns, with their frames and units (TOML).
 
-What a mapping states is checked; what it leaves out is found by `flight_log.imports.checks`.
+What a mapping states is checked; what it leaves out is found by `extensions.importers.checks`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from estimation.parameters import EstimationParameters
-from flight_log.imports.frames import axes
+from extensions.importers.frames import axes
 from quadrotor.errors import LogFormatError, ParameterError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from flight_log.imports.checks import checked_flight
-from flight_log.imports.flight import ImportedFlight
-from flight_log.imports.formats import format_of
-from flight_log.imports.mapping import Mapping, load_mapping, names
-from flight_log.imports.raw import read_raw
-from flight_log.imports.run_writer import write_run
+from extensions.importers.checks import checked_flight
+from extensions.importers.flight import ImportedFlight
+from extensions.importers.formats import format_of
+from extensions.importers.mapping import Mapping, load_mapping, names
+from extensions.importers.raw import read_raw
+from extensions.importers.run_writer import write_run
 from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError, UsageError, os_errors
 

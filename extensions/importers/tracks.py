@@ -18,13 +18,13 @@ from estimation.calibration.motion import (
     on_grid,
     speed,
 )
-from flight_log.imports.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
-from flight_log.imports.flight import Track
-from flight_log.imports.frames import axes, quaternion_of
-from flight_log.imports.mapping import LENGTH_UNITS, RATE_UNITS
-from flight_log.imports.raw import RawTrack, ordered
-from flight_log.imports.track_clock import SURE, TrackClock
-from flight_log.imports.trajectory import derivative
+from extensions.importers.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
+from extensions.importers.flight import Track
+from extensions.importers.frames import axes, quaternion_of
+from extensions.importers.mapping import LENGTH_UNITS, RATE_UNITS
+from extensions.importers.raw import RawTrack, ordered
+from extensions.importers.track_clock import SURE, TrackClock
+from extensions.importers.trajectory import derivative
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.plain_rotations import matrices_of, product_of
 from quadrotor.records import STATE, Array

@@ -9,7 +9,7 @@ import numpy as np
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
-from tests.flight_log.foreign_flight import ForeignFlight
+from extensions.importers.tests.foreign_flight import ForeignFlight
 
 
 def write_bag(path: Path, flight: ForeignFlight, version: int) -> Path:

@@ -36,7 +36,7 @@ class Import:
             check_name(self.name)
         from console.catalogue.catalogue import Catalogue, run_name
         from console.runs.adoption import described
-        from flight_log.imports.importing import NewRun, read_flight
+        from extensions.importers.importing import NewRun, read_flight
 
         flight = read_flight(self.file, self.mapping, truth=self.truth, torn=self.torn)
         flight.vehicle = self.name or flight.vehicle

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flight_log.imports.formats import open_source
-from flight_log.imports.mapping import (
+from extensions.importers.formats import open_source
+from extensions.importers.mapping import (
     ORDERS,
     TIME_UNITS,
     AttitudeRows,
@@ -20,8 +20,8 @@ from flight_log.imports.mapping import (
     TrackRows,
     column_names,
 )
-from flight_log.imports.sweeps import read_sweeps
-from flight_log.imports.tables import Source
+from extensions.importers.sweeps import read_sweeps
+from extensions.importers.tables import Source
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.plain_rotations import conjugate, make_continuous
 from quadrotor.records import Array, Record

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from extensions.importers.flight import ImportedFlight, Track
 from flight_log.attached import PARAMETERS
-from flight_log.imports.flight import ImportedFlight, Track
 from flight_log.provenance import provenance
+from flight_log.run_folder import IMPORTED
 from flight_log.writer import Batch, LogWriter
 from quadrotor.records import POSE_SAMPLE, TICK, Stamps
 from vehicle_link import topics
@@ -20,13 +21,12 @@ SLICE_NS = 10_000_000_000
 """Duration, in ns, of flight that is encoded at once."""
 POSE_NS = 7_500_000
 """Least time between tracker poses: motion capture may be faster than any tracker sends."""
-IMPORT = "import"
 INFO = 20  # level of rcl_interfaces/Log
 
 
 def write_run(path: Path, flight: ImportedFlight, run: Mapping[str, str]) -> None:
     """Write a new log; `run` are entries for its metadata. Raises StorageError."""
-    metadata = {"vehicle": flight.vehicle, "recorder": IMPORT, **run, **provenance()}
+    metadata = {"vehicle": flight.vehicle, "recorder": IMPORTED, **run, **provenance()}
     attached = {PARAMETERS: json.dumps(flight.parameters).encode()} if flight.parameters else {}
     # A flight can be imported again, so long chunks are safe, as in simulated flights.
     with LogWriter(path, metadata, attached, chunk_age_ns=1_000_000_000) as writer:

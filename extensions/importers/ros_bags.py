@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flight_log.imports.tables import FileTables
+from extensions.importers.tables import FileTables
+from flight_log.limits import bounded_reader
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
@@ -21,6 +22,12 @@ MAX_ITEMS = 40
 
 class BagTables(FileTables):
     """The topics `wanted` of a bag; stamps in s."""
+
+    @classmethod
+    def opened(cls, path: Path, wanted: Collection[str]) -> BagTables:
+        """Read the bag, in bounded memory. Raises LogFormatError."""
+        with bounded_reader(path.name):
+            return cls(path, wanted)
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the bag. Raises LogFormatError."""

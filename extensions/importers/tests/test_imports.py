@@ -14,24 +14,16 @@ import pytest
 from zstandard import ZstdCompressor
 
 from estimation.sweep_angles import plane_numbers, swept
-from flight_log import check, limits
-from flight_log.imports import tables
-from flight_log.imports.flight import ImportedFlight
-from flight_log.imports.frames import axes
-from flight_log.imports.importing import NewRun, read_flight
-from flight_log.imports.mapping import load_mapping, names
-from flight_log.imports.sweeps import SENSORS_B, read_stations
-from flight_log.imports.tables import TextTable
-from flight_log.imports.trajectory import world_turn
-from quadlab.__main__ import main
-from quadlab.replay.lines import plan_runs
-from quadlab.replay.log import read_recording
-from quadlab.replay.run import replay
-from quadrotor.errors import LogFormatError, QuadlabError, StorageError, UsageError
-from quadrotor.records import SWEEPS_SAMPLE, Array
-from tests.flight_log.bag_writer import write_bag
-from tests.flight_log.crazyflie_writer import Event, write_crazyflie, write_events
-from tests.flight_log.foreign_flight import (
+from extensions.importers import tables
+from extensions.importers.flight import ImportedFlight
+from extensions.importers.frames import axes
+from extensions.importers.importing import NewRun, read_flight
+from extensions.importers.mapping import load_mapping, names
+from extensions.importers.sweeps import SENSORS_B, read_stations
+from extensions.importers.tables import TextTable
+from extensions.importers.tests.bag_writer import write_bag
+from extensions.importers.tests.crazyflie_writer import Event, write_crazyflie, write_events
+from extensions.importers.tests.foreign_flight import (
     FRD,
     NED,
     ForeignFlight,
@@ -40,7 +32,15 @@ from tests.flight_log.foreign_flight import (
     write_csv,
     write_mapping,
 )
-from tests.flight_log.ulog_writer import write_ulog
+from extensions.importers.tests.ulog_writer import write_ulog
+from extensions.importers.trajectory import world_turn
+from flight_log import check, limits
+from quadlab.__main__ import main
+from quadlab.replay.lines import plan_runs
+from quadlab.replay.log import read_recording
+from quadlab.replay.run import replay
+from quadrotor.errors import LogFormatError, QuadlabError, StorageError, UsageError
+from quadrotor.records import SWEEPS_SAMPLE, Array
 
 FLIGHT = make_flight()
 

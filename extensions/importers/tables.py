@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import Protocol
 
@@ -47,6 +48,11 @@ class FileTables:
         self.epoch_ns: int | None = None
         self.torn = ""
         self.events: list[tuple[float, int, str]] = []
+
+    @classmethod
+    def opened(cls, path: Path, _: Collection[str]) -> FileTables:
+        """Return the file; all its tables can be read. Raises LogFormatError or StorageError."""
+        return cls(path)
 
     def tables(self) -> list[str]:
         return [""]
