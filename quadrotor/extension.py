@@ -122,6 +122,28 @@ class Importer(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Board(Offer):
+    """A kind of flight board, for `--board NAME`; the target is a `vehicle.boards.kind.Kind`."""
+
+    kind: ClassVar[str] = "board"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Link(Offer):
+    """A kind of link to a board, for `--serial`; the name is the word before `://`.
+
+    The target is a function of the whole word that returns a `vehicle_link.serial.port.Port`, and
+    raises LinkError.
+
+    Attributes:
+        example: a link, for messages.
+    """
+
+    kind: ClassVar[str] = "link"
+    example: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Extension:
     """What an extension offers.
 

@@ -14,7 +14,6 @@ import hypothesis
 import pytest
 
 from tests.counterparts import COUNTERPARTS, chromium, left_out_line, problems
-from vehicle.simulator.betaflight.process import BUILT
 
 # The duration is no claim, and the same examples are tried each time: a gate is not a search.
 hypothesis.settings.register_profile("quadlab", deadline=None, derandomize=True)
@@ -116,7 +115,9 @@ def _needs(item: pytest.Item) -> frozenset[str]:
 
 def _group(nodeid: str) -> str:
     """Return the name of the tests that run in the same process as this one, in their order."""
-    return LABORATORIES if nodeid.startswith(LABORATORIES) else nodeid.partition("::")[0]
+    file = nodeid.partition("::")[0]
+    of_laboratory = file.startswith(LABORATORIES) or file.endswith("/test_laboratory.py")
+    return LABORATORIES if of_laboratory else file
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -183,7 +184,9 @@ def _cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
     """
     cache = tmp_path_factory.mktemp("cache")
     (cache / "quadlab").mkdir()
-    (cache / BUILT.relative_to(BUILT.parents[1])).symlink_to(BUILT)
+    users = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    for built in users.glob("quadlab/betaflight-*"):
+        (cache / "quadlab" / built.name).symlink_to(built)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(cache))
         yield

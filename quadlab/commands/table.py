@@ -191,17 +191,6 @@ _ROWS = (
         },
     ),
     Row(
-        name="crazyradio",
-        group=Group.PROCESS,
-        summary="Serve each Crazyflie on one Crazyradio by UDP to a `quadlab vehicle` of its own, "
-        "and land it when that falls silent in flight.",
-        target=".crazyradio:Crazyradio",
-        examples={
-            "quadlab crazyradio radio://0/80/2M/E7E7E7E701=19850 "
-            "radio://0/80/2M/E7E7E7E702=19851": ("share one radio between two Crazyflies")
-        },
-    ),
-    Row(
         name="web",
         group=Group.PROCESS,
         summary="Serve the page.",
