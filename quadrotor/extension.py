@@ -144,6 +144,37 @@ class Link(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingSystem(Offer):
+    """A laboratory's tracking system, for `quadlab tracker NAME` and `quadlab up --tracker NAME`.
+
+    The target is a `console.trackers.source.System`.
+
+    Attributes:
+        port: the usual port of its server; 0 for a system without an address.
+        library: the module without which it cannot work; "" for none.
+    """
+
+    kind: ClassVar[str] = "tracking system"
+    port: int = 0
+    library: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServedSystem(Offer):
+    """A tracking system's server, by which the simulator serves its poses.
+
+    The target is a function of the vehicles' names and the port, which returns a
+    `vehicle.simulator.tracking_systems.frame.Server`.
+
+    Attributes:
+        port: the usual port.
+    """
+
+    kind: ClassVar[str] = "served system"
+    port: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Extension:
     """What an extension offers.
 

@@ -210,10 +210,10 @@ class Up(PageOptions):
 
     def _serve_words(self) -> list[str]:
         """Return the options with which the simulator acts as the tracking system's server."""
-        from vehicle.simulator.tracking_systems.served import SYSTEMS
+        from vehicle.simulator.tracking_systems.served import known_systems
 
         system, *words = self.tracker.replace("=", " ").split() or [""]
-        if system not in SYSTEMS or "--host" in words:
+        if system not in known_systems() or "--host" in words:
             return []
         port = words[words.index("--port") + 1 :][:1] if "--port" in words else []
         return ["--serve", "=".join([system, *port])]

@@ -8,21 +8,19 @@ client of the library looks for frames every 10 ms: they are stamped half way si
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from console.trackers.source import Body, Frame
-from quadrotor.errors import JobError, QuadlabError, UnreachableError, UsageError
+from console.trackers.source import Body, Connection, Frame
+from quadrotor.errors import JobError, QuadlabError, UnreachableError
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.jobs import Job
 
-LIBRARY = "motioncapture"
 PATIENCE = 5.0
 """Seconds for a server to answer, and then for frames to arrive."""
 POLL = 0.05
@@ -31,30 +29,40 @@ POLLED = "vrpn"
 
 Settings = Callable[[str, int], Mapping[str, str]]
 """Function that returns the library's settings for a server's address and port."""
-SYSTEMS: Mapping[str, tuple[str, int, Settings]] = {
-    "vicon": ("vicon", 801, lambda host, port: {"hostname": f"{host}:{port}"}),
-    "natnet": ("optitrack", 1510, lambda host, port: {"hostname": host, "port_command": str(port)}),
-    "qtm": ("qualisys", 22222, lambda host, port: {"hostname": host, "port": str(port)}),
-    "vrpn": ("vrpn", 3883, lambda host, port: {"hostname": f"{host}:{port}"}),
-}
-"""The library's name, the usual port and its settings, by our name."""
 
 
-def check_library(system: str) -> None:
-    """Check that the library is installed. Raises UsageError."""
-    if importlib.util.find_spec(LIBRARY) is None:
-        raise UsageError(
-            f"{system} needs the package {LIBRARY}; install it with `scripts/setup trackers` "
-            "or pip install 'quadlab[trackers]', or choose udp or ros2"
-        )
+class MotionCapture(NamedTuple):
+    """A system that the library knows (`console.trackers.source.System`).
+
+    Attributes:
+        name: our name of the system. library: the library's name. settings: makes its settings.
+    """
+
+    name: str
+    library: str
+    settings: Settings
+
+    def check(self, bodies: Mapping[str, str]) -> None:
+        """Accept all names."""
+
+    def open(self, connection: Connection) -> MotionCaptureSource:
+        """Return the client, which has not connected yet. Raises UnreachableError."""
+        return MotionCaptureSource(self, connection.host, connection.port)
+
+
+VICON = MotionCapture("vicon", "vicon", lambda host, port: {"hostname": f"{host}:{port}"})
+NATNET = MotionCapture(
+    "natnet", "optitrack", lambda host, port: {"hostname": host, "port_command": str(port)}
+)
+QTM = MotionCapture("qtm", "qualisys", lambda host, port: {"hostname": host, "port": str(port)})
+VRPN = MotionCapture("vrpn", "vrpn", lambda host, port: {"hostname": f"{host}:{port}"})
 
 
 class MotionCaptureSource:
-    """The client of a server of one of SYSTEMS. Raises UsageError, UnreachableError."""
+    """The client of a server. Raises UnreachableError."""
 
-    def __init__(self, system: str, host: str, port: int) -> None:
-        check_library(system)
-        self._server = f"{system} server at {host}:{port}"
+    def __init__(self, system: MotionCapture, host: str, port: int) -> None:
+        self._server = f"{system.name} server at {host}:{port}"
         try:
             address = socket.gethostbyname(host)
         except OSError as error:
@@ -62,8 +70,7 @@ class MotionCaptureSource:
                 f"no host {host} is known ({error.strerror}); give the server's name or address "
                 "with --host"
             ) from None
-        name, _, settings = SYSTEMS[system]
-        self._order = name, dict(settings(address, port))
+        self._order = system.library, dict(system.settings(address, port))
         self._closed = False
 
     def frames(self) -> Iterator[Frame]:

@@ -19,13 +19,14 @@ from qtm_rt.packet import QRTPacket
 
 from bearing_sim import TrackerParameters
 from console.trackers.health import to_world
-from console.trackers.motion_capture import MotionCaptureSource
-from console.trackers.source import Body, Frame
+from console.trackers.source import Body, Connection, Frame, System
 from quadrotor.errors import UnreachableError, UsageError
+from quadrotor.extension import TrackingSystem
+from quadrotor.extensions import registry
 from quadrotor.plain_rotations import matrix_of
 from tests.waiting import LIMIT, free_port, until, wait_for
 from vehicle.simulator.tracking_systems.frame import TrackingFaults, bound
-from vehicle.simulator.tracking_systems.served import SYSTEMS, ServedSystems, parse_systems
+from vehicle.simulator.tracking_systems.served import ServedSystems, known_systems, parse_systems
 
 NAMES = ("quad1", "cf7")
 PERIOD = 0.01
@@ -89,7 +90,8 @@ def frames_of(system: str, port: int) -> Iterator[Iterator[Frame]]:
     """
     end = time.monotonic() + LIMIT
     while True:
-        source = MotionCaptureSource(system, "127.0.0.1", port)
+        client: System = registry().offers(TrackingSystem)[system].load()
+        source = client.open(Connection("127.0.0.1", port, None, {}))
         frames = source.frames()
         try:
             first = next(frames)
@@ -115,7 +117,7 @@ def check(body: Body) -> int:
     return k
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("system", known_systems())
 def test_poses_arrive_in_the_library_as_they_were_served(system: str) -> None:
     with laboratory(system) as running, frames_of(system, running.port) as frames:
         seen: dict[str, list[int]] = {name: [] for name in NAMES}
@@ -127,7 +129,7 @@ def test_poses_arrive_in_the_library_as_they_were_served(system: str) -> None:
         assert len(set(numbers)) >= 50
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("system", known_systems())
 def test_a_body_is_lost_turned_to_y_up_and_its_server_restarted_as_asked(system: str) -> None:
     with laboratory(system) as running:
         served = running.served

@@ -6,12 +6,13 @@ They arrive through the station's router, like everything from ROS 2 (docs/ros2.
 from __future__ import annotations
 
 import queue
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from console.trackers.source import Body, Frame
+from console.trackers.source import Body, Connection, Frame
+from quadrotor.errors import UsageError
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.transport.node import Node
@@ -53,3 +54,21 @@ class Ros2Source:
     def _put(self, name: str, received: Received) -> None:
         with suppress(queue.Full):  # a pose that has to wait is worthless
             self._items.put_nowait((name, received.payload, monotonic_ns()))
+
+
+class Ros2:
+    """Topics of ROS 2 as a tracking system (`console.trackers.source.System`)."""
+
+    def check(self, bodies: Mapping[str, str]) -> None:
+        """Raise UsageError for a name that is no topic."""
+        if not all(name.startswith("/") for name in bodies.values()):
+            raise UsageError(
+                "with ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
+            )
+
+    def open(self, connection: Connection) -> Ros2Source:
+        """Return the source, which listens to the topics of the bodies. Raises LinkError."""
+        return Ros2Source(connection.session, list(connection.bodies.values()))
+
+
+SYSTEM = Ros2()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from functools import partial
 from types import SimpleNamespace
@@ -10,31 +11,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.trackers import motion_capture
-from console.trackers.motion_capture import MotionCaptureSource
+from extensions.mocap import clients
+from extensions.mocap.clients import NATNET, QTM, VICON, VRPN, MotionCapture, MotionCaptureSource
+from quadlab.commands.tracker import Tracker
 from quadrotor.errors import UnreachableError, UsageError
 from tests.waiting import free_port
 
 
-@pytest.mark.parametrize("system", motion_capture.SYSTEMS)
+@pytest.mark.parametrize("system", [VICON, NATNET, QTM, VRPN], ids=lambda one: one.name)
 def test_a_server_that_does_not_answer_is_named_also_where_the_library_waits_for_ever(
-    system: str, monkeypatch: pytest.MonkeyPatch
+    system: MotionCapture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(motion_capture, "PATIENCE", 1.0)
+    monkeypatch.setattr(clients, "PATIENCE", 1.0)
     port = free_port()
     source = MotionCaptureSource(system, "127.0.0.1", port)
-    with pytest.raises(UnreachableError, match=rf"{system} server at 127.0.0.1:{port}"):
+    with pytest.raises(UnreachableError, match=rf"{system.name} server at 127.0.0.1:{port}"):
         next(source.frames())
     source.close()
 
 
-def test_frames_of_the_library_are_bodies_stamped_where_they_are_received(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_frames_of_the_library_are_bodies_stamped_where_they_are_received() -> None:
     bodies = {"rigid_bodies": "cf7(0.5,-0.5,1,0.6,0,0,0.8)", "frequency": "100"}
-    mock = {"mock": ("mock", 0, lambda host, port: bodies)}
-    monkeypatch.setattr(motion_capture, "SYSTEMS", mock)
-    source = MotionCaptureSource("mock", "127.0.0.1", 1)
+    mock = MotionCapture("mock", "mock", lambda host, port: bodies)
+    source = MotionCaptureSource(mock, "127.0.0.1", 1)
     frames = source.frames()
     first, second = next(frames), next(frames)
     source.close()
@@ -59,20 +58,20 @@ def test_vrpn_poses_are_stamped_half_way_since_the_library_looked_last(
     monkeypatch.setitem(sys.modules, "motioncapture", library)
     for system, stamps in (("vrpn", [5, 20]), ("optitrack", [10, 30])):
         times, reported = iter([0, 0, 10, 30]), list[Any]()
-        monkeypatch.setattr(motion_capture, "monotonic_ns", partial(next, times))
+        monkeypatch.setattr(clients, "monotonic_ns", partial(next, times))
         with pytest.raises(StopIteration):
-            motion_capture._read(system, {}, reported.append)
+            clients._read(system, {}, reported.append)
         assert [stamp for stamp, _ in reported[1:]] == stamps
 
 
 def test_a_host_that_no_one_knows_is_named() -> None:
     with pytest.raises(UnreachableError, match=r"no host mocap\.invalid is known"):
-        MotionCaptureSource("vrpn", "mocap.invalid", 3883)
+        MotionCaptureSource(VRPN, "mocap.invalid", 3883)
 
 
 def test_without_the_library_the_package_to_install_is_named(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(motion_capture, "LIBRARY", "motioncapture_that_is_not_there")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match="scripts/setup trackers"):
-        MotionCaptureSource("vicon", "127.0.0.1", 801)
+        Tracker("vicon").check()

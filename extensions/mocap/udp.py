@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from console.trackers.source import Body, Frame
+from console.trackers.source import Body, Connection, Frame
 from quadrotor.errors import LinkError, MeasurementError
 from vehicle_link.clock import monotonic_ns
 
@@ -50,6 +50,20 @@ class UdpSource:
             return self._socket.recv(LARGEST)
         except OSError:  # closed
             return b""
+
+
+class Udp:
+    """Lines over UDP as a tracking system (`console.trackers.source.System`)."""
+
+    def check(self, bodies: Mapping[str, str]) -> None:
+        """Accept all names."""
+
+    def open(self, connection: Connection) -> UdpSource:
+        """Return the source, which listens. Raises LinkError."""
+        return UdpSource(connection.host, connection.port)
+
+
+SYSTEM = Udp()
 
 
 def parse(data: bytes, received_ns: int) -> Frame:
