@@ -14,38 +14,38 @@ from functools import partial
 from typing import Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
+from console.alarms import Alarms
 from console.beacon_layout import BeaconLayout, layout_setter, restored_layout
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
-from console.checks.alarms import Alarms
 from console.checks.gather import Gatherer
 from console.checks.observed import Observed
 from console.checks.preflight import Preflight
 from console.checks.startup import StartupChecks
 from console.commands.gateway import CommandGateway
 from console.commands.lease_service import LeaseService
+from console.commands.marks import MarkService
 from console.commands.stick_control import StickHandler
 from console.comparison.feed import ComparisonFeed
 from console.context import StationContext
+from console.exchange.heartbeat import Heartbeat
+from console.exchange.message_handlers import MessageHandlers
+from console.exchange.pictures import PictureRecording
+from console.exchange.polling import VehiclePolling
+from console.exchange.status_sender import StatusSender
+from console.exchange.subscriptions import Subscriptions
+from console.exchange.telemetry import TelemetryReception
 from console.experiment_running.runner import ExperimentRunner
-from console.heartbeat import Heartbeat
 from console.link.forwarding import forward_service
 from console.link.identification import VehicleIdentification
 from console.link.monitor import LinkMonitor
 from console.link.outbox import INFO, WARN, Outbox
-from console.link.polling import VehiclePolling
-from console.link.status_sender import StatusSender
-from console.link.subscriptions import Subscriptions
-from console.link.telemetry import TelemetryReception
 from console.link.wakeup_rates import wakeup_rates
-from console.message_handlers import MessageHandlers
 from console.parameters.history import ParameterHistory
 from console.parameters.history_writer import ParameterHistoryWriter
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
 from console.runs.housekeeping import Housekeeping
-from console.runs.marks import MarkService
-from console.runs.pictures import PictureRecording
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from console.transfers.service import Transfers

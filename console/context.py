@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from console.checks.alarms import Alarms
+from console.alarms import Alarms
 from console.link.monitor import LinkMonitor
 from console.link.outbox import Outbox
 from console.parameters.station import StationParameters

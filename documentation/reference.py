@@ -50,8 +50,10 @@ def http_routes() -> str:
     from web.access.requester import admin_of, operator_of
     from web.access.roles import Role
     from web.app import create_app
+    from web.features import built_in
 
-    app = create_app(MagicMock(), MagicMock())  # routes are made, none is called
+    features = built_in(None, MagicMock())
+    app = create_app(MagicMock(), MagicMock(), features)  # routes are made, none is called
     described = app.openapi()
     least: dict[tuple[str, str], Role] = {}
     for route in app.routes:

@@ -26,7 +26,7 @@ class Group(StrEnum):
 
 
 class Evidence(StrEnum):
-    """What an extension was tried with."""
+    """The kinds of evidence that an extension works."""
 
     SIMULATED = "simulated"
     PEER = "peer"
@@ -176,7 +176,7 @@ class ServedSystem(Offer):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extension:
-    """What an extension offers.
+    """The declaration of an extension.
 
     Attributes:
         name: its name, which is the name of its folder.

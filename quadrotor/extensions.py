@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import import_module
 from importlib.util import find_spec
 from operator import attrgetter
@@ -171,7 +171,11 @@ def _built_in() -> Iterator[tuple[str, str, Callable[[], object]]]:
     for name in BUILT_IN:
         package = f"{FOLDER}.{name}"
         if find_spec(FOLDER) is not None and find_spec(package) is not None:
-            yield name, package, lambda p=package: import_module(f"{p}.extension").EXTENSION
+            yield name, package, partial(_declaration, package)
+
+
+def _declaration(package: str) -> object:
+    return import_module(f"{package}.extension").EXTENSION
 
 
 def _installed() -> Iterator[tuple[str, str, Callable[[], object]]]:

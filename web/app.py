@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import asdict, replace
 from typing import Annotated, Any
@@ -28,8 +28,6 @@ from web.access.passwords import BusyError
 from web.access.requester import Admin, Asker, Operator
 from web.access.roles import Role, Session
 from web.access.users import add_users
-from web.beacons.routes import add_beacons
-from web.beacons.survey import add_survey
 from web.commands import sticks
 from web.commands.behaviors import described as described_behaviors
 from web.commands.bodies import CameraBody, InvitationBody, ViewBody
@@ -38,26 +36,19 @@ from web.commands.drafts import add_drafts
 from web.commands.plain_emergency import add_plain_emergency
 from web.commands.routes import add_commands
 from web.commands.trajectories import add_trajectories
-from web.experiments.calibrations import add_calibration
-from web.experiments.experiments import add_experiments
-from web.experiments.reports import add_reports
+from web.features import Feature
 from web.fleet.fleet import Fleet
 from web.fleet.routes import add_fleet
-from web.foxglove.routes import add_foxglove
 from web.live import events
 from web.live.pictures import add_pictures
 from web.live.spectra import add_spectra
-from web.live.summary import Summary
 from web.live.telemetry import MOST_SIGNALS, described_expression
 from web.parameters.routes import add_parameters
-from web.replay.routes import add_replay
-from web.runs.routes import add_runs
-from web.setup.camera_calibration import add_camera_calibration
 from web.setup.routes import add_setup
 from web.signals import described
 from web.signals.expression import answers
 from web.static_files import FILES, STATIC
-from web.tuning.routes import add_tuning
+from web.summary import Summary
 from web.vehicle_context import VehicleContext
 from web.view import proxy as pump
 
@@ -88,9 +79,10 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
 def create_app(
     context: VehicleContext,
     fleet: Fleet,
+    features: Iterable[Feature],
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
-    """Create one vehicle's application."""
+    """Create one vehicle's application with the routes of these features."""
     app = FastAPI(
         title="quadlab",
         version="0.1.0",
@@ -102,30 +94,23 @@ def create_app(
     _add_error_handlers(app)
     app.mount("/static", FILES)  # mounted first: most requests are for these
     _add_reading(app, context, fleet)
-    add_commands(app, context)
+    add_commands(app, context.station, context.emergency, context.trajectories)
     add_trajectories(app, context.trajectories)
     add_drafts(app, context.drafts)
     _add_invitations(app, context)
-    add_plain_emergency(app, context, fleet)
+    add_plain_emergency(app, context.vehicle, context.emergency, fleet.land_all)
     _add_view(app, context)
     _add_sockets(app, context)
-    add_parameters(app, context)
-    add_runs(app, context)
-    add_replay(app, context.catalogue, context.replays)
+    parameters = context.replica, context.gains, context.history, context.presets
+    add_parameters(app, context.vehicle, *parameters)
     add_users(app, context.people)
-    add_control(app, context)
+    add_control(app, context.station)
     add_setup(app, context, fleet)
-    add_camera_calibration(app, context.cameras)
-    add_experiments(app, context)
-    add_calibration(app, context)
-    add_reports(app, context)
-    add_beacons(app, context)
-    add_survey(app, context)
-    add_tuning(app, context)
-    add_spectra(app, context)
+    add_spectra(app, context.station, context.vehicle)
     add_fleet(app, fleet)
-    add_foxglove(app, context)
-    add_pictures(app, context)
+    add_pictures(app, context.forwarding)
+    for feature in features:
+        feature.routes(app, context)
     return app
 
 

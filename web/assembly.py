@@ -23,12 +23,10 @@ from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import create_app
 from web.beacons.survey import SurveyRun
+from web.features import built_in
 from web.fleet.fleet import Fleet
 from web.fleet.vehicle_router import VehicleRouter
 from web.live.events import EventHub
-from web.replay.store import ReplayStore
-from web.runs.exports import ViserExports
-from web.runs.report_making import ReportMaking
 from web.setup.camera_calibration import CameraCalibrations
 from web.vehicle_context import Connect, Runs, SharedServices, VehicleContext
 from web.view.server import ViewServer
@@ -68,12 +66,10 @@ def assemble(
 
     Raises StorageError.
     """
-    hubs = {name: EventHub() for name in vehicles}
-    for name, hub in hubs.items():
-        hub.others = [other for one, other in hubs.items() if one != name]
+    hubs: list[EventHub] = []
 
     def say(level: str, text: str) -> None:
-        for hub in hubs.values():
+        for hub in hubs:
             hub.say(level, text)
 
     people = open_people(
@@ -86,21 +82,12 @@ def assemble(
         passwords=passwords,
     )
     links = SignedLinks(people.tokens.secret)
-    shared = SharedServices(
-        base_url,
-        people,
-        catalogue,
-        links,
-        ViserExports(),
-        ReportMaking(),
-        ReplayStore(),
-        cameras or CameraCalibrations(CameraStore(data)),
-        tls,
-        survey,
-    )
+    shared = SharedServices(base_url, people, catalogue, links, tls)
     contexts = [
-        VehicleContext(name, shared, connect, hubs[name], new_view_server()) for name in vehicles
+        VehicleContext(name, shared, connect, EventHub(hubs), new_view_server())
+        for name in vehicles
     ]
+    features = built_in(survey, cameras or CameraCalibrations(CameraStore(data)))
     fleet = Fleet(contexts)
 
     def sign_in_link() -> str:
@@ -109,7 +96,7 @@ def assemble(
     @contextlib.asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         for context in contexts:
-            context.attach(asyncio.get_running_loop())
+            context.hub.attach(asyncio.get_running_loop())
             context.station.start()
         loops = [_start(part, say) for part in (people, people.sockets, fleet)]
         loops += [_start(part, context.hub.say) for context in contexts for part in context.loops]
@@ -123,14 +110,13 @@ def assemble(
             for context in contexts:
                 context.stop()
             fleet.stop()
-            shared.exports.stop()
-            shared.reports.stop()
-            shared.cameras.stop()
+            for feature in features:
+                feature.stop()
             people.stop()
 
     first, *others = contexts
-    apps = {first.vehicle: create_app(first, fleet, lifespan)}
-    apps |= {context.vehicle: create_app(context, fleet) for context in others}
+    apps = {first.vehicle: create_app(first, fleet, features, lifespan)}
+    apps |= {context.vehicle: create_app(context, fleet, features) for context in others}
     return Gate(
         VehicleRouter(apps),
         base_url=base_url,

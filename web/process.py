@@ -19,11 +19,11 @@ from vehicle_link.defects import STATUS
 from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
 from web.beacons.survey import SurveyRun
+from web.latest import Live
 from web.live.deafness import Deafness
 from web.live.events import EventHub
-from web.live.latest import Live
 from web.live.sockets import LiveWebSocket, listen
-from web.live.station import Station
+from web.live.station import Reactions, Station
 
 NICENESS = 5  # while it serves: display comes after flying, and after other programs
 CLOSING_TIME = 2  # s for open downloads and sockets to end at shutdown
@@ -71,8 +71,8 @@ def run_web(
 
     stations: list[tuple[Live, Station]] = []
 
-    def connect(vehicle: str, live: Live, hub: EventHub) -> Station:
-        station = Station(session.open, vehicle, live, hub, lambda _: session.close())
+    def connect(vehicle: str, live: Live, hub: EventHub, reactions: Reactions) -> Station:
+        station = Station(session.open, vehicle, live, hub, reactions, lambda _: session.close())
         stations.append((live, station))
         return station
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from console.checks.facts import Facts
-from console.checks.parameters import PreflightParameters
+from console.parameters.preflight import PreflightParameters
 from console.runs.disk import size_text
 from vehicle_link.checks import Check, State
 from vehicle_link.transport.heartbeat import LinkState

@@ -101,7 +101,7 @@ class StickHandler:
             self._changed.notify()
         passes = self._passes(order)
         if passes:
-            self._outbox.joy(order)
+            self._outbox.joy(order.axes, order.enabled)
         reason = ""
         if sticks.enabled and dropped:
             reason = "dropped by the station's watchdog"
@@ -136,7 +136,7 @@ class StickHandler:
                 self._changed.wait(self._watchdog.due(now, timeout))
                 return
         if self._passes(order):
-            self._outbox.joy(order)
+            self._outbox.joy(order.axes, order.enabled)
         if is_drop:
             self._answer(last, False, f"silent for {timeout:g} s")
         with self._changed:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from console.evaluation.log_columns import read_columns
-from console.experiments.client import Client
-from console.experiments.pose_guide import raw_of, up_of
 from estimation.calibration.accelerometer import (
     CONDITION_MAX,
     AccelerometerCalibration,
@@ -22,6 +20,7 @@ from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.parameter_description import ParameterValue
+from quadrotor.plain_rotations import rows_of
 from quadrotor.records import Array
 
 MATRIX = tuple(f"imu.accelerometer_{row}{column}" for row in "xyz" for column in "xyz")
@@ -46,10 +45,10 @@ class InForce:
     bias: Array  # b (3,) m/s^2
 
     @classmethod
-    def of(cls, client: Client) -> InForce:
-        """Return the vehicle's present calibration."""
-        entries = [float(client.parameter(name)) for name in MATRIX]
-        bias = [float(client.parameter(name)) for name in BIAS]
+    def of(cls, parameter: Callable[[str], ParameterValue]) -> InForce:
+        """Return the calibration by the present values of the vehicle's parameters."""
+        entries = [float(parameter(name)) for name in MATRIX]
+        bias = [float(parameter(name)) for name in BIAS]
         return cls(np.array(entries).reshape(3, 3), np.array(bias))
 
 
@@ -115,6 +114,19 @@ def _pose(number: int, held: Held, columns: dict[str, Series], in_force: InForce
         mean = up_of(seen).mean(axis=0)
         up = mean / np.linalg.norm(mean)
     return StillPose(raw.mean(axis=0), up, deviation)
+
+
+def up_of(quaternion_wb: Array) -> Array:
+    """Return world z in body axes of attitudes (…, 4) in w, x, y, z."""
+    return np.stack(rows_of(np.moveaxis(quaternion_wb, -1, 0))[2], axis=-1)
+
+
+def raw_of(specific_force_b: Array, matrix: Array, bias: Array) -> Array:
+    """Return the raw readings of the sensor, a_m = T^-1 f + b, for readings (N, 3) calibrated by T
+    and b.
+    """
+    raw: Array = np.linalg.solve(matrix, specific_force_b.T).T + bias
+    return raw
 
 
 def record_of(found: AccelerometerCalibration, conditions: dict[str, str]) -> CalibrationRecord:

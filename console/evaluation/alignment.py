@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.plain_rotations import roll_pitch_yaw_of_rows
 from quadrotor.records import Array, Stamps
 
 LARGEST_GAP_NS = 20_000_000
@@ -53,3 +54,11 @@ def rotated_rows(
         vector_b + quaternion_wb[:, :1] * across + np.cross(axis, across)
     )
     return rotated
+
+
+def roll_pitch_yaw(quaternion_wb: Array) -> Array:
+    """Return the angles (rad), shape (N, 3), of quaternions (N, 4); yaw without jumps."""
+    angles = roll_pitch_yaw_of_rows(quaternion_wb)
+    known = np.isfinite(angles[:, 2])
+    angles[known, 2] = np.unwrap(angles[known, 2])
+    return angles

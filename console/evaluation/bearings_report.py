@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from console.evaluation.alignment import roll_pitch_yaw
 from console.evaluation.bearings import BearingsFlight
-from console.experiments.client import Result
-from console.reports.flight import roll_pitch_yaw
-from console.reports.paper_figures import state_estimation
-from console.reports.plots import require_matplotlib, styled
+from console.evaluation.result import Result
+from console.plots import require_matplotlib, state_estimation, styled
 from quadrotor.parameters import Parameters
 
 

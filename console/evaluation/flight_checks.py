@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.explanation.finding import AT_BOUND, Spans, flagged, stretches, within
-from console.experiments.client import FAILED, Result
+from console.evaluation.result import FAILED, Result
 from flight_log.columns.log_columns import read_columns
 from flight_log.fields import ATTITUDE, POSITION, VELOCITY_B
 from flight_log.run import Series, read_run

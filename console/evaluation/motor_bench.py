@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,6 @@ import numpy as np
 
 from console.evaluation.bench_file import BenchRecording
 from console.evaluation.log_columns import read_columns
-from console.experiments.client import Client
 from estimation.calibration.motor_bench import BenchSchedule, BenchSteps, average_steps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
 from estimation.calibration.time_constant import TimeConstant, lag_and_dead_time
@@ -18,6 +18,7 @@ from flight_log.fields import MOTOR_REFERENCES
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Array
 
 WORST_MAX = 1.0
@@ -40,11 +41,10 @@ class Battery:
     exponent: float = 0.0
 
     @classmethod
-    def of(cls, client: Client) -> Battery:
-        """Return the vehicle's present battery."""
+    def of(cls, parameter: Callable[[str], ParameterValue]) -> Battery:
+        """Return the battery by the present values of the vehicle's parameters."""
         return cls(
-            float(client.parameter("model.battery_nominal")),
-            float(client.parameter("model.battery_exponent")),
+            float(parameter("model.battery_nominal")), float(parameter("model.battery_exponent"))
         )
 
     def gain(self, voltage: float) -> float:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from console.evaluation.flight_checks import flight_checks, with_checks
-from console.experiments.client import FAILED, NOT_JUDGED, PASSED, VERDICTS, Experiment, Result
+from console.evaluation.result import FAILED, NOT_JUDGED, PASSED, VERDICTS, Evaluable, Result
 from quadrotor.errors import MeasurementError
 
 NO_LIMITS = "no figure has a limit"
@@ -47,7 +47,7 @@ def settled(result: Result) -> Result:
     return result
 
 
-def evaluated(experiment: Experiment, log: Path) -> Result:
+def evaluated(experiment: Evaluable, log: Path) -> Result:
     """Return the result of any experiment for a log, which its flight's end and emergencies can
     fail.
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from console.evaluation.result import FAILED, Result
 from console.evaluation.verdict import evaluated
 from console.experiment_running import state as phases
 from console.experiment_running.run_files import RunFiles
 from console.experiment_running.status_publisher import ExperimentStatusPublisher
-from console.experiments.client import FAILED, Calibrating, Experiment, Reporting, Result
+from console.experiments.client import Calibrating, Experiment, Reporting
 from console.experiments.user_file import errors_with_line
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record

@@ -94,7 +94,7 @@ class LiveCommands:
         with self._watchdog_lock:
             order = self._watchdog.tick(monotonic(), self._runner.stick_timeout())
         if order is not None and self._ended is None and not self.pilot:
-            self._runner.joy(order)
+            self._runner.joy(order.axes, order.enabled)
 
     # ------------------------------------------------------------------ the client API
     @property
@@ -150,7 +150,7 @@ class LiveCommands:
             order = self._watchdog.feed((forward, left, up, yaw), True, now, timeout)
         with self._sending:
             self._check()
-            self._runner.joy(order)
+            self._runner.joy(order.axes, order.enabled)
 
     def wait_until(
         self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float

@@ -15,6 +15,7 @@ from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
 from console.commands.stick_watchdog import StickOrder
 from console.context import StationContext
+from console.evaluation.result import FAILED
 from console.experiment_running import state as phases
 from console.experiment_running.decision import Decisions
 from console.experiment_running.evaluation import judge_run
@@ -29,7 +30,7 @@ from console.experiment_running.status_publisher import ExperimentStatusPublishe
 from console.experiment_running.stick_takeover import StickTakeover
 from console.experiment_running.user_files import FOLDER, UserFiles
 from console.experiment_running.vehicle import VehicleFeed
-from console.experiments.client import FAILED, Experiment, ExperimentEndedError
+from console.experiments.client import Experiment, ExperimentEndedError
 from console.experiments.watched import fly
 from console.link.outbox import INFO, WARN
 from console.parameters.vehicle import VehicleParameters

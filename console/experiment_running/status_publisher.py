@@ -7,9 +7,9 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from console.evaluation.result import PASSED
 from console.experiment_running import state as phases
 from console.experiment_running.state import ExperimentState, plain
-from console.experiments.client import PASSED
 from console.experiments.readings import Progress
 from console.link.outbox import INFO, WARN, Outbox
 from quadrotor.errors import LinkError

@@ -14,19 +14,19 @@ from pathlib import Path
 
 import numpy as np
 
-from console.evaluation.accelerometer import RESIDUAL_MAX, Held, InForce, identify, record_of
+from console.evaluation.accelerometer import (
+    RESIDUAL_MAX,
+    Held,
+    InForce,
+    identify,
+    raw_of,
+    record_of,
+    up_of,
+)
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.manoeuvres import wait_ready
-from console.experiments.pose_guide import (
-    attitude_of,
-    face_up,
-    farthest,
-    raw_of,
-    spread_poses,
-    up_of,
-    words_of,
-)
+from console.experiments.pose_guide import attitude_of, face_up, farthest, spread_poses, words_of
 from console.experiments.readings import Progress
 from estimation.calibration.accelerometer import CONDITION_MAX, FACES, Coverage, coverage, face_of
 from estimation.calibration.still_poses import StillPose, StillPoses
@@ -107,7 +107,7 @@ class Accelerometer:
         time.
         """
         wait_ready(client)
-        self._in_force, self._held = InForce.of(client), []
+        self._in_force, self._held = InForce.of(client.parameter), []
         self._simulated = client.simulated
         client.tell(Progress("Take the vehicle in your hands; its motors stay off"))
         client.imu()

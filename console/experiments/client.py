@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
+from console.evaluation import result
 from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import QuadlabError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters
+
+Result = result.Result
 
 
 class VehicleView(NamedTuple):
@@ -119,27 +121,6 @@ class Client(Protocol):
         ...
 
     def bench_readings(self) -> BenchReadings: ...
-
-
-PASSED, FAILED, NOT_JUDGED = "passed", "failed", "not_judged"
-VERDICTS = (PASSED, FAILED, NOT_JUDGED)
-
-
-@dataclass(slots=True)
-class Result:
-    """The result of an experiment; `console.evaluation.verdict.judged` creates it from the figures.
-
-    Attributes:
-        verdict: "passed", "failed" or "not_judged".
-        metrics: figures by name, SI units.
-        limits: the largest acceptable values.
-        reason: why it is not judged; empty otherwise.
-    """
-
-    verdict: str
-    metrics: dict[str, float]
-    limits: dict[str, float] = field(default_factory=dict)
-    reason: str = ""
 
 
 class Experiment(Protocol):

@@ -113,7 +113,7 @@ class MotorBench:
         self.check()
         wait_ready(client)
         self._simulated = client.simulated
-        self._battery = Battery.of(client)
+        self._battery = Battery.of(client.parameter)
         if p.csv:
             client.tell(Progress(f"Reading {Path(p.csv).name}; no motor turns", 1, 1, 1.0))
             client.wait(0.5)

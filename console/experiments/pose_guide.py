@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from estimation.calibration.accelerometer import FACES
-from quadrotor.plain_rotations import rows_of
 from quadrotor.records import Array
 
 SMALL = math.radians(8.0)
@@ -72,16 +71,3 @@ def words_of(up_b: Array) -> str:
 def face_up(name: str) -> Array:
     """Return world z in body axes of a vehicle on this face."""
     return np.array(FACES[name])
-
-
-def up_of(quaternion_wb: Array) -> Array:
-    """Return world z in body axes of attitudes (…, 4) in w, x, y, z."""
-    return np.stack(rows_of(np.moveaxis(quaternion_wb, -1, 0))[2], axis=-1)
-
-
-def raw_of(specific_force_b: Array, matrix: Array, bias: Array) -> Array:
-    """Return the raw readings of the sensor, a_m = T^-1 f + b, for readings (N, 3) calibrated by T
-    and b.
-    """
-    raw: Array = np.linalg.solve(matrix, specific_force_b.T).T + bias
-    return raw

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
-from console.commands.stick_watchdog import StickOrder
 from console.link.permission import CommandPermission
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record, has_attitude, pose_sample
@@ -126,9 +125,10 @@ class Outbox:
         )
         self.put("bearings", payload, frame.stamp_ns)
 
-    def joy(self, order: StickOrder) -> None:
+    def joy(self, axes: Sequence[float], enabled: bool) -> None:
+        """Send sticks (forward, left, up, yaw) in -1..1 to the vehicle."""
         stamp_ns = self._vehicle_ns()
-        self.put("joy", topics.encode_joy(stamp_ns, order.axes, order.enabled), stamp_ns)
+        self.put("joy", topics.encode_joy(stamp_ns, axes, enabled), stamp_ns)
 
     def heartbeat(self, count: int) -> None:
         stamp_ns = self._vehicle_ns()

@@ -12,8 +12,8 @@ import threading
 from collections.abc import Callable, Mapping
 from functools import partial
 
+from console.disk_worker import DiskWorker
 from console.parameters.history import ParameterHistory, RecordedChange
-from console.runs.disk_worker import DiskWorker
 from quadrotor.errors import StorageError
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.clock import time_ns

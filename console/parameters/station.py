@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bearing_sim import BearingParameters, TrackerParameters
-from console.checks.parameters import PreflightParameters
 from console.comparison.parameters import ComparisonParameters
+from console.parameters.preflight import PreflightParameters
 from quadrotor.parameters import Parameters, parameter
 
 

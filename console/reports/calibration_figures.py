@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from console.evaluation.inertia import read_inertia
+from console.plots import AXES, COLORS, DASHED, QUIET, finish, grid, line, styled, triple
 from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
-from console.reports.plots import AXES, COLORS, DASHED, QUIET, finish, grid, line, styled, triple
 from console.reports.run_log import RunLog
 from flight_log.fields import FORCE, RATE, TORQUE_B, TURNING_B
 from flight_log.run import Series

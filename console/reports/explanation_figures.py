@@ -7,8 +7,8 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 from console.evaluation.explanation.finding import Finding
+from console.plots import COLORS, finish, line, styled, window
 from console.reports.content import Block, Heading, Picture, Text
-from console.reports.plots import COLORS, finish, line, styled, window
 from console.reports.run_log import RunLog
 from flight_log.run_folder import RUNS
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.alignment import between, rotated_rows
+from console.evaluation.alignment import between, roll_pitch_yaw, rotated_rows
 from console.reports.run_log import RunLog
 from flight_log.fields import ODOMETRY, REFERENCE, TRACKED, TRACKED_ATTITUDE
-from quadrotor.plain_rotations import make_continuous, roll_pitch_yaw_of_rows
+from quadrotor.plain_rotations import make_continuous
 
 Array = npt.NDArray[np.floating[Any]]
 
@@ -99,14 +99,6 @@ def flight_of(log: RunLog) -> Flight:
         series = log.topics["reference"]
         wanted = between(time, series.time, series.take(WANTED), LARGEST_GAP)[0]
     return Flight(truth, estimate, wanted)
-
-
-def roll_pitch_yaw(quaternion_wb: Array) -> Array:
-    """Return the angles (rad), shape (N, 3), of quaternions (N, 4); yaw without jumps."""
-    angles = roll_pitch_yaw_of_rows(quaternion_wb)
-    known = np.isfinite(angles[:, 2])
-    angles[known, 2] = np.unwrap(angles[known, 2])
-    return angles
 
 
 def wrapped(angle: Array) -> Array:

@@ -7,20 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from console.plots import ANGLES, COLORS, QUIET, band, finish, grid, line, styled, triple, window
 from console.reports.content import Picture
 from console.reports.flight import Flight, airborne
-from console.reports.plots import (
-    ANGLES,
-    COLORS,
-    QUIET,
-    band,
-    finish,
-    grid,
-    line,
-    styled,
-    triple,
-    window,
-)
 from console.reports.run_log import RunLog
 from flight_log.fields import MOTOR_REFERENCES
 from quadrotor.constants import MOTORS

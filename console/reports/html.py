@@ -8,8 +8,8 @@ from html import escape
 from io import BytesIO
 from typing import Any
 
+from console.plots import STYLE
 from console.reports.content import Heading, Picture, Report, Table, Text
-from console.reports.plots import STYLE
 
 GENERATOR = "quadlab report"
 LARGEST_SVG = 1_000_000

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from console.evaluation.explanation.finding import AT_BOUND, flagged, within
+from console.evaluation.result import NOT_JUDGED, VERDICTS, Result
 from console.evaluation.verdict import evaluated, judged
 from console.experiments.catalogue import EXPERIMENTS, find
-from console.experiments.client import NOT_JUDGED, VERDICTS, Calibrating, Experiment, Result
+from console.experiments.client import Calibrating, Experiment
 from console.experiments.figure_eight import LIMITS as EIGHT_LIMITS
 from console.experiments.figure_eight import REST_TO_REST, STEADY
 from console.experiments.hover import Hover

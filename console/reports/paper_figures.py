@@ -5,38 +5,36 @@ Times are in s, positions in m, angles in rad; unknown values are NaN.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from console.reports.bench_steps import fitted, signals
-from console.reports.content import Picture
-from console.reports.flight import Flight, airborne
-from console.reports.judgement import Judgement
-from console.reports.plots import (
-    ANGLES,
+from console.plots import (
     COLORS,
     DASHED,
     GOOD,
     REFERENCE,
     band,
-    dashed,
     finish,
     grid,
     line,
+    share_window,
+    state_estimation,
     styled,
     triple,
     window,
 )
+from console.reports.bench_steps import fitted, signals
+from console.reports.content import Picture
+from console.reports.flight import Flight, airborne
+from console.reports.judgement import Judgement
 from console.reports.run_log import RunLog
 from estimation.calibration.motor_law import USABLE
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import rotation_vectors_between
 
 Array = npt.NDArray[np.floating[Any]]
-Spans = Sequence[tuple[float, float]]
 NOT_TRACKED = "the log has neither state nor truth nor tracker_pose"
 
 
@@ -160,7 +158,7 @@ def figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture
         finish(axes[1, 0], "(c) position error", "mm", narrow=True)
         line(axes[1, 1], time, np.degrees(yaw_error), color=COLORS[0])
         finish(axes[1, 1], "(d) yaw error", "deg", legend=False, narrow=True)
-        _share_window(axes, judged.windows)
+        share_window(axes, judged.windows)
 
     return [
         Picture(
@@ -206,44 +204,6 @@ def bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
             styled(draw),
         )
     ]
-
-
-def state_estimation(
-    figure: Any,
-    time: Array,
-    position: tuple[Array, Array],
-    angles: tuple[Array, Array],
-    position_error: Array,
-    turn: Array,
-    judged: Spans,
-    truth: str = "truth",
-) -> None:
-    """Draw Fig. 6: (a) position, (b) roll, pitch, yaw, (c) position error, (d) orientation error.
-
-    Args:
-        position, angles: true and estimated, (N, 3) each.
-        turn: (N, 3) rad, rotation vector from the estimated attitude to the true one.
-        truth: name of the source that counts as true.
-    """
-    axes = grid(figure, 2, 2)
-    triple(axes[0, 0], time, position[0])
-    dashed(axes[0, 0], time, position[1], "estimated")
-    finish(axes[0, 0], "(a) position", "m", narrow=True)
-    triple(axes[0, 1], time, np.degrees(angles[0]), ANGLES)
-    dashed(axes[0, 1], time, np.degrees(angles[1]), "estimated")
-    finish(axes[0, 1], "(b) orientation", "deg", narrow=True)
-    triple(axes[1, 0], time, 1e3 * position_error)
-    finish(axes[1, 0], f"(c) position error to {truth}", "mm", narrow=True)
-    triple(axes[1, 1], time, np.degrees(turn))
-    finish(axes[1, 1], "(d) orientation error, about", "deg", narrow=True)
-    _share_window(axes, judged)
-
-
-def _share_window(axes: Any, judged: Spans) -> None:
-    for axis in axes.flat:
-        window(axis, judged)
-    for axis in axes[-1]:
-        axis.set_xlabel("s (shaded: judged)" if judged else "s")
 
 
 def _need(log: RunLog, *topics: str) -> None:

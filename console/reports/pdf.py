@@ -6,9 +6,9 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+from console.plots import STYLE
 from console.reports.content import WIDTH, Heading, Picture, Report, Table, Text
 from console.reports.html import GENERATOR, LOUD, WORDS
-from console.reports.plots import STYLE
 
 PAGE = (8.27, 11.69)
 MARGIN = (PAGE[0] - WIDTH) / 2

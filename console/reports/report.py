@@ -7,7 +7,8 @@ from pathlib import Path
 
 from console.atomic_file import replacing
 from console.evaluation.explanation.explain import explain
-from console.experiments.client import Result
+from console.evaluation.result import Result
+from console.plots import require_matplotlib
 from console.reports import html
 from console.reports.content import Block, Heading, Report, Text
 from console.reports.defaults import Defaults, known_defaults
@@ -22,7 +23,6 @@ from console.reports.log_tables import (
     timeline_blocks,
     version_blocks,
 )
-from console.reports.plots import require_matplotlib
 from console.reports.run_log import RunLog, read_run
 from console.reports.tables import calibration_blocks, day, metrics_blocks, proposal_blocks
 from flight_log.run_folder import log_of

@@ -15,8 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from console.disk_worker import DiskWorker
 from console.runs.disk import check_folder, free_bytes, recreate_folder, try_disk
-from console.runs.disk_worker import DiskWorker
 from console.runs.file import RunFile
 from console.runs.run import RESTART_RESERVE, RecorderStatus, Run, RunEnd
 from quadrotor.errors import QuadlabError, StorageError

@@ -38,7 +38,7 @@ class Frame(NamedTuple):
 
 
 class Connection(NamedTuple):
-    """What a tracking system's client is told.
+    """The address and the bodies that a tracking system's client is given.
 
     Attributes:
         host, port: the address of the server, or where to listen.

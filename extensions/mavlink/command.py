@@ -6,7 +6,7 @@ import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -16,6 +16,7 @@ from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
+    from extensions.mavlink.frames import Origin
     from extensions.mavlink.gateway import Gateway
     from extensions.mavlink.link import Link
     from extensions.mavlink.peer import Peer
@@ -93,7 +94,7 @@ class Mavlink:
         client: StationClient,
         connect: Callable[[str], StationClient],
         open_link: Callable[[Callable[[Peer], None]], Link],
-        origin: Any,
+        origin: Origin,
     ) -> Gateway:
         from console.catalogue.catalogue import Catalogue
         from extensions.mavlink.gateway import Gateway

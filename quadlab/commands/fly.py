@@ -52,7 +52,7 @@ class Fly:
     """print verdict, log and metrics as one line of JSON at the end"""
 
     def run(self) -> int:
-        from console.reports.plots import require_matplotlib
+        from console.plots import require_matplotlib
         from quadlab.simulated.experiment import chosen, fly
 
         experiment = chosen(self.experiment)

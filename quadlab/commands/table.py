@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from functools import lru_cache, reduce
 from operator import or_
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Protocol
 
 from quadrotor.extension import Command as Row
 from quadrotor.extension import Group
@@ -227,14 +227,14 @@ def _group(offered: Offered[Row]) -> Group:
     return offered.offer.group
 
 
-def actions(command: str) -> Mapping[str, type[Command]]:
+def actions(command: str) -> dict[str, type[Command]]:
     """Return the actions that extensions add to a command, by the second word of their names."""
     found = registry().offers(Row)
     words = {name.partition(" ")[2]: one for name, one in found.items() if _is_of(name, command)}
     return {word: one.load() for word, one in words.items()}
 
 
-def chosen(actions: Mapping[str, type[Command]]) -> Any:
+def chosen(actions: Mapping[str, type[Command]]) -> object:
     """Return the type of an option whose first word chooses one of these actions."""
     import tyro
 

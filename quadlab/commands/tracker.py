@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -20,7 +20,7 @@ from quadrotor.extensions import registry
 
 if TYPE_CHECKING:
     from console.trackers.camera_view import CameraView
-    from console.trackers.source import Source, System
+    from console.trackers.source import Connection, Source, System
 
 CAMERAS = ("camera", "onboard_camera")
 HERE = "127.0.0.1"
@@ -152,7 +152,7 @@ class Tracker:
         from console.trackers.camera_view import CameraView
         from console.trackers.onboard_camera import BearingsTracker
         from console.trackers.process import Tracker as Poses
-        from console.trackers.source import name_of
+        from console.trackers.source import Connection, name_of
         from quadlab.station_client import await_session
         from vehicle_link.defects import end_at_defect
         from vehicle_link.termination_signal import EndSignal
@@ -176,7 +176,7 @@ class Tracker:
         views = [CameraView(name if len(names) > 1 else "") for name in names]
         kind(
             f"{self.system}{where}",
-            lambda: self._source(host, port, session, bodies, views),
+            lambda: self._source(Connection(host, port, session, bodies), views),
             bodies,
             session,
             self.unit,
@@ -186,22 +186,15 @@ class Tracker:
         session.close()
         return 0
 
-    def _source(
-        self,
-        host: str,
-        port: int,
-        session: Any,
-        bodies: Mapping[str, str],
-        views: Sequence[CameraView],
-    ) -> Source:
+    def _source(self, to: Connection, views: Sequence[CameraView]) -> Source:
         """Connect to the system. Raises QuadlabError."""
         if self.system in CAMERAS:
             if self.rendered:
                 from quadlab.simulated.rendered_pictures import rendered_cameras
 
-                vehicle, body = next(iter(bodies.items()))
+                vehicle, body = next(iter(to.bodies.items()))
                 names = [str(one) for one in self.cameras]
-                return rendered_cameras(session, vehicle, body, names, views)
+                return rendered_cameras(to.session, vehicle, body, names, views)
             assert self.tags is not None
             from console.trackers.camera import CameraSource
             from console.trackers.camera_store import CameraStore
@@ -212,7 +205,7 @@ class Tracker:
             store = CameraStore(data_folder(self.data))
             lenses = self.intrinsics or [store.path(one) for one in self.device]
             if self.of_bearings:
-                beacons = StationBeacons(session, next(iter(bodies)))
+                beacons = StationBeacons(to.session, next(iter(to.bodies)))
                 [camera], [lens], [view] = cameras, lenses, views
                 return OnboardCameraSource(camera, lens, self.tags, beacons, view)
             openers = [
@@ -220,10 +213,8 @@ class Tracker:
                 for camera, lens, view in zip(cameras, lenses, views, strict=True)
             ]
             return open_cameras(openers, [view.name for view in views])
-        from console.trackers.source import Connection
-
         system: System = SYSTEMS[self.system].load()
-        return system.open(Connection(host, port, session, bodies))
+        return system.open(to)
 
 
 def parse_bodies(words: Sequence[str]) -> dict[str, str]:

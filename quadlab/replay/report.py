@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.reports.plots import require_matplotlib
+from console.plots import require_matplotlib
 from quadlab.replay.errors import Consistency, Errors, Truth, errors, of_errors
 from quadlab.replay.lines import Run
 from quadlab.replay.log import Recording

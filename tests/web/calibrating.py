@@ -231,7 +231,7 @@ class Bench:
         store.set(changed)
         for name, value in changed.items():
             change = ParameterChange(0, name, value, value, requester, store.revision, 0)
-            self.station.on_change(change)
+            self.station.reactions.changed(change)
 
     def fly(self) -> None:
         self._fly()

@@ -104,7 +104,7 @@ class ScriptedStation(Station):
         self.sticks.append((axes, enabled))
         stamp_ns = time.time_ns()
         if self.answers_sticks:
-            self.on_stick_answer(stamp_ns, enabled, "")
+            self.reactions.stick_answered(stamp_ns, enabled, "")
         return stamp_ns
 
     def publish_presence(self, labels: Any) -> None:
@@ -451,8 +451,8 @@ class serving:  # noqa: N801 - used as `with serving(...)`
         made: list[Any] = []
         links: list[str] = []
 
-        def connect(vehicle: str, live: Any, hub: Any) -> Station:
-            station: Station = kind(open_session, vehicle, live, hub)
+        def connect(vehicle: str, *more: Any) -> Station:
+            station: Station = kind(open_session, vehicle, *more)
             made.append(station)
             return station
 

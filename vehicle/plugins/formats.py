@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from quadrotor.extension import PluginFormat
 from quadrotor.extensions import Offered, registry
@@ -14,7 +14,7 @@ from vehicle.plugins.contract import Contract
 
 
 class Format(Protocol):
-    """What can be done with the files of a format."""
+    """The functions that read the files of a format."""
 
     def kind_of(self, path: Path) -> str:
         """Return the kind of plugin that a file is, as "law"; of an unreadable file too."""
@@ -24,7 +24,7 @@ class Format(Protocol):
         """Return the file's parameters, None when it has none. Raises UsageError."""
         ...
 
-    def load(self, contract: Contract, path: Path) -> Any:
+    def load(self, contract: Contract, path: Path) -> object:
         """Return the plugin, in its own process. Raises UsageError."""
         ...
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from quadrotor.errors import StorageError
-from vehicle_link.serial.port import Port
+from vehicle.simulator.serial_faults import Line
 
 BACKLOG = 3400
 """Largest number of unread bytes: 100 `D` frames, 0.4 s, and less than the kernel's 4 kB."""
@@ -22,7 +22,7 @@ FORGOTTEN = 1020
 _CHUNK = 4096
 
 
-class ServedPort(Port, Protocol):
+class ServedPort(Line, Protocol):
     """The simulated end of a line, at a place where the vehicle finds it."""
 
     @property

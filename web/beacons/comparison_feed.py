@@ -13,8 +13,8 @@ from typing import Any
 
 from fastapi import WebSocket
 
+from web.latest import Live
 from web.live.conversation import converse, send_json, significant
-from web.live.latest import Live
 
 RATE = 5.0  # Hz
 TOPIC = "comparison"

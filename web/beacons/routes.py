@@ -22,7 +22,7 @@ from web.access.requester import Operator
 from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
 from web.body import Body, read_body
-from web.live.latest import Live
+from web.latest import Live
 from web.parameters.replica import LAYOUT, PageParameters
 
 if TYPE_CHECKING:

@@ -152,9 +152,10 @@ def _fields(proposal: LayoutProposal) -> dict[str, Any]:
     }
 
 
-def add_survey(app: FastAPI, context: VehicleContext) -> None:
+def add_survey(app: FastAPI, context: VehicleContext, run: SurveyRun | None) -> None:
     """Add the routes below /api/beacons/survey."""
-    survey = context.survey
+    survey = BeaconSurvey(run)
+    context.closing.callback(survey.stop)
 
     @app.get("/api/beacons/survey")
     def state() -> dict[str, Any]:

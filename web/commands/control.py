@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from fastapi import FastAPI, HTTPException
 
 from web.access.requester import Operator
 from web.access.roles import Role
 from web.commands.bodies import CommandBody
-from web.live.latest import Live
-
-if TYPE_CHECKING:
-    from web.vehicle_context import VehicleContext
+from web.latest import Live
+from web.live.station import Station
 
 PERIOD = 1.0  # s
 
@@ -74,7 +72,7 @@ class ControlBody(CommandBody):
     action: Literal["ask", "give", "keep", "release", "take"]
 
 
-def add_control(app: FastAPI, context: VehicleContext) -> None:
+def add_control(app: FastAPI, station: Station) -> None:
     """Add POST /api/control. The station refuses, with the reason, what this person may not do."""
 
     @app.post("/api/control")
@@ -84,5 +82,5 @@ def add_control(app: FastAPI, context: VehicleContext) -> None:
             raise HTTPException(
                 403, f"{session.label} may ask for control; admins alone may take it"
             )
-        await context.station.command("control", session.label, **body.fields)
+        await station.command("control", session.label, **body.fields)
         return {"accepted": True}

@@ -21,11 +21,12 @@ from control.keep_out import MOST as LARGEST_NUMBER
 from control.keep_out import PARAMETER, KeepOutBox, check_around, format_keep_out, parse_keep_out
 from quadrotor.errors import OutOfBoundsError, QuadlabError, RefusedError
 from web.access.requester import Operator
-from web.beacons.shapes import Point
 from web.body import Body
 from web.commands.trajectories import Arguments, TrajectoryMonitor
 from web.live.events import Message
 from web.view.draft import MOST, Draft, DraftView, Kind, is_sound, text_of
+from web.view.server import ViewServer
+from web.view.shapes import Point
 
 PERIOD = 0.05  # s between two judgements while it is dragged
 AGAIN = 0.5  # s between two looks at where the vehicle is
@@ -58,16 +59,16 @@ class Drafts:
 
     def __init__(
         self,
-        view: DraftView,
+        server: ViewServer,
         monitor: TrajectoryMonitor,
         publish: Callable[[Message], None],
         value: Callable[[str], Any],
     ) -> None:
-        self._view, self._monitor, self._publish, self._value = view, monitor, publish, value
+        self._view = DraftView(server, self._edit)
+        self._monitor, self._publish, self._value = monitor, publish, value
         self._draft: Draft | None = None
         self._found: dict[str, Any] = {}
         self._changed = asyncio.Event()
-        view.on_edit = self._edit
 
     def open(self, body: DraftBody, by: str) -> dict[str, Any] | None:
         """Open a draft in place of the one there. Raises OutOfBoundsError or RefusedError."""

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from quadrotor.errors import LinkError, QuadlabError
-from web.live.latest import Live
+from web.latest import Live
 
 log = logging.getLogger("quadlab.web")
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Awaitable, Callable
 from html import escape
 from typing import Any
 
@@ -21,9 +22,7 @@ from web.access.pages import page_response, small_page
 from web.access.requester import Asker
 from web.access.roles import Role, Session
 from web.access.sign_in import read_form
-from web.commands.emergency import Message
-from web.fleet.fleet import Fleet
-from web.vehicle_context import VehicleContext
+from web.commands.emergency import EmergencyCommands, Message
 
 SOON = 0.3
 """Longest time, in s, that the request waits for the vehicle's answer before it is answered."""
@@ -42,12 +41,17 @@ _STYLE = """<style>form{margin:1rem 0}button{font-weight:600;padding:.7rem 1.1re
 .cut:hover{border-color:var(--text)}a{color:inherit}</style>"""
 
 
-def add_plain_emergency(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
-    emergency = context.emergency
+def add_plain_emergency(
+    app: FastAPI,
+    vehicle: str,
+    emergency: EmergencyCommands,
+    land_all: Callable[[str], Awaitable[list[Message]]],
+) -> None:
+    """Add the page /emergency of a vehicle; `land_all` lands all vehicles for a requester."""
 
     @app.get("/emergency", include_in_schema=False)
     async def state(session: Asker) -> Response:
-        return _page(*_state_line(context.vehicle, emergency.state), _buttons(session))
+        return _page(*_state_line(vehicle, emergency.state), _buttons(session))
 
     @app.post("/emergency", include_in_schema=False)
     async def press(session: Asker, request: Request) -> Response:
@@ -57,22 +61,20 @@ def add_plain_emergency(app: FastAPI, context: VehicleContext, fleet: Fleet) -> 
             return _page(f"Nothing was done: {error}.", "", _buttons(session), status=400)
         action = form.get("action", "")
         if action == "all":
-            return _page(_fleet_line(await fleet.land_all(session.label)), "", "")
+            return _page(_fleet_line(await land_all(session.label)), "", "")
         if action not in NAMES:
             said = f"Nothing was done: {action!r:.40} is neither land nor cut."
             return _page(said, "", _buttons(session), status=422)
         if action == "cut" and not session.role.may(Role.OPERATOR):
-            said = f"{session.label} may land {context.vehicle}, but not cut its motors."
+            said = f"{session.label} may land {vehicle}, but not cut its motors."
             return _page(said, "", _buttons(session), status=403)
         if action == "cut" and form.get("sure") != "yes":
-            return _page(
-                f"Cut the motors of {context.vehicle}? It falls.", "", _LAND + _SURE + _CUT
-            )
+            return _page(f"Cut the motors of {vehicle}? It falls.", "", _LAND + _SURE + _CUT)
         try:
             with contextlib.suppress(TimeoutError):  # the press continues and is shown
                 await asyncio.wait_for(emergency.press(action, session.label), SOON)
         except QuadlabError as error:
-            said = f"{context.vehicle}: {NAMES[action]} failed: {error}. Press again."
+            said = f"{vehicle}: {NAMES[action]} failed: {error}. Press again."
             return _page(said, "", _buttons(session), status=409)
         return RedirectResponse("emergency", 303)
 

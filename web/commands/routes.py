@@ -10,28 +10,37 @@ from fastapi import FastAPI
 from vehicle_link.commands import COMMANDS, Command
 from web.access.requester import Asker, Operator, operator_of
 from web.commands.bodies import CommandBody, body_of
-from web.commands.trajectories import FOLLOW
-from web.vehicle_context import VehicleContext
+from web.commands.emergency import EmergencyCommands
+from web.commands.trajectories import FOLLOW, TrajectoryMonitor
+from web.live.station import Station
 
 
-def add_commands(app: FastAPI, context: VehicleContext) -> None:
+def add_commands(
+    app: FastAPI, station: Station, emergency: EmergencyCommands, trajectories: TrajectoryMonitor
+) -> None:
     """Add a route for each command that has one."""
     for command in COMMANDS.values():
         if command.has_route:
-            _add_command(app, context, command)
+            _add_command(app, command, station, emergency, trajectories)
 
 
-def _add_command(app: FastAPI, context: VehicleContext, command: Command) -> None:
+def _add_command(
+    app: FastAPI,
+    command: Command,
+    station: Station,
+    emergency: EmergencyCommands,
+    trajectories: TrajectoryMonitor,
+) -> None:
     async def send(body: CommandBody, session: Operator) -> dict[str, Any]:
-        answer = await context.station.command(command.name, session.label, **body.fields)
+        answer = await station.command(command.name, session.label, **body.fields)
         if command.name == "start_behavior" and body.fields["name"] == FOLLOW:
-            context.trajectories.started(body.fields["arguments"])
+            trajectories.started(body.fields["arguments"])
         return {"accepted": True, **{name: getattr(answer, name) for name in command.answers}}
 
     async def press(body: Any, session: Asker) -> dict[str, Any]:
         if body.action == "cut":
             operator_of(session)
-        pressed = await context.emergency.press(body.action, session.label, body.request_id)
+        pressed = await emergency.press(body.action, session.label, body.request_id)
         return {"accepted": True, "id": pressed}
 
     route = press if command.name == "emergency" else send

@@ -107,7 +107,7 @@ class DeadManSwitch:
 class StickOutput:
     """Output of the sticks, which lets one page through at a time.
 
-    All methods are for the event loop's thread, except `answer_from_thread`.
+    All methods are for the event loop's thread.
 
     Args:
         publish: called with (axes, enabled, requester); returns the stamp, in ns, by which the
@@ -123,10 +123,6 @@ class StickOutput:
         self._requester = ""
         self._until = -math.inf
         self._asked: OrderedDict[int, Answered] = OrderedDict()
-        self._loop: asyncio.AbstractEventLoop | None = None
-
-    def attach(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
 
     def send(self, switch: object, axes: Axes, requester: str, answered: Answered) -> bool:
         """Publish the sticks unless another switch has them; return whether this one does."""
@@ -161,10 +157,6 @@ class StickOutput:
         """
         if (answered := self._asked.get(stamp_ns)) is not None:
             answered(on, why)
-
-    def answer_from_thread(self, stamp_ns: int, on: bool, why: str) -> None:
-        if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self.answer, stamp_ns, on, why)
 
 
 async def serve(

@@ -17,12 +17,12 @@ from quadrotor.parameter_description import ParameterValue
 from quadrotor.plain_rotations import roll_pitch_yaw
 from vehicle_link.messages import stamp_of
 from web.access.requester import Operator
-from web.beacons.shapes import point_of, wxyz_of
 from web.body import Body
 from web.commands.previewer import Previewer
-from web.live.latest import Live
+from web.latest import Live
 from web.parameters.replica import PageParameters
 from web.view.scene import Scene
+from web.view.shapes import point_of, wxyz_of
 
 FOLLOW = "follow_trajectory"
 HOVER = 1.0  # m, start height of a preview while the vehicle is on the ground

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError
-from web.live.latest import Live
+from web.latest import Live
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

@@ -17,8 +17,8 @@ from pydantic import Field
 from vehicle_link.parameters.messages import from_descriptor, to_parameters
 from web.access.requester import Operator
 from web.commands.bodies import CommandBody
+from web.latest import Live
 from web.live.conversation import significant
-from web.live.latest import Live
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

@@ -11,6 +11,7 @@ from console.runs.report_folders import read_result, report_file
 from web.access.requester import Operator
 
 if TYPE_CHECKING:
+    from web.runs.report_making import ReportMaking
     from web.vehicle_context import VehicleContext
 
 SHOWN = {
@@ -33,9 +34,9 @@ it has the rights of the person who opens it.
 """
 
 
-def add_reports(app: FastAPI, context: VehicleContext) -> None:
+def add_reports(app: FastAPI, context: VehicleContext, reports: ReportMaking) -> None:
     """Add the routes below /api/runs/{run_id}/report, and the page /report/{run_id}."""
-    catalogue, reports = context.catalogue, context.reports
+    catalogue = context.catalogue
 
     @app.get("/api/runs/{run_id}/report")
     def report(run_id: str) -> dict[str, Any]:

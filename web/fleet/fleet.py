@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.plain_rotations import roll_pitch_yaw
-from web.beacons.shapes import point_of, wxyz_of
-from web.live.latest import CHARTED, FAST, Live
+from web.latest import CHARTED, FAST, Live
+from web.view.shapes import point_of, wxyz_of
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

@@ -11,7 +11,7 @@ import socket
 import time
 from collections.abc import Callable, Iterable
 
-from web.live.latest import Live
+from web.latest import Live
 
 DEAF_AFTER = 5.0
 """Time, in s, without the station's regular message `link_status`."""

@@ -19,8 +19,8 @@ from fastapi import WebSocket
 from console.trackers.camera_figures import figures_text
 from vehicle_link.clock import real_time_factor, wall_time
 from web.access.roles import Session
+from web.latest import CHARTED, STALE, Live
 from web.live.conversation import converse, send_json, significant
-from web.live.latest import CHARTED, STALE, Live
 
 Message = dict[str, Any]
 
@@ -36,17 +36,20 @@ LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
 
 
 class EventHub:
-    """Distributor of messages to all open pages.
+    """Distributor of messages to all open pages of a vehicle.
 
-    It is to be used from the event loop's thread, except `publish_from_thread`.
+    It is to be used from the event loop's thread, except where a method says otherwise.
+
+    Args:
+        hubs: those of all vehicles, to which this one is added.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, hubs: list[EventHub] | None = None) -> None:
+        self._hubs = [] if hubs is None else hubs
+        self._hubs.append(self)
         self._pages: set[asyncio.Queue[Message | None]] = set()
         self._lines: deque[Message] = deque(maxlen=KEPT)
         self._loop: asyncio.AbstractEventLoop | None = None
-        self.others: list[EventHub] = []
-        """The event hubs of the other vehicles."""
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -60,10 +63,8 @@ class EventHub:
         return list(self._lines)
 
     def publish(self, message: Message) -> None:
-        self._hand_out(message)
-        if message["type"] in OF_ALL:
-            for other in self.others:
-                other._hand_out(message)
+        for hub in self._hubs if message["type"] in OF_ALL else (self,):
+            hub._hand_out(message)
 
     def _hand_out(self, message: Message) -> None:
         if message["type"] == "event":
@@ -76,8 +77,12 @@ class EventHub:
                 queue.put_nowait(message)
 
     def publish_from_thread(self, message: Message) -> None:
+        self.call(self.publish, message)
+
+    def call(self, act: Callable[..., None], *arguments: object) -> None:
+        """Call a function on the event loop, from any thread, while the loop runs."""
         if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self.publish, message)
+            self._loop.call_soon_threadsafe(act, *arguments)
 
     def runs_changed(self, run_ids: Iterable[str]) -> None:
         """Notify the pages, from any thread; they request again what they show."""

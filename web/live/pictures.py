@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from fastapi import FastAPI, WebSocket
 
@@ -17,9 +17,7 @@ from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.topics import decode_picture
 from web.live.conversation import converse
-
-if TYPE_CHECKING:
-    from web.vehicle_context import VehicleContext
+from web.live.forwarding import Forwarding
 
 Camera = Literal["tracker", "tracker_2", "tracker_3", "tracker_4", "camera"]
 """The tracker's cameras, or the one on board."""
@@ -64,12 +62,12 @@ class PictureClient:
                 await socket.send_bytes(jpeg)
 
 
-def add_pictures(app: FastAPI, context: VehicleContext) -> None:
+def add_pictures(app: FastAPI, forwarding: Forwarding) -> None:
     """Add the websocket /ws/picture/{camera}."""
 
     @app.websocket("/ws/picture/{camera}")
     async def picture(socket: WebSocket, camera: Camera) -> None:
         await socket.accept()
         client = PictureClient(camera)
-        with context.forwarding.serving(client):
+        with forwarding.serving(client):
             await converse(socket, client.talk(socket))

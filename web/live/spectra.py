@@ -6,7 +6,7 @@ import asyncio
 import re
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +19,9 @@ from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.telemetry import unpack
 from vehicle_link.topics import actuator_messages, imu_messages, reference_messages, state_messages
 from web.access.requester import Asker
+from web.live.station import Station
 from web.signals import NAMED_SOURCES, SIGNALS, Source
 from web.signals.plain import sources_of
-
-if TYPE_CHECKING:
-    from web.vehicle_context import VehicleContext
 
 Array = npt.NDArray[np.float64]
 
@@ -145,11 +143,11 @@ def live_spectrogram(signals: TickSignals, name: str) -> dict[str, Any]:
     return found | {"times": stamps, "newest": signals.start + float(signals.time[-1])}
 
 
-def add_spectra(app: FastAPI, context: VehicleContext) -> None:
+def add_spectra(app: FastAPI, station: Station, vehicle: str) -> None:
     async def recent(asker: Asker) -> TickSignals:
-        answer = await context.station.command("recent_telemetry", asker.label)
+        answer = await station.command("recent_telemetry", asker.label)
         packets, lengths = answer.packets.tobytes(), answer.lengths.tolist()
-        return await asyncio.to_thread(signals_of, packets, lengths, context.vehicle)
+        return await asyncio.to_thread(signals_of, packets, lengths, vehicle)
 
     @app.get("/api/spectrum")
     async def spectrum(

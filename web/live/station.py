@@ -12,7 +12,7 @@ import time
 import uuid
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
@@ -22,8 +22,8 @@ from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change, from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
+from web.latest import FAST, STALE, Live
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
-from web.live.latest import FAST, STALE, Live
 from web.live.optional_topics import OptionalTopics, subscribe_directly
 
 if TYPE_CHECKING:
@@ -46,6 +46,18 @@ JOY = "sensor_msgs/Joy"
 Described = tuple[list[ParameterDescription], dict[str, ParameterValue]]
 
 
+class Reactions(NamedTuple):
+    """The functions that are called, on Zenoh's threads, with what arrives from the station.
+
+    Attributes:
+        changed: called with each change of a parameter.
+        stick_answered: called with the stamp (ns) of sticks, whether they count, and why not.
+    """
+
+    changed: Callable[[ParameterChange], None] = lambda _: None
+    stick_answered: Callable[[int, bool, str], None] = lambda *_: None
+
+
 class Station:
     """Client of the station for one vehicle.
 
@@ -62,6 +74,7 @@ class Station:
         vehicle: str,
         live: Live,
         hub: EventHub,
+        reactions: Reactions,
         close_session: Callable[[Any], None] = lambda session: session.close(),
     ) -> None:
         self._open_session, self._close_session = open_session, close_session
@@ -70,8 +83,7 @@ class Station:
         self._vehicle = vehicle
         self._live = live
         self._hub = hub
-        self.on_change: Callable[[ParameterChange], None] = lambda *_: None
-        self.on_stick_answer: Callable[[int, bool, str], None] = lambda *_: None
+        self.reactions = reactions
         self._link_said = ""
         self._node: Node | None = None
         self._stick: Publisher | None = None
@@ -269,7 +281,7 @@ class Station:
 
     def _on_stick_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["stick_status"].type_name)
-        self.on_stick_answer(stamp_of(status), bool(status.enabled), str(status.reason))
+        self.reactions.stick_answered(stamp_of(status), bool(status.enabled), str(status.reason))
 
     def _on_mark(self, received: Received) -> None:
         mark = decode(received.payload, "quadlab_msgs/Mark")
@@ -277,7 +289,7 @@ class Station:
         self._hub.publish_from_thread({"type": "mark", **fields, "time": float(mark.time)})
 
     def _on_change(self, received: Received) -> None:
-        self.on_change(decode_change(received.payload))
+        self.reactions.changed(decode_change(received.payload))
 
     def _close(self, node: Node) -> None:
         self._watched.close()

@@ -3,7 +3,7 @@
 The page sends `{"id": 3, "signals": ["state.position.x", …]}` whenever its selection changes.
 A frame (little endian): uint16 id, uint16 count, float64 time (s, this computer's epoch), uint16
 age in ms (65535: never or longer) of each topic of these signals, in the order of
-`web.live.latest.STALE`, float32 values. With the 40 signals of state table, default charts and
+`web.latest.STALE`, float32 values. With the 40 signals of state table, default charts and
 Beacons tab, a frame has 186 B and a page costs 4.7 kB/s with the heads of the websocket; the
 maximum of 96 signals costs 10.6 kB/s. Only what a page requests is computed.
 
@@ -25,8 +25,8 @@ from fastapi import WebSocket
 
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.clock import wall_time
+from web.latest import STALE, Live
 from web.live.conversation import converse
-from web.live.latest import STALE, Live
 from web.signals import INDEX, SIGNALS, UNITS, snapshot, topics_for
 from web.signals.expression import Expression, is_expression, parse
 from web.signals.functions import Step

@@ -15,17 +15,11 @@ from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import FieldOfView
 from quadrotor.errors import QuadlabError
-from vehicle_link.parameters.change import (
-    SIMULATOR,
-    STATION,
-    VEHICLE,
-    ParameterChange,
-    authority_of,
-)
-from web.beacons.scene import BeaconScene
-from web.live.latest import Live
+from vehicle_link.parameters.change import SIMULATOR, STATION, VEHICLE, authority_of
+from web.latest import Live
 from web.live.station import Station
 from web.parameters.replica import PageParameters
+from web.view.beacons.scene import BeaconScene
 from web.view.scene import Scene
 
 PERIOD = 0.5  # s between checks of the status
@@ -49,17 +43,8 @@ class ParameterFollower:
         self._live = live
         self._scene = scene
         self._namespace = namespace
-        self._loop: asyncio.AbstractEventLoop | None = None
         self._shown: dict[str, Any] = {}
         self._surprises = 0  # checks in a row in which the simulator's presence was unexpected
-
-    def attach(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
-
-    def changed_from_thread(self, change: ParameterChange) -> None:
-        """Pass a `parameter_changes` message to the event loop."""
-        if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._replica.note_change, change)
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()

@@ -6,24 +6,23 @@ Every change of a value uses the gain path, so that station and vehicle check it
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI, HTTPException, Query, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import PlainTextResponse
 from pydantic import Field
 
-from console.parameters.presets import Preset
+from console.parameters.history import ParameterHistory
+from console.parameters.presets import ParameterPresets, Preset
 from quadrotor.parameter_description import ParameterValue
 from web.access.requester import Operator
 from web.body import Body, read_body
 from web.parameters.built_in_presets import built_in
 from web.parameters.compare import compare, differing
 from web.parameters.file import LARGEST, read_file, write_file
-from web.parameters.replica import LAYOUT
-
-if TYPE_CHECKING:
-    from web.vehicle_context import VehicleContext
+from web.parameters.replica import LAYOUT, PageParameters
+from web.parameters.writer import ParameterWriter
 
 ON_THE_GROUND = "ground"
 PLACES = (LAYOUT, "beacons.layout", "behavior.keep_out")
@@ -41,33 +40,40 @@ class PresetBody(Body):
     replaces: bool = False
 
 
-def add_parameters(app: FastAPI, context: VehicleContext) -> None:
-    """Add all routes of parameters."""
-    _add_values(app, context)
-    _add_history(app, context)
-    _add_files(app, context)
-    _add_presets(app, context)
+def add_parameters(
+    app: FastAPI,
+    vehicle: str,
+    replica: PageParameters,
+    gains: ParameterWriter,
+    history: ParameterHistory,
+    presets: ParameterPresets,
+) -> None:
+    """Add all routes of a vehicle's parameters."""
+    _add_values(app, replica, gains)
+    _add_history(app, replica, history)
+    _add_files(app, replica, vehicle)
+    _add_presets(app, replica, presets)
 
 
-def _add_values(app: FastAPI, context: VehicleContext) -> None:
+def _add_values(app: FastAPI, replica: PageParameters, gains: ParameterWriter) -> None:
     @app.get("/api/parameters")
     async def parameters() -> dict[str, Any]:
         """Return descriptions and confirmed values, as reported by the vehicle."""
-        return context.replica.as_json()
+        return replica.as_json()
 
     @app.put("/api/parameters")
     async def change(body: ChangeBody, session: Operator) -> dict[str, Any]:
         """Change values, all or none, checked against their bounds; return those applied."""
-        applied, revision = await context.gains.change(body.values, session.label, walks=body.walks)
+        applied, revision = await gains.change(body.values, session.label, walks=body.walks)
         return {
             "applied": applied,
             "revision": revision,
-            "revisions": {name: context.replica.revision_of(name) for name in applied},
-            "generation": context.replica.generation,
+            "revisions": {name: replica.revision_of(name) for name in applied},
+            "generation": replica.generation,
         }
 
 
-def _add_history(app: FastAPI, context: VehicleContext) -> None:
+def _add_history(app: FastAPI, replica: PageParameters, history: ParameterHistory) -> None:
     @app.get("/api/parameters/history")
     def changes(
         name: Annotated[str, Query(max_length=200)] = "",
@@ -80,7 +86,7 @@ def _add_history(app: FastAPI, context: VehicleContext) -> None:
         `flight`: a run id or `ground`; `before`: only changes older than this id.
         """
         wanted = "" if flight == ON_THE_GROUND else flight
-        found = context.history.changes(name, wanted, limit, before)
+        found = history.changes(name, wanted, limit, before)
         return {
             "changes": [
                 {
@@ -100,10 +106,10 @@ def _add_history(app: FastAPI, context: VehicleContext) -> None:
     @app.get("/api/parameters/flight")
     async def flight() -> dict[str, Any]:
         """Return the changes that undo those made since before the present or last flight."""
-        last = await run_in_threadpool(context.history.flight)
+        last = await run_in_threadpool(history.flight)
         if last is None:
             nothing: dict[str, Any] = {"run": None, "start": None, "is_over": True, "values": {}}
-            return {**nothing, **compare(context.replica, {})}
+            return {**nothing, **compare(replica, {})}
         # Not the beacons: real ones have not moved.
         values = {name: value for name, value in last.values.items() if name not in PLACES}
         return {
@@ -111,25 +117,22 @@ def _add_history(app: FastAPI, context: VehicleContext) -> None:
             "start": last.start_ns * 1e-9,
             "is_over": last.is_over,
             "values": last.values,
-            **compare(context.replica, values),
+            **compare(replica, values),
         }
 
 
-def _add_files(app: FastAPI, context: VehicleContext) -> None:
+def _add_files(app: FastAPI, replica: PageParameters, vehicle: str) -> None:
     @app.get("/api/parameters/file")
     async def save(which: Literal["all", "modified"] = "all") -> PlainTextResponse:
         """Return a TOML file with unit, bounds, default and meaning of each value as comments."""
         now = datetime.now(UTC)
         what = "All parameters" if which == "all" else "Parameters that differ from their default"
-        heading = f"{what} of {context.vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
-        context.replica.check({})
+        heading = f"{what} of {vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
+        replica.check({})
         text = write_file(
-            context.replica.descriptions(),
-            context.replica.values(),
-            heading,
-            modified_only=which == "modified",
+            replica.descriptions(), replica.values(), heading, modified_only=which == "modified"
         )
-        name = f"{context.vehicle}_parameters_{now:%Y%m%dT%H%M%SZ}.toml"
+        name = f"{vehicle}_parameters_{now:%Y%m%dT%H%M%SZ}.toml"
         disposition = {"content-disposition": f'attachment; filename="{name}"'}
         return PlainTextResponse(text, headers=disposition, media_type="application/toml")
 
@@ -140,12 +143,10 @@ def _add_files(app: FastAPI, context: VehicleContext) -> None:
     async def read(request: Request, _: Operator) -> dict[str, Any]:
         """Return the changes that loading this file would make; nothing is changed."""
         content = await read_body(request, LARGEST)
-        return compare(context.replica, await run_in_threadpool(read_file, content))
+        return compare(replica, await run_in_threadpool(read_file, content))
 
 
-def _add_presets(app: FastAPI, context: VehicleContext) -> None:
-    replica, presets = context.replica, context.presets
-
+def _add_presets(app: FastAPI, replica: PageParameters, presets: ParameterPresets) -> None:
     @app.get("/api/parameters/presets")
     async def all_presets() -> dict[str, Any]:
         """Return all presets, built-in ones first.

@@ -10,7 +10,7 @@ from fastapi import Path as InPath
 
 from console.catalogue.catalogue import SUFFIX
 from web.access.requester import Operator
-from web.live.latest import Live
+from web.latest import Live
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext

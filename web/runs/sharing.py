@@ -16,6 +16,7 @@ from web.access.requester import Asker
 from web.access.signed_links import AGE, SUFFIX
 
 if TYPE_CHECKING:
+    from web.runs.exports import ViserExports
     from web.vehicle_context import VehicleContext
 
 VIEWERS = {
@@ -31,8 +32,8 @@ def log_response(run: Path) -> FileResponse:
     return FileResponse(log_of(run), filename=f"{run.stem}{SUFFIX}", media_type=media_type)
 
 
-def add_sharing(app: FastAPI, parts: VehicleContext) -> None:
-    catalogue, exports = parts.catalogue, parts.exports
+def add_sharing(app: FastAPI, parts: VehicleContext, exports: ViserExports) -> None:
+    catalogue = parts.catalogue
 
     @app.post("/api/runs/{run_id}/link")
     def link(run_id: str, request: Request, _: Asker) -> dict[str, Any]:

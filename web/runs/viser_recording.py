@@ -13,7 +13,7 @@ from flight_log.attached import json_value, logged_value
 from quadrotor.errors import os_errors
 from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
-from web.live.latest import Live
+from web.latest import Live
 from web.parameters.follower import BEARINGS, bearing_values, show_bearings
 from web.view.scene import Scene
 from web.view.server import ViewServer

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.tables import RunEntry
 from console.link.known_vehicles import KnownVehicles
-from web.live.latest import Live
+from web.latest import Live
 
 SCANNED = 1000
 """Number of newest runs that are searched for vehicles."""

@@ -1,7 +1,7 @@
 """Numbers that a chart or the state table can show: name, label, unit, and source.
 
 The named ones come first, in units that are easy to read; then every other number of the topics
-that are stored (`web.live.latest.STALE`), made from their message types. A value is NaN when its
+that are stored (`web.latest.STALE`), made from their message types. A value is NaN when its
 topic is stale or missing: the charts draw a gap, the table shows the cell in grey.
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 
 import msgspec
 
-from web.live.latest import STALE, Live
+from web.latest import STALE, Live
 from web.signals.estimates import COMPARED, ESTIMATES, RESULTS
 from web.signals.health import HEALTH
 from web.signals.motion import MOTION

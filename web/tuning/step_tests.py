@@ -21,8 +21,8 @@ from control.trajectories.multistep import LEAD
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.messages import stamp_of
+from web.latest import Live
 from web.live.events import EventHub
-from web.live.latest import Live
 from web.live.station import Station
 from web.parameters.replica import PageParameters
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from web.beacons.shapes import Point
+from web.view.shapes import Point
 
 ROTORS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Directions of the front, left, rear and right rotors, body axes (x forward, y left)."""

@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from web.beacons.shapes import Point, Quaternion, matrix_of
 from web.view.ground import add_ground
 from web.view.server import ViewServer
+from web.view.shapes import Point, Quaternion, matrix_of
 
 Camera = Literal["free", "follow", "top", "side", "first"]
 OFFSETS = {"top": (0.0, -0.02, 4.5), "side": (0.0, -3.2, 0.4)}

@@ -15,11 +15,11 @@ from typing import Any, Literal
 import numpy as np
 
 from quadrotor.parameter_description import ParameterValue
-from web.beacons.drag import FARTHEST, Click, Drag
-from web.beacons.marks import Mark, only_offered
-from web.beacons.shapes import Point, along_axis, cones, distance_to_ray, on_plane, turns_from_z
+from web.view.beacons.marks import Mark, only_offered
+from web.view.drag import FARTHEST, Click, Drag
 from web.view.lines import PLANNED, REFUSED, edges, line_color
 from web.view.server import ViewServer
+from web.view.shapes import Point, along_axis, cones, distance_to_ray, on_plane, turns_from_z
 
 Kind = Literal["target", "waypoints", "trajectory", "volume", "keep_out"]
 MOST = 12  # way-points, as the vehicle's behavior takes them
@@ -102,13 +102,12 @@ class Draft:
 class DraftView:
     """Drawing of the draft, as nodes `/draft/…`, and the pointer on it.
 
-    Attributes:
+    Args:
         on_edit: called with the draft that the pointer asks for.
     """
 
-    def __init__(self, server: ViewServer) -> None:
-        self.on_edit: Callable[[Draft], None] = lambda _: None
-        self._server = server
+    def __init__(self, server: ViewServer, on_edit: Callable[[Draft], None]) -> None:
+        self._server, self._on_edit = server, on_edit
         self._api = server.viser.scene
         self._draft: Draft | None = None
         self._marks: list[Mark] = []
@@ -202,7 +201,7 @@ class DraftView:
         elif met is not None and self._offset is not None:
             wanted = _minus(met, _minus(GROUND, self._offset))
             if (moved := draft.moved(grip, wanted)) != draft:
-                self.on_edit(moved)
+                self._on_edit(moved)
         if drag.phase == "end":
             self._offset = None
 
@@ -214,7 +213,7 @@ class DraftView:
             return
         met = on_plane(click.eye, click.through, GROUND, UP)
         if met is not None and max(map(abs, met)) < FARTHEST:
-            self.on_edit(draft.clicked(met))
+            self._on_edit(draft.clicked(met))
 
 
 def _only_offered(_: Any) -> None:

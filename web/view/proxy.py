@@ -25,11 +25,11 @@ from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from web.access.roles import Role, Session
-from web.beacons.drag import click_of, drag_of
-from web.beacons.shapes import Point
 from web.live.sockets import POLICY_VIOLATION
 from web.theme import TOKENS
+from web.view.drag import click_of, drag_of
 from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
+from web.view.shapes import Point
 
 CAMERA = "ViewerCameraMessage"
 IDLE = ("SceneNodeDragMessage", "SceneNodeClickMessage", "ScenePointerMessage")

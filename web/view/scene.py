@@ -2,7 +2,7 @@
 
 Nodes are created once and then only moved, shown or hidden. At 30 Hz this is below 60 kB/s a client
 while flying, 12 kB/s on the ground while bearings arrive, and almost nothing otherwise. Unchanged
-values are not sent. Beacons are drawn by `web.beacons.scene`.
+values are not sent. Beacons are drawn by `web.view.beacons.scene`.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ import numpy as np
 
 from control.behaviors.parameters import Box, flight_volume, keep_out
 from quadrotor.constants import GRAVITY
-from web.beacons.scene import BeaconScene
-from web.beacons.shapes import Point, point_of, wxyz_of
-from web.live.latest import Live
+from web.latest import Live
 from web.view.airframe import Airframe
+from web.view.beacons.scene import BeaconScene
 from web.view.boxes import BoxesView
 from web.view.cameras import Cameras
 from web.view.ground import add_ground
 from web.view.lines import PLANNED, REFUSED, edges, line_color
 from web.view.options import ViewOptions, ramp
 from web.view.server import ViewServer
+from web.view.shapes import Point, point_of, wxyz_of
 from web.view.trails import Color, Trail
 
 RATE, UNWATCHED = 30.0, 5.0  # Hz

@@ -26,7 +26,7 @@ from web.view.frames import share_frames
 from web.view.wake import make_writes_safe
 
 if TYPE_CHECKING:
-    from web.beacons.drag import Click, Drag
+    from web.view.drag import Click, Drag
 
 SECRET_HEADER = "X-Quadlab-Secret"
 VIEW_HEADER = "X-Quadlab-View"

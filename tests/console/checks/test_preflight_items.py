@@ -10,7 +10,7 @@ import pytest
 
 from console.checks.facts import Facts
 from console.checks.items import ITEMS, judged, reasons
-from console.checks.parameters import PreflightParameters
+from console.parameters.preflight import PreflightParameters
 from vehicle_link.transport.heartbeat import LinkState
 
 LIMITS = PreflightParameters()

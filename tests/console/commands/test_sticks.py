@@ -88,8 +88,8 @@ class Sent:
         self.orders: list[StickOrder] = []
         self.answers: list[tuple[bool, str]] = []
 
-    def joy(self, order: StickOrder) -> None:
-        self.orders.append(order)
+    def joy(self, axes: tuple[float, float, float, float], enabled: bool) -> None:
+        self.orders.append(StickOrder(axes, enabled))
 
     def message(self, name: str, message: Any, stamp_ns: int) -> None:
         self.answers.append((message.enabled, message.reason))

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.evaluation.accelerometer import raw_of, up_of
 from console.experiments.accelerometer import Accelerometer
 from console.experiments.client import ExperimentEndedError, VehicleView
 from console.experiments.motor_bench import MotorBench
-from console.experiments.pose_guide import attitude_of, raw_of, spread_poses, up_of, words_of
+from console.experiments.pose_guide import attitude_of, spread_poses, words_of
 from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
 from console.experiments.watched import AbortedError, fly
 from quadrotor.errors import RefusedError

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from console.exchange.telemetry import expanded, messages_of
 from console.link.outbox import ENCODERS
-from console.link.telemetry import expanded, messages_of
 from console.link.telemetry_quality import TelemetryWindow
 from quadrotor.records import TICK, Record
 from vehicle_link.messages import decode

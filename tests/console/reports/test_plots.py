@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from console.plots import POINTS, broken, thinned
 from console.reports.bench_steps import law_figures
-from console.reports.plots import POINTS, broken, thinned
 from console.reports.run_log import read_run
 from console.reports.tables import figure, number
 from flight_log import LogWriter

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from console.alarms import Alarms
 from console.catalogue.catalogue import Catalogue
-from console.checks.alarms import Alarms
 from console.parameters.station import RecorderParameters
 from console.parameters.store import StationStore
 from console.runs.housekeeping import Housekeeping

@@ -14,7 +14,7 @@ from estimation.parameters import PRESETS as GAINS
 from tests.support.clock import Clock
 from vehicle_link.messages import decode, encode, new
 from web.beacons.comparison_feed import RATE, as_json
-from web.live.latest import STALE, Live
+from web.latest import STALE, Live
 from web.signals import COMPARED, INDEX, snapshot
 
 

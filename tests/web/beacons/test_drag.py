@@ -14,9 +14,9 @@ from bearing_sim.beacons import PAPER_BEACONS, PRESETS
 from tests.support.camera_message import camera_message
 from vehicle_link.messages import decode
 from web.access.roles import Role, Session
-from web.beacons.drag import SETTLING, BeaconDrags, Drag, drag_of
-from web.beacons.scene import BeaconScene, BeaconView
-from web.live.latest import Live
+from web.latest import Live
+from web.view.beacons.scene import BeaconScene, BeaconView
+from web.view.drag import SETTLING, BeaconDrags, Drag, drag_of
 from web.view.proxy import HostileError, Upstream, eye_of
 from web.view.scene import RATE
 from web.view.server import ViewServer

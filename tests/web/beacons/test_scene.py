@@ -18,9 +18,9 @@ from bearing_sim.observability import FieldOfView, bound_map
 from quadrotor.errors import OutOfBoundsError
 from tests.support.clock import Clock
 from vehicle_link.messages import decode, encode, header, new
-from web.beacons.marks import SEEN, UNSEEN
-from web.beacons.scene import BeaconScene, BeaconView
-from web.live.latest import Live
+from web.latest import Live
+from web.view.beacons.marks import SEEN, UNSEEN
+from web.view.beacons.scene import BeaconScene, BeaconView
 from web.view.scene import RATE, Scene
 from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
@@ -394,7 +394,7 @@ def settled(scene: BeaconScene, until: Any, wanted: Callable[[], bool]) -> None:
 def test_the_map_shows_the_bound_over_the_flight_volume(
     scene: BeaconScene, node: Any, server: ViewServer, until: Any
 ) -> None:
-    from web.beacons.bound_image import Scale, picture
+    from web.view.beacons.bound_image import Scale, picture
 
     told: list[Any] = []
     scene.on_legend = lambda: told.append(scene.legend())

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from web.beacons.bound_image import (
+from web.view.beacons.bound_image import (
     BEYOND,
     COLORS,
     OPACITY,
@@ -19,15 +19,7 @@ from web.beacons.bound_image import (
     round_up,
     shade_of,
 )
-from web.beacons.shapes import (
-    cone,
-    cone_scales,
-    ellipsoid,
-    handle,
-    matrix_of,
-    on_plane,
-    turns_from_z,
-)
+from web.view.shapes import cone, cone_scales, ellipsoid, handle, matrix_of, on_plane, turns_from_z
 
 
 def test_turns_bring_z_where_they_should() -> None:

@@ -13,7 +13,7 @@ import pytest
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import decode, encode, new
 from web.commands.emergency import PATIENCE, TRIES, EmergencyCommands
-from web.live.latest import Live
+from web.latest import Live
 
 SILENT = LinkError("the vehicle did not answer within 1 s")
 

@@ -14,7 +14,7 @@ from quadrotor.parameter_description import ParameterValue
 from vehicle_link.messages import decode, encode, header, new
 from web.commands.previewer import Previewer
 from web.commands.trajectories import TrajectoryMonitor
-from web.live.latest import Live
+from web.latest import Live
 
 CIRCLE: dict[str, ParameterValue] = {"trajectory": "circle", "laps": 2, "period": 8.0}
 SECOND = 10**9

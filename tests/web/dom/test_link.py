@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from vehicle_link.messages import header, new
-from web.live.latest import STALE
+from web.latest import STALE
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import pytest
 
 from vehicle_link.messages import decode
+from web.latest import Live
 from web.live.deafness import CHECKS, DEAF_AFTER, Deafness
-from web.live.latest import Live
 
 
 class Clock:

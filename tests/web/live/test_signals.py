@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from console.exchange.subscriptions import RECORDED_AS_RECEIVED
 from console.link.outbox import ENCODERS, RECORDED
-from console.link.subscriptions import RECORDED_AS_RECEIVED
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.units import number_at, numbers
 from vehicle_link.topics import TOPICS
-from web.live.latest import STALE, Live
+from web.latest import STALE, Live
 from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described, snapshot
 from web.signals.plain import MEMBERS
 

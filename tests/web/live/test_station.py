@@ -19,10 +19,10 @@ from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
 from vehicle_link.transport.session import hub_session, loopback_session
+from web.latest import FAST, Live
 from web.live.events import SUMMARY_NOW, EventHub
-from web.live.latest import FAST, Live
 from web.live.sockets import listen
-from web.live.station import Station
+from web.live.station import Reactions, Station
 from web.process import print_settled
 
 
@@ -109,7 +109,12 @@ class Client:
         self.loop = asyncio.new_event_loop()
         threading.Thread(target=self.loop.run_forever, daemon=True).start()
         self.hub.attach(self.loop)
-        self.station = Station(lambda: loopback_session(port), "quad1", self.live, self.hub)
+        self.changes: list[Any] = []
+        self.answers: list[tuple[int, bool, str]] = []
+        reactions = Reactions(self.changes.append, lambda *answer: self.answers.append(answer))
+        self.station = Station(
+            lambda: loopback_session(port), "quad1", self.live, self.hub, reactions
+        )
         self.station.watch(FAST)
         self.station.start()
 
@@ -176,8 +181,7 @@ def test_parameters_are_read_and_changed(router: Router, client: Client) -> None
 def test_events_and_parameter_changes_reach_the_page(
     router: Router, client: Client, until: Any
 ) -> None:
-    changes: list[Any] = []
-    client.station.on_change = changes.append
+    changes = client.changes
 
     def both() -> bool:
         router.events.put(encode(new("rcl_interfaces/Log", level=30, msg="battery low", name="q")))
@@ -260,8 +264,7 @@ def test_sticks_carry_their_owner_and_the_stations_answer_finds_back(
     router: Router, client: Client, until: Any
 ) -> None:
     came: list[Any] = []
-    answers: list[tuple[int, bool, str]] = []
-    client.station.on_stick_answer = lambda *answer: answers.append(answer)
+    answers = client.answers
     stick, status = TOPICS["stick"], TOPICS["stick_status"]
     router.node.subscribe(stick.name, stick.type_name, came.append)
     answering = router.node.advertise(status)
@@ -286,7 +289,7 @@ def test_sticks_carry_their_owner_and_the_stations_answer_finds_back(
 
 
 def test_before_the_first_session_commands_say_so() -> None:
-    station = Station(lambda: None, "quad1", Live(decode), EventHub())
+    station = Station(lambda: None, "quad1", Live(decode), EventHub(), Reactions())
     with pytest.raises(UnreachableError):
         asyncio.run(station.command("arm", "operator 1"))
 

@@ -17,8 +17,8 @@ from tests.support.clock import Clock
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
 from vehicle_link.messages import decode, encode, new
+from web.latest import STALE, Live
 from web.live import events
-from web.live.latest import STALE, Live
 from web.live.telemetry import MOST_SIGNALS, NEVER, RATE, Ping, frame, parse_request, topics_of
 from web.signals import INDEX, SIGNALS, describe, snapshot
 
@@ -53,7 +53,7 @@ def test_velocity_is_turned_from_body_to_world_axes() -> None:
 
 def test_angles_are_those_of_known_rotations() -> None:
     from quadrotor.plain_rotations import roll_pitch_yaw
-    from web.beacons.shapes import wxyz_of
+    from web.view.shapes import wxyz_of
 
     half = math.radians(10.0)
     for axis, index in (("x", 0), ("y", 1), ("z", 2)):

@@ -9,8 +9,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from web.beacons.shapes import IDENTITY, Quaternion
 from web.view.cameras import OFFSETS, Camera, Cameras
+from web.view.shapes import IDENTITY, Quaternion
 
 QUARTER: Quaternion = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # its nose along y
 

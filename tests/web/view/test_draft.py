@@ -11,14 +11,14 @@ import pytest
 from control.behaviors.preview import preview
 from tests.support.narrowing import now
 from vehicle_link.messages import decode, encode, new
-from web.beacons.drag import Click, Drag, Phase, click_of
-from web.beacons.shapes import Point, along_axis
 from web.commands.drafts import DraftBody, Drafts
 from web.commands.previewer import Previewer
 from web.commands.trajectories import TrajectoryMonitor
-from web.live.latest import Live
-from web.view.draft import Draft, DraftView
+from web.latest import Live
+from web.view.draft import Draft
+from web.view.drag import Click, Drag, Phase, click_of
 from web.view.server import ViewServer
+from web.view.shapes import Point, along_axis
 
 EYE: Point = (-2.0, -2.0, 3.0)
 ME = "operator 1"
@@ -38,7 +38,7 @@ class Desk:
             for axis, walls in zip("xyz", ((-3.0, 3.0), (-3.0, 3.0), (0.2, 3.0)), strict=True)
             for end, wall in zip(("min", "max"), walls, strict=True)
         }
-        self.drafts = Drafts(DraftView(server), monitor, self.told.append, self.set.get)
+        self.drafts = Drafts(server, monitor, self.told.append, self.set.get)
 
     told: list[Any]
     plans: list[bool]

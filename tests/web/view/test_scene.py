@@ -16,7 +16,7 @@ from control.keep_out import parse_keep_out
 from tests.support.clock import Clock
 from tests.support.narrowing import now
 from vehicle_link.messages import decode, encode, header, new
-from web.live.latest import Live
+from web.latest import Live
 from web.view.lines import edges as edges_of
 from web.view.lines import line_color
 from web.view.options import RAMP, ViewOptions

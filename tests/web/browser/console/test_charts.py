@@ -13,7 +13,7 @@ import pytest
 
 from quadrotor.records import TICK
 from vehicle_link.telemetry import pack
-from web.live.latest import STALE
+from web.latest import STALE
 from web.live.telemetry import RATE
 from web.signals import SIGNALS
 

@@ -9,7 +9,7 @@ from functools import partial
 
 from console.commands.stick_control import StickHandler
 from console.context import StationContext
-from console.link.status_sender import StatusSender
+from console.exchange.status_sender import StatusSender
 from console.tracker_feed import TrackerFeed
 
 STATUS_EVERY = 4  # beats

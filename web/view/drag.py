@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
-from web.beacons.shapes import Point, on_plane
+from web.view.shapes import Point, on_plane
 
 MESSAGE = "SceneNodeDragMessage"
 PERIOD = 0.1  # s between two positions of one beacon

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from vehicle_link.checks import Check, from_messages
 from web.experiments.calibrations import proposal_summary
 from web.experiments.experiments import experiment_summary
+from web.latest import Live
 from web.live.events import Message, summarize
-from web.live.latest import Live
 from web.runs.onboard import transfers_summary
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from quadrotor.errors import UsageError
 
 Array = npt.NDArray[np.floating[Any]]
+Spans = Sequence[tuple[float, float]]
 
 # By Okabe and Ito, dark enough for thin lines on white.
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#a3528b")
@@ -150,7 +151,7 @@ def finish(axis: Any, title: str, unit: str, *, legend: bool = True, narrow: boo
         )
 
 
-def window(axis: Any, spans: Sequence[tuple[float, float]]) -> None:
+def window(axis: Any, spans: Spans) -> None:
     """Shade the judged intervals."""
     for start, end in spans:
         axis.axvspan(start, end, color="#eef3f7", linewidth=0, zorder=0)
@@ -174,3 +175,42 @@ def styled(draw: Callable[[Any], None]) -> Callable[[Any], None]:
                 one.align_ylabels()
 
     return inside
+
+
+def state_estimation(
+    figure: Any,
+    time: Array,
+    position: tuple[Array, Array],
+    angles: tuple[Array, Array],
+    position_error: Array,
+    turn: Array,
+    judged: Spans,
+    truth: str = "truth",
+) -> None:
+    """Draw Fig. 6: (a) position, (b) roll, pitch, yaw, (c) position error, (d) orientation error.
+
+    Args:
+        position, angles: true and estimated, (N, 3) each.
+        turn: (N, 3) rad, rotation vector from the estimated attitude to the true one.
+        truth: name of the source that counts as true.
+    """
+    axes = grid(figure, 2, 2)
+    triple(axes[0, 0], time, position[0])
+    dashed(axes[0, 0], time, position[1], "estimated")
+    finish(axes[0, 0], "(a) position", "m", narrow=True)
+    triple(axes[0, 1], time, np.degrees(angles[0]), ANGLES)
+    dashed(axes[0, 1], time, np.degrees(angles[1]), "estimated")
+    finish(axes[0, 1], "(b) orientation", "deg", narrow=True)
+    triple(axes[1, 0], time, 1e3 * position_error)
+    finish(axes[1, 0], f"(c) position error to {truth}", "mm", narrow=True)
+    triple(axes[1, 1], time, np.degrees(turn))
+    finish(axes[1, 1], "(d) orientation error, about", "deg", narrow=True)
+    share_window(axes, judged)
+
+
+def share_window(axes: Any, judged: Spans) -> None:
+    """Shade the judged intervals in all axes, and label their common times."""
+    for axis in axes.flat:
+        window(axis, judged)
+    for axis in axes[-1]:
+        axis.set_xlabel("s (shaded: judged)" if judged else "s")

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from vehicle_link.messages import stamp_of
-from web.beacons.shapes import (
+from web.view.lines import line_color
+from web.view.shapes import (
     Array,
     Point,
     Quaternion,
@@ -26,7 +27,6 @@ from web.beacons.shapes import (
     turns_from_z,
     wxyz_of,
 )
-from web.view.lines import line_color
 
 RATE = 15.0  # largest rate, Hz
 HISTORY = 2.0  # s

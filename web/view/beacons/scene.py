@@ -15,12 +15,18 @@ from bearing_sim.observability import FieldOfView
 from control.behaviors.parameters import Box
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import stamp_of
-from web.beacons.drag import BeaconDrags, Drag
-from web.beacons.estimate import ONE_FRAME, Estimate, EstimateGhost, of_comparison, of_one_frame
-from web.beacons.map import BoundSlice, MapRequest
-from web.beacons.marks import BeaconMarks
-from web.beacons.sight_lines import RATE, PoseHistory, SightLines
-from web.live.latest import STALE, Live
+from web.latest import STALE, Live
+from web.view.beacons.estimate import (
+    ONE_FRAME,
+    Estimate,
+    EstimateGhost,
+    of_comparison,
+    of_one_frame,
+)
+from web.view.beacons.map import BoundSlice, MapRequest
+from web.view.beacons.marks import BeaconMarks
+from web.view.beacons.sight_lines import RATE, PoseHistory, SightLines
+from web.view.drag import BeaconDrags, Drag
 from web.view.server import ViewServer
 
 HIGHEST = 20.0  # m

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from bearing_sim.beacons import Beacons
-from web.beacons.shapes import IDENTITY, Point, handle, turns_from_z
+from web.view.shapes import IDENTITY, Point, handle, turns_from_z
 
 SEEN, UNSEEN = (224, 196, 110), (122, 128, 134)
 HANDLE = (224, 196, 110)

@@ -10,7 +10,7 @@ from typing import Any
 from bearing_sim.beacons import Beacons
 from bearing_sim.observability import FieldOfView, bound_map
 from control.behaviors.parameters import Box
-from web.beacons.bound_image import Scale, legend, picture
+from web.view.beacons.bound_image import Scale, legend, picture
 
 PERIOD = 0.2  # shortest time between two maps, in s, as when a beacon is dragged
 SPACING = 0.1  # shortest spacing, m

@@ -10,9 +10,9 @@ from console.checks.observed import Observed
 from console.commands.stick_control import StickHandler
 from console.comparison.feed import ComparisonFeed
 from console.context import StationContext
+from console.exchange.telemetry import TelemetryReception
 from console.experiment_running.runner import ExperimentRunner
 from console.link.outbox import WARN
-from console.link.telemetry import TelemetryReception
 from console.parameters.history_writer import ParameterHistoryWriter
 from console.parameters.vehicle import VehicleParameters
 from console.runs.runs import RunManager

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from web.beacons.shapes import Array, Point, Quaternion, ellipsoid, point_of, wxyz_of
 from web.view.airframe import Airframe
+from web.view.shapes import Array, Point, Quaternion, ellipsoid, point_of, wxyz_of
 
 TINT = (186, 142, 226)
 OPACITY = 0.16

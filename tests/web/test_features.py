@@ -1,0 +1,50 @@
+"""Features of the page: what a vehicle's context does not know is added and ended from outside."""
+
+from __future__ import annotations
+
+import contextlib
+from types import SimpleNamespace
+from typing import Any, cast
+from unittest.mock import MagicMock
+
+import pytest
+from fastapi import FastAPI
+
+from web.app import create_app
+from web.beacons.survey import BeaconSurvey, add_survey
+from web.features import Feature, built_in
+from web.vehicle_context import VehicleContext
+
+
+def addresses(app: FastAPI) -> set[str]:
+    return {getattr(route, "path", "") for route in app.routes}
+
+
+def test_a_feature_adds_its_routes_to_a_vehicle_with_that_vehicles_context() -> None:
+    context, given = MagicMock(), list[Any]()
+
+    def routes(app: FastAPI, of: VehicleContext) -> None:
+        given.append(of)
+        app.get("/api/extra")(lambda: "extra")
+
+    app = create_app(context, MagicMock(), [Feature(routes)])
+    assert given == [context]
+    assert "/api/extra" in addresses(app)
+    assert "/api/commands/arm" in addresses(app), "the routes of every page are there"
+    assert "/api/runs" not in addresses(app), "a feature that was left out has no routes"
+
+
+def test_stopping_the_features_stops_the_services_that_vehicles_share() -> None:
+    cameras = MagicMock()
+    for feature in built_in(None, cameras):
+        feature.stop()
+    cameras.stop.assert_called_once_with()
+
+
+def test_a_service_of_one_vehicle_ends_with_its_context(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[BeaconSurvey] = []
+    monkeypatch.setattr(BeaconSurvey, "stop", lambda one: ended.append(one))
+    with contextlib.ExitStack() as closing:
+        add_survey(FastAPI(), cast(VehicleContext, SimpleNamespace(closing=closing)), None)
+        assert not ended
+    assert len(ended) == 1

@@ -1,0 +1,58 @@
+"""The features of the page: each one adds its routes to every vehicle and has its own services.
+
+A vehicle's context offers what features share, and knows none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from fastapi import FastAPI
+
+from web.beacons.routes import add_beacons
+from web.beacons.survey import SurveyRun, add_survey
+from web.experiments.calibrations import add_calibration
+from web.experiments.experiments import add_experiments
+from web.experiments.reports import add_reports
+from web.foxglove.routes import add_foxglove
+from web.replay.routes import add_replay
+from web.replay.store import ReplayStore
+from web.runs.exports import ViserExports
+from web.runs.report_making import ReportMaking
+from web.runs.routes import add_runs
+from web.setup.camera_calibration import CameraCalibrations, add_camera_calibration
+from web.tuning.routes import add_tuning
+from web.vehicle_context import VehicleContext
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A part of the page.
+
+    Attributes:
+        routes: adds the routes of one vehicle; services of that vehicle are ended by
+            `VehicleContext.closing`.
+        stop: ends the services that all vehicles share.
+    """
+
+    routes: Callable[[FastAPI, VehicleContext], None]
+    stop: Callable[[], None] = lambda: None
+
+
+def built_in(survey: SurveyRun | None, cameras: CameraCalibrations) -> tuple[Feature, ...]:
+    """Return the features of every page; `survey` is None where no survey can be made."""
+    exports, reports, replays = ViserExports(), ReportMaking(), ReplayStore()
+    return (
+        Feature(partial(add_runs, exports=exports), exports.stop),
+        Feature(lambda app, context: add_replay(app, context.catalogue, replays)),
+        Feature(lambda app, _: add_camera_calibration(app, cameras), cameras.stop),
+        Feature(add_experiments),
+        Feature(add_calibration),
+        Feature(partial(add_reports, reports=reports), reports.stop),
+        Feature(add_beacons),
+        Feature(partial(add_survey, run=survey)),
+        Feature(add_tuning),
+        Feature(add_foxglove),
+    )

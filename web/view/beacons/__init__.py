@@ -1,0 +1,1 @@
+"""The beacons in the 3D view."""
