@@ -17,10 +17,11 @@ def page() -> str:
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters
-    from quadlab.mavlink.parameter_names import has_short_name, is_faithful, short_name
+    from extensions.mavlink.parameter_names import has_short_name, is_faithful, short_name
     from quadlab.simulated.parameters import CameraParameters, OutsideCameraParameters
-    from vehicle.boards.betaflight.options import BetaflightOptions
-    from vehicle.boards.crazyflie.options import CrazyflieOptions
+    from quadrotor.extension import Board
+    from quadrotor.extensions import registry
+    from vehicle.boards.kind import find_kind
     from vehicle.parameters import new_parameters
     from vehicle.simulator.parameters import SimulatorParameters
 
@@ -31,8 +32,11 @@ def page() -> str:
         ("Bearings", "bearings.", BearingParameters()),
         ("Camera on board, of quadlab fly", "camera.", CameraParameters()),
         ("Cameras around the room, of quadlab fly", "outside_cameras.", OutsideCameraParameters()),
-        ("Board betaflight", "board.", BetaflightOptions()),
-        ("Board crazyflie", "board.", CrazyflieOptions()),
+        *(
+            (f"Board {name}", "board.", options())
+            for name in registry().offers(Board)
+            if (options := find_kind(name).options) is not None
+        ),
         ("Station", "station.", StationParameters()),
     ]
     parts = [

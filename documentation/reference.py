@@ -7,7 +7,7 @@ import io
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 from unittest.mock import MagicMock, patch
 
 WIDTH = "100"
@@ -18,10 +18,8 @@ def command_line() -> str:
     """Return the page of the commands: the help of each as the command line prints it."""
     import tyro
 
-    from quadlab.commands.examples import examples_of
-    from quadlab.commands.link import Action as LinkAction
-    from quadlab.commands.log import Action as LogAction
-    from quadlab.commands.table import COMMANDS, overview
+    from quadlab.commands import link, log
+    from quadlab.commands.table import commands, examples_of, overview
 
     def helped(command: Any, *words: str) -> str:
         text = io.StringIO()
@@ -39,10 +37,10 @@ def command_line() -> str:
         return _block(text.getvalue())
 
     parts = ["# Command line\n", _block(overview())]
-    for name, command in COMMANDS.items():
+    for name, offered in commands().items():
+        command = offered.load()
         parts += [f"\n## quadlab {name}\n", helped(command, name), _block(examples_of(name))]
-        for action in {"log": get_args(LogAction), "link": get_args(LinkAction)}.get(name, ()):
-            word = get_args(action)[1].name
+        for word in {"log": log.ACTIONS, "link": link.ACTIONS}.get(name, ()):
             parts += [f"\n### quadlab {name} {word}\n", helped(command, name, word)]
     return "\n".join(parts)
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 RUNS = "runs"
 """Folder of all runs in the data folder."""
+IMPORTED = "import"
+"""Value of `recorder` in the metadata of a run that another system recorded."""
 STATION, VEHICLE, MERGED = "station.mcap", "vehicle.mcap", "merged.mcap"
 
 

@@ -14,10 +14,11 @@ from importlib.metadata import version
 from typing import NoReturn
 
 from quadlab.commands.parsing import parse
-from quadlab.commands.table import overview
+from quadlab.commands.table import commands, overview
 from quadlab.interrupt import INTERRUPTED, end_at_interrupt, raise_at_interrupt
 from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
+from quadrotor.extensions import tell_problems
 
 OF_SEVERAL = ("log", "link")
 """Commands that need a subcommand: without one they print their help."""
@@ -32,6 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command named by `arguments` (default: sys.argv); return the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     follow_parent()
+    commands()  # asks all extensions
+    tell_problems()
     if words == ["--version"]:
         print(f"quadlab {version('quadlab')}")
         return 0

@@ -24,6 +24,7 @@ PACKAGES = (
     "vehicle",
     "console",
     "web",
+    "extensions",
 )
 """The packages that a wheel puts below `quadlab`."""
 RUN_MODULE = (sys.executable, *(("-P",) if PREFIX else ()), "-m")

@@ -102,7 +102,8 @@ def _packaged() -> Iterator[tuple[str, bytes]]:
 def _files(*folders: str) -> Iterator[Path]:
     for folder in folders:
         for file in sorted((ROOT / folder).rglob("*")):
-            if file.is_file() and not {"__pycache__", "build"} & set(file.parts[len(ROOT.parts) :]):
+            inside = set(file.parts[len(ROOT.parts) :])
+            if file.is_file() and not {"__pycache__", "build", "tests"} & inside:
                 yield file
 
 

@@ -19,7 +19,6 @@ from pathlib import Path
 from benchmarks.firmware import chip
 from benchmarks.impairment.namespace import make_end
 from quadrotor.errors import StorageError
-from vehicle.simulator.betaflight.process import FIRMWARE
 
 ROOT = Path(__file__).parents[1]
 CHROMIUMS = ("chromium-headless-shell", "chromium")
@@ -116,6 +115,8 @@ def _compilers() -> str:
 
 
 def _betaflight() -> str:
+    from extensions.betaflight.simulated.process import FIRMWARE
+
     return "" if FIRMWARE.exists() else "Betaflight 4.6 is not built in the cache folder"
 
 

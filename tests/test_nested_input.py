@@ -13,9 +13,9 @@ import pytest
 from console.link.known_vehicles import FILE, KnownVehicles
 from estimation.tags.intrinsics import read_yaml
 from estimation.tags.tag_layout import load_tags
-from flight_log.imports.formats import open_source
-from flight_log.imports.mapping import load_mapping
-from flight_log.imports.sweeps import read_stations
+from extensions.importers.formats import open_source
+from extensions.importers.mapping import load_mapping
+from extensions.importers.sweeps import read_stations
 from quadrotor.calibration_record import parse_record
 from quadrotor.errors import QuadlabError
 from vehicle.plugins.declared import declared

@@ -12,9 +12,9 @@ import statistics
 
 from benchmarks.flights.experiment_flight import REST_TO_REST, fly
 from benchmarks.harness import Report, Row, Size, Target
+from extensions.betaflight import NAME as BETAFLIGHT
+from extensions.betaflight.simulated.process import FIRMWARE
 from quadrotor.parameter_description import ParameterValue
-from vehicle.boards.kind import BETAFLIGHT
-from vehicle.simulator.betaflight.process import FIRMWARE
 
 SEEDS, FEW = 12, 4
 ANGLES: dict[str, ParameterValue] = {"board.level": "angles"}

@@ -23,9 +23,11 @@ import numpy as np
 
 from benchmarks.flights.touch_down import Outcome, TouchDown
 from benchmarks.flights.watched_flight import WatchedFlight
+from extensions.betaflight import NAME as BETAFLIGHT
+from extensions.crazyflie import NAME as CRAZYFLIE
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameter_description import ParameterValue
-from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
+from vehicle.boards.kind import MIKROKOPTER
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.serial.ids import MotorState
 

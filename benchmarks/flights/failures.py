@@ -30,7 +30,9 @@ from benchmarks.flights import failing_flights
 from benchmarks.flights.rough_world import CLEAN, WORLDS
 from benchmarks.flights.touch_down import IMPACT_MAX, UPRIGHT, Outcome
 from benchmarks.harness import Report, Row, Size, Target
-from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
+from extensions.betaflight import NAME as BETAFLIGHT
+from extensions.crazyflie import NAME as CRAZYFLIE
+from vehicle.boards.kind import MIKROKOPTER
 
 SEEDS, REAL_SEEDS = 20, 2
 OF_OTHER_BOARDS = ("flight", "port 0", "station", "tracker")

@@ -72,7 +72,7 @@ def python(folder: Path) -> Iterator[Settings]:
 
 @contextmanager
 def fmu_of_gcc(folder: Path) -> Iterator[Settings]:
-    from quadlab.fmu_export.description import export_fmu
+    from extensions.fmu.description import export_fmu
 
     export_fmu("law", [], folder / "mine.fmu")
     yield {"control.law": "mine"}

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.harness import Report, Row, Size, Target
 from estimation import registry
 from estimation.calibration.motion import best_turn
-from flight_log.imports.importing import NewRun, read_flight
+from extensions.importers.importing import NewRun, read_flight
 from quadlab.replay.errors import Truth
 from quadlab.replay.lines import plan_runs
 from quadlab.replay.log import Recording, read_recording

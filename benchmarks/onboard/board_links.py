@@ -15,12 +15,14 @@ import time
 from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.page.laboratory import started
 from benchmarks.page.up_cost import SETTLED, pilot
-from vehicle.boards.betaflight.board import CRSF_BAUD_RATE
-from vehicle.boards.betaflight.messages import Function
-from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER, find_kind
-from vehicle.simulator.betaflight.process import FIRMWARE
-from vehicle_link.msp.crsf import encode_channels
-from vehicle_link.msp.frames import REPLY, encode
+from extensions.betaflight import NAME as BETAFLIGHT
+from extensions.betaflight.board.board import CRSF_BAUD_RATE
+from extensions.betaflight.board.messages import Function
+from extensions.betaflight.msp.crsf import encode_channels
+from extensions.betaflight.msp.frames import REPLY, encode
+from extensions.betaflight.simulated.process import FIRMWARE
+from extensions.crazyflie import NAME as CRAZYFLIE
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle_link.serial.commands import encode_command
 from vehicle_link.serial.port import BAUD_RATE
 

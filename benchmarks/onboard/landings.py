@@ -21,8 +21,9 @@ import numpy as np
 from benchmarks.flights.faults import in_a_copy
 from benchmarks.flights.watched_flight import TOUCHING, WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
+from extensions.crazyflie import NAME as CRAZYFLIE
 from quadrotor.parameter_description import ParameterValue
-from vehicle.boards.kind import CRAZYFLIE, MIKROKOPTER
+from vehicle.boards.kind import MIKROKOPTER
 
 KINDS = ("none", "push", "step", "payload off", "payload on", "updraught", "thrust", "wind")
 """A force for some 0.4 s or from then on, a released or added payload, moving air, and a change of

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from estimation.tags.tag_bearings import Sighting
 from quadrotor.plain_rotations import Array
@@ -35,6 +35,37 @@ class Frame(NamedTuple):
     """Bearings of a camera on the vehicle."""
     doubt: str = ""
     """A warning about the frame, which is still used."""
+
+
+class Connection(NamedTuple):
+    """The address and the bodies that a tracking system's client is given.
+
+    Attributes:
+        host, port: the address of the server, or where to listen.
+        session: the session with the station.
+        bodies: the system's name of each vehicle's body.
+    """
+
+    host: str
+    port: int
+    session: Any
+    bodies: Mapping[str, str]
+
+
+class System(Protocol):
+    """A tracking system that an extension offers (`quadrotor.extension.TrackingSystem`)."""
+
+    def check(self, bodies: Mapping[str, str]) -> None:
+        """Raise UsageError for names of bodies that the system cannot have."""
+        ...
+
+    def open(self, connection: Connection) -> Source:
+        """Return the connected client.
+
+        Raises UsageError for a mistake of the user; another QuadlabError, after which it is tried
+        again.
+        """
+        ...
 
 
 def name_of(camera: int | Path) -> str:

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING
 
 import tyro
 
+from quadlab.commands.table import Command, actions, chosen
 from quadlab.link_commands.enrol import Enrol, Observer, Pilot
 from quadlab.link_commands.known import Forget, List
 from quadlab.link_commands.test import Test
 
-Action = (
-    Annotated[Enrol, tyro.conf.subcommand("enrol")]
-    | Annotated[Observer, tyro.conf.subcommand("observer")]
-    | Annotated[Pilot, tyro.conf.subcommand("pilot")]
-    | Annotated[List, tyro.conf.subcommand("list")]
-    | Annotated[Forget, tyro.conf.subcommand("forget")]
-    | Annotated[Test, tyro.conf.subcommand("test")]
-)
+_OWN: dict[str, type[Command]] = {
+    "enrol": Enrol,
+    "observer": Observer,
+    "pilot": Pilot,
+    "list": List,
+    "forget": Forget,
+    "test": Test,
+}
+ACTIONS = _OWN | actions("link")
+"""The actions by their words: those of quadlab itself, and those of extensions."""
+if TYPE_CHECKING:
+    Action = Command
+else:
+    Action = chosen(ACTIONS)
 
 
 @dataclass

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING
 
 import tyro
 
+from quadlab.commands.table import Command, actions, chosen
 from quadlab.log_commands.export import Export
 from quadlab.log_commands.fetch import Fetch
-from quadlab.log_commands.import_ import Import
 from quadlab.log_commands.info_and_check import Check, Info, Recover
 from quadlab.log_commands.report import Report
 
-Action = (
-    Annotated[Info, tyro.conf.subcommand("info")]
-    | Annotated[Check, tyro.conf.subcommand("check")]
-    | Annotated[Recover, tyro.conf.subcommand("recover")]
-    | Annotated[Export, tyro.conf.subcommand("export")]
-    | Annotated[Fetch, tyro.conf.subcommand("fetch")]
-    | Annotated[Import, tyro.conf.subcommand("import")]
-    | Annotated[Report, tyro.conf.subcommand("report")]
-)
+_OWN: dict[str, type[Command]] = {
+    "info": Info,
+    "check": Check,
+    "recover": Recover,
+    "export": Export,
+    "fetch": Fetch,
+    "report": Report,
+}
+ACTIONS = _OWN | actions("log")
+"""The actions by their words: those of quadlab itself, and those of extensions."""
+if TYPE_CHECKING:
+    Action = Command
+else:
+    Action = chosen(ACTIONS)
 
 
 @dataclass

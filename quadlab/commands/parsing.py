@@ -8,8 +8,7 @@ import io
 import re
 from collections.abc import Sequence
 
-from quadlab.commands.examples import examples_of
-from quadlab.commands.table import COMMANDS, Command
+from quadlab.commands.table import Command, commands, examples_of
 from quadrotor.errors import UsageError
 
 WORDS = (
@@ -43,11 +42,19 @@ def _parsed(words: list[str]) -> Command | str:
     import tyro
 
     complaint = io.StringIO()
+    known, config = commands().get(words[0]), (tyro.conf.FlagCreatePairsOff,)
     try:
         with contextlib.redirect_stderr(complaint):
-            command: Command = tyro.extras.subcommand_cli_from_dict(
-                dict(COMMANDS), prog="quadlab", config=(tyro.conf.FlagCreatePairsOff,), args=words
-            )
+            command: Command
+            if known is not None:  # nothing of other commands is imported
+                command = tyro.cli(
+                    known.load(), prog=f"quadlab {words[0]}", config=config, args=words[1:]
+                )
+            else:
+                every = {name: one.load() for name, one in commands().items()}
+                command = tyro.extras.subcommand_cli_from_dict(
+                    every, prog="quadlab", config=config, args=words
+                )
     except SystemExit as stop:
         if stop.code in (0, None):
             print(examples_of(words[0]), end="")

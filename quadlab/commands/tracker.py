@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import importlib.util
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -14,24 +15,28 @@ from quadlab.data_folder import data_folder
 from quadlab.option_types import File, Files, Folder, optional
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
+from quadrotor.extension import TrackingSystem
+from quadrotor.extensions import registry
 
 if TYPE_CHECKING:
     from console.trackers.camera_view import CameraView
-    from console.trackers.source import Source
+    from console.trackers.source import Connection, Source, System
 
-UDP_PORT = 5005
 CAMERAS = ("camera", "onboard_camera")
 HERE = "127.0.0.1"
+SYSTEMS = registry().offers(TrackingSystem, taken=CAMERAS)
+"""The tracking systems of extensions, by name."""
+if TYPE_CHECKING:
+    SystemName = str
+else:
+    SystemName = Literal[*SYSTEMS, *CAMERAS]
 
 
 @dataclass
 class Tracker:
     """Connect a laboratory's tracking system to the station."""
 
-    system: Annotated[
-        Literal["vicon", "natnet", "qtm", "vrpn", "ros2", "udp", "camera", "onboard_camera"],
-        tyro.conf.Positional,
-    ]
+    system: Annotated[SystemName, tyro.conf.Positional]
     """the tracking system; udp receives lines stamp,name,x,y,z,qw,qx,qy,qz; onboard_camera measures
     bearings to tags or LEDs that serve as beacons, which replace the emulated ones"""
     body: Annotated[
@@ -82,10 +87,6 @@ class Tracker:
         bodies = {} if self.of_bearings else parse_bodies(self.body)
         if self.port is not None and not 1 <= self.port <= 65535:
             raise UsageError(f"--port {self.port} is out of range (1 to 65535)")
-        if self.system == "ros2" and not all(name.startswith("/") for name in bodies.values()):
-            raise UsageError(
-                "with ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
-            )
         if self.system in CAMERAS:
             self._check_cameras()
         if self.of_bearings:
@@ -96,11 +97,23 @@ class Tracker:
                 )
             bodies = {name: name for name in self.body or (THE_VEHICLE,)}
             check_name(next(iter(bodies)))
-        from console.trackers.motion_capture import SYSTEMS, check_library
-
         if self.system in SYSTEMS:
-            check_library(self.system)
+            self._check_library()
+            system: System = SYSTEMS[self.system].load()
+            system.check(bodies)
         return bodies
+
+    def _check_library(self) -> None:
+        """Raise UsageError unless the library that the system needs is installed."""
+        offered = SYSTEMS[self.system]
+        library, extension = offered.offer.library, offered.extension
+        assert extension is not None
+        if library and importlib.util.find_spec(library) is None:
+            raise UsageError(
+                f"{self.system} needs the package {library}; install it with "
+                f"{extension.libraries.get(library, f'pip install {library}')}, or choose another "
+                "system"
+            )
 
     def _check_cameras(self) -> None:
         from console.trackers.source import name_of
@@ -137,10 +150,9 @@ class Tracker:
     def run(self) -> int:
         bodies = self.check()
         from console.trackers.camera_view import CameraView
-        from console.trackers.motion_capture import SYSTEMS
         from console.trackers.onboard_camera import BearingsTracker
         from console.trackers.process import Tracker as Poses
-        from console.trackers.source import name_of
+        from console.trackers.source import Connection, name_of
         from quadlab.station_client import await_session
         from vehicle_link.defects import end_at_defect
         from vehicle_link.termination_signal import EndSignal
@@ -148,12 +160,10 @@ class Tracker:
         end_at_defect()
         stopping = EndSignal()
         host = self.host or HERE
-        usual = SYSTEMS[self.system][1] if self.system in SYSTEMS else UDP_PORT
+        usual = SYSTEMS[self.system].offer.port if self.system in SYSTEMS else 0
         port = usual if self.port is None else self.port
-        where = f" at {host}:{port}"
-        if self.system == "ros2":
-            where = ""
-        elif self.system in CAMERAS:
+        where = f" at {host}:{port}" if port else ""
+        if self.system in CAMERAS:
             where = f"{' rendered' * bool(self.rendered)} {' '.join(map(str, self.cameras))}"
         session = await_session(
             self.loopback_port, stopping, lambda line: print(f"tracker: {line}", flush=True)
@@ -166,7 +176,7 @@ class Tracker:
         views = [CameraView(name if len(names) > 1 else "") for name in names]
         kind(
             f"{self.system}{where}",
-            lambda: self._source(host, port, session, bodies, views),
+            lambda: self._source(Connection(host, port, session, bodies), views),
             bodies,
             session,
             self.unit,
@@ -176,30 +186,15 @@ class Tracker:
         session.close()
         return 0
 
-    def _source(
-        self,
-        host: str,
-        port: int,
-        session: Any,
-        bodies: Mapping[str, str],
-        views: Sequence[CameraView],
-    ) -> Source:
+    def _source(self, to: Connection, views: Sequence[CameraView]) -> Source:
         """Connect to the system. Raises QuadlabError."""
-        if self.system == "udp":
-            from console.trackers.udp import UdpSource
-
-            return UdpSource(host, port)
-        if self.system == "ros2":
-            from console.trackers.ros2 import Ros2Source
-
-            return Ros2Source(session, list(bodies.values()))
         if self.system in CAMERAS:
             if self.rendered:
                 from quadlab.simulated.rendered_pictures import rendered_cameras
 
-                vehicle, body = next(iter(bodies.items()))
+                vehicle, body = next(iter(to.bodies.items()))
                 names = [str(one) for one in self.cameras]
-                return rendered_cameras(session, vehicle, body, names, views)
+                return rendered_cameras(to.session, vehicle, body, names, views)
             assert self.tags is not None
             from console.trackers.camera import CameraSource
             from console.trackers.camera_store import CameraStore
@@ -210,7 +205,7 @@ class Tracker:
             store = CameraStore(data_folder(self.data))
             lenses = self.intrinsics or [store.path(one) for one in self.device]
             if self.of_bearings:
-                beacons = StationBeacons(session, next(iter(bodies)))
+                beacons = StationBeacons(to.session, next(iter(to.bodies)))
                 [camera], [lens], [view] = cameras, lenses, views
                 return OnboardCameraSource(camera, lens, self.tags, beacons, view)
             openers = [
@@ -218,9 +213,8 @@ class Tracker:
                 for camera, lens, view in zip(cameras, lenses, views, strict=True)
             ]
             return open_cameras(openers, [view.name for view in views])
-        from console.trackers.motion_capture import MotionCaptureSource
-
-        return MotionCaptureSource(self.system, host, port)
+        system: System = SYSTEMS[self.system].load()
+        return system.open(to)
 
 
 def parse_bodies(words: Sequence[str]) -> dict[str, str]:

@@ -28,9 +28,8 @@ from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.checkout import PREFIX
 from quadrotor.errors import UsageError
-from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER, find_kind
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle_link import clock
-from vehicle_link.crtp.links import UDP_PORT
 from vehicle_link.forked import share
 from vehicle_link.lockstep import one_clock
 from vehicle_link.serial.capacity import check_rate
@@ -124,8 +123,9 @@ class Up(PageOptions):
 
     def _ports(self, folder: Path, number: int) -> Sequence[str]:
         """Return the ports of a simulated vehicle, whose number counts from 0."""
-        if self.board == CRAZYFLIE:
-            return [f"udp://127.0.0.1:{UDP_PORT + number}"]
+        first = find_kind(self.board).udp_port
+        if first is not None:
+            return [f"udp://127.0.0.1:{first + number}"]
         ports = MCU_PORTS if self.board == MIKROKOPTER else MCU_PORTS[:1]
         return [str(folder / port) for port in ports]
 
@@ -137,9 +137,9 @@ class Up(PageOptions):
         require_free("loopback session", self.link_port, socket.SOCK_STREAM, "--link-port")
         for port in fleet.ports.values():
             require_free("radio link", port, socket.SOCK_DGRAM, "--link-port")
-        if self.board == CRAZYFLIE:
-            for number in range(fleet.count):
-                require_free("Crazyflie", UDP_PORT + number, socket.SOCK_DGRAM, "--board")
+        first = find_kind(self.board).udp_port
+        for number in range(fleet.count if first is not None else 0):
+            require_free(self.board, (first or 0) + number, socket.SOCK_DGRAM, "--board")
 
     def _build_firmware(self) -> None:
         """Build the libraries that the simulator needs. Raises QuadlabError when one is missing."""
@@ -147,10 +147,9 @@ class Up(PageOptions):
             from vehicle.simulator.firmware.native import library
 
             library()
-        if self.board == BETAFLIGHT:
-            from vehicle.simulator.betaflight.process import lockstep_library
-
-            lockstep_library()
+        build = find_kind(self.board).build
+        if build is not None:
+            build()
 
     def _children(
         self, fleet: SimulatedFleet, data: Path, run_folder: Path, settings: ChildWords
@@ -211,10 +210,10 @@ class Up(PageOptions):
 
     def _serve_words(self) -> list[str]:
         """Return the options with which the simulator acts as the tracking system's server."""
-        from vehicle.simulator.tracking_systems.served import SYSTEMS
+        from vehicle.simulator.tracking_systems.served import known_systems
 
         system, *words = self.tracker.replace("=", " ").split() or [""]
-        if system not in SYSTEMS or "--host" in words:
+        if system not in known_systems() or "--host" in words:
             return []
         port = words[words.index("--port") + 1 :][:1] if "--port" in words else []
         return ["--serve", "=".join([system, *port])]

@@ -17,9 +17,9 @@ from flight_log.attached import PARAMETERS, json_value, logged_value
 from flight_log.columns.log_columns import LogColumns, read_columns
 from flight_log.columns.topic import Topic
 from flight_log.fields import FORCE, ODOMETRY, RATE, TURNING_B
-from flight_log.imports.run_writer import IMPORT
 from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
+from flight_log.run_folder import IMPORTED
 from flight_log.writer import RUN_METADATA
 from quadlab.replay.rest import bias_at_rest
 from quadlab.simulated.parameters import FlightParameters
@@ -124,7 +124,7 @@ def read_recording(path: Path) -> Recording:
     state_ns, state = _states(topics["state"])
     truth_ns, truth = _states(topics["truth"])
     status_ns, airborne = _stamped(topics["status"], ("airborne",))
-    imported = log.metadata.get(RUN_METADATA, {}).get("recorder") == IMPORT
+    imported = log.metadata.get(RUN_METADATA, {}).get("recorder") == IMPORTED
     samples = _newest(samples_ns, samples)
     notes = [_without_bias(samples)] if imported and len(samples) else []
     return Recording(

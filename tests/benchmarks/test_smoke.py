@@ -10,8 +10,13 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import NAMES
+from extensions.importers.tests.foreign_flight import (
+    columns_of,
+    make_flight,
+    write_csv,
+    write_mapping,
+)
 from quadrotor.checkout import ROOT
-from tests.flight_log.foreign_flight import columns_of, make_flight, write_csv, write_mapping
 
 IN_REAL_TIME = {"late_ticks", "link", "starved", "up_cost", "view_rate"}
 """Benchmarks that fly whole laboratories in real time for up to a minute in their shortest form.

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from extensions.betaflight.board.check import ENTER
 from quadlab.__main__ import main
 from quadlab.settings import parse_board_options
 from quadrotor.errors import UsageError
-from vehicle.boards.betaflight.check import ENTER
 from vehicle.boards.kind import find_kind
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run

@@ -22,9 +22,8 @@ import pytest
 from control.margins import margins
 from control.presets import PRESETS, preset
 from quadlab.__main__ import main
-from quadlab.commands.examples import EXAMPLES, examples_of
 from quadlab.commands.parsing import parse
-from quadlab.commands.table import COMMANDS
+from quadlab.commands.table import commands, examples_of
 from quadlab.settings import parse_settings
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import UsageError
@@ -94,7 +93,7 @@ def test_wrong_words_are_answered_in_one_line(
     assert said in complaint(capsys, words, 2)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", commands())
 def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str) -> None:
     with pytest.raises(SystemExit) as stop:
         main([command, "--help"])
@@ -117,7 +116,7 @@ def options(command: Any) -> Iterator[tuple[str, str]]:
 
 def test_help_is_wrapped_by_the_terminal_and_not_where_the_source_is() -> None:
     """tyro joins the lines of a docstring but for those that do not begin with a letter."""
-    told = dict(pair for command in dict(COMMANDS).values() for pair in options(command))
+    told = dict(pair for one in commands().values() for pair in options(one.load()))
     assert len(told) > 100
     for name, text in told.items():
         assert not re.search(r"\n *[^\s\w]|\n *[\d_]", text), name
@@ -223,9 +222,12 @@ def test_the_module_runs_as_a_program() -> None:
 
 
 def test_help_and_wrong_words_need_no_large_library() -> None:
-    loaded = "import sys, quadlab.__main__; print(*sys.modules)"
+    loaded = (
+        "import sys, quadlab.__main__ as program; "
+        "[one.load() for one in program.commands().values()]; print(*sys.modules)"
+    )
     ran = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
-    assert "quadlab.commands.fly" in ran.stdout.split()
+    assert {"quadlab.commands.fly", "extensions.mavlink.command"} <= set(ran.stdout.split())
     assert not {"numpy", "numba", "pydantic", "pyarrow", "zenoh"} & set(ran.stdout.split())
 
 
@@ -359,16 +361,22 @@ def test_the_overview_has_every_command_in_a_line_of_its_own(
 ) -> None:
     assert main(words) == 0
     listed = re.findall(r"^  (\w+) +[A-Z]", capsys.readouterr().out, re.MULTILINE)
-    assert sorted(listed) == sorted(COMMANDS)
+    assert sorted(listed) == sorted(commands())
 
 
 def test_every_command_has_examples_that_it_takes() -> None:
-    assert EXAMPLES.keys() == COMMANDS.keys()
-    for name, shown in EXAMPLES.items():
-        for example in shown:
+    for name, offered in commands().items():
+        assert offered.offer.examples, name
+        for example in offered.offer.examples:
             program, *words = shlex.split(example)
             assert (program, words[0]) == ("quadlab", name)
-            assert isinstance(parse(words), COMMANDS[name]), example
+            assert isinstance(parse(words), offered.load()), example
+
+
+def test_the_sentence_of_the_overview_is_the_first_of_the_help() -> None:
+    for name, offered in commands().items():
+        told = " ".join((offered.load().__doc__ or "").split("\n\n")[0].split())
+        assert told == offered.offer.summary, name
 
 
 def test_help_ends_with_the_examples(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""The supported kinds of boards: built-in ones, and those of other packages (`quadlab.boards`).
+"""The kinds of boards: the paper's, those of extensions, those of packages (`quadlab.boards`).
 
 The command line needs their names only: pydantic and numpy are imported with a board.
 """
@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Protocol
 import msgspec
 
 from quadrotor.errors import UsageError
+from quadrotor.extension import Board as Offered
+from quadrotor.extensions import registry
 from quadrotor.packaged_files import packaged
 from vehicle_link.serial.port import BAUD_RATE, Port
 
@@ -20,13 +22,8 @@ if TYPE_CHECKING:
     from quadrotor.parameters import Parameters
     from vehicle.boards.board import Board, Traits
 
-MIKROKOPTER, BETAFLIGHT, CRAZYFLIE = "mikrokopter", "betaflight", "crazyflie"
+MIKROKOPTER = "mikrokopter"
 GROUP = "quadlab.boards"
-_HERE = {
-    MIKROKOPTER: f"{__package__}.mikrokopter.microcontroller",
-    BETAFLIGHT: f"{__package__}.betaflight.board",
-    CRAZYFLIE: f"{__package__}.crazyflie.kind",
-}
 
 
 class Connect(Protocol):
@@ -59,8 +56,17 @@ class Check(Protocol):
     ) -> list[str]: ...
 
 
+class Simulate(Protocol):
+    """Factory of the firmware of a simulated board, a `vehicle.simulator.board_firmware`.
+
+    `number` is that of the vehicle, from 0. Raises QuadlabError when it cannot be simulated here.
+    """
+
+    def __call__(self, options: Parameters | None, number: int) -> object: ...
+
+
 class Kind(msgspec.Struct, frozen=True):
-    """Kind of board: the object to which the entry point of a package refers."""
+    """Kind of board: the object to which the declaration of an extension or package refers."""
 
     traits: Traits
     connect: Connect
@@ -73,6 +79,9 @@ class Kind(msgspec.Struct, frozen=True):
     check: Check | None = None  # None: it has no settings that can be wrong
     simulated: dict[str, ParameterValue] = {}  # values of the simulated vehicle with this board
     station: dict[str, ParameterValue] = {}  # values of its station in `quadlab up`
+    simulate: Simulate | None = None  # None: it cannot be simulated
+    udp_port: int | None = None  # of the first one that is simulated; None: a pseudo-terminal
+    build: Callable[[], object] | None = None  # builds what its simulation needs
 
     def traits_with(self, options: Parameters | None) -> Traits:
         """Return its traits with these options, whose `level` is where the law ends."""
@@ -111,12 +120,15 @@ class Kind(msgspec.Struct, frozen=True):
 
 def find_kind(name: str) -> Kind:
     """Return the kind of board with this name. Raises UsageError when it is unknown."""
-    if name in _HERE:
-        here: Kind = import_module(_HERE[name]).KIND
+    if name == MIKROKOPTER:
+        here: Kind = import_module(f"{__package__}.mikrokopter.microcontroller").KIND
         return here
-    offered = packaged(GROUP)
+    extending, offered = registry().offers(Offered, taken=(MIKROKOPTER,)), packaged(GROUP)
+    if name in extending:
+        theirs: Kind = extending[name].load()
+        return theirs
     if name not in offered.names:
-        there_are = ", ".join([*_HERE, *sorted(offered.names)])
+        there_are = ", ".join([MIKROKOPTER, *extending, *sorted(offered.names)])
         raise UsageError(f"--board {name!r} is not known; there are {there_are}")
     kind = offered[name].load()
     if not isinstance(kind, Kind):

@@ -12,7 +12,6 @@ from quadrotor.constants import GRAVITY
 from quadrotor.records import MAX_BEACONS, Record
 from vehicle.plugins import host
 from vehicle.plugins.contract import (
-    FMU,
     Array,
     Contract,
     Field,
@@ -147,7 +146,7 @@ _REHEARSED["bearing_count"] = 4.0
 _DEFAULTS = {
     name: float(value[0]) for name, value in Answer._field_defaults.items()
 }  # of an FMU that has no biases or variances
-ESTIMATOR = Contract("estimator", INPUT, OUTPUT, step, (".py", FMU), (_REHEARSED,), _DEFAULTS)
+ESTIMATOR = Contract("estimator", INPUT, OUTPUT, step, (_REHEARSED,), _DEFAULTS)
 
 
 def load(source: str | Path) -> Estimator:

@@ -29,11 +29,11 @@ from vehicle.processes.parent import PLUGINS, TRAJECTORIES
 from vehicle.processes.terminal import say, speak_for
 from vehicle.realtime import become_real_time, freeze_garbage
 from vehicle_link import clock
-from vehicle_link.crtp.links import open_port
 from vehicle_link.defects import end_at_defect
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import FLIGHT_PROCESS, ProcessProgress
 from vehicle_link.serial.capacity import sample_period_us
+from vehicle_link.serial.links import open_port
 from vehicle_link.serial.port import BAUD_RATE, Port, PortError, PortProblem
 
 if TYPE_CHECKING:

@@ -10,7 +10,6 @@ import numpy as np
 from quadrotor.records import Record
 from vehicle.plugins import host
 from vehicle.plugins.contract import (
-    FMU,
     Array,
     Contract,
     Field,
@@ -106,4 +105,4 @@ def hovering(mass: float = 1.308, height: float = 1.0) -> Input:
 
 _REHEARSED = _hovering(1.308, 1.0)
 _REHEARSED["reset"] = 1.0
-LAW = Contract("law", INPUT, OUTPUT, step, (".py", FMU), (_REHEARSED,))
+LAW = Contract("law", INPUT, OUTPUT, step, (_REHEARSED,))

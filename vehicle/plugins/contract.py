@@ -17,7 +17,6 @@ from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
 KINDS = ("law", "estimator", "behavior", "sensor")
-FMU = ".fmu"
 
 
 class Field(NamedTuple):
@@ -55,7 +54,6 @@ class Contract:
         kind: "law" or "estimator", the name that a file defines.
         input_fields, output_fields: each begins with `time`, s; the inputs have `reset`.
         step: calls a plugin with one input, fields as attributes, and writes the output (1,).
-        endings: of its files.
         rehearsal: inputs that it is stepped with before it counts as loaded, so that nothing is
             imported or compiled in the first tick.
         optional: outputs that an FMU may leave out, with the number that then stands there.
@@ -67,7 +65,6 @@ class Contract:
     input_fields: tuple[Field, ...]
     output_fields: tuple[Field, ...]
     step: Callable[[Any, Any, Record], None]
-    endings: tuple[str, ...] = (".py",)
     rehearsal: tuple[Record, ...] = ()
     optional: Mapping[str, float] = field(default_factory=dict)
     protocol: int = 1

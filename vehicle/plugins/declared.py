@@ -1,9 +1,10 @@
 """Parameters of a plugin's own: read from its file without running it, before a tree is made.
 
 A file, or the module that an entry point names, declares them as an experiment does, by a class of
-`quadrotor.parameters.Parameters` whose bounds and units are written as literals; an FMU has them in
-its description. The vehicle shows them as `plugins.NAME.FIELD`, and the plugin's process sets them
-on the attribute `parameters` of the plugin.
+`quadrotor.parameters.Parameters` whose bounds and units are written as literals; a file of another
+format declares them in its own way (`vehicle.plugins.formats`). The vehicle shows them as
+`plugins.NAME.FIELD`, and the plugin's process sets them on the attribute `parameters` of the
+plugin.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from quadrotor.errors import StorageError, UsageError
 from quadrotor.packaged_files import packaged_files
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.python_file import call_user_code, read_source
-from vehicle.plugins.contract import FMU, KINDS
-from vehicle.plugins.fmu_parameters import declared_by
+from vehicle.plugins.contract import KINDS
+from vehicle.plugins.formats import endings, format_of
 
 TYPES = {"float": float, "int": int, "bool": bool, "str": str}
 _offered = Parameters()
@@ -43,7 +44,8 @@ def offer(folder: Path | None) -> list[str]:
     refused = []
     for name, path in _sources(folder):
         try:
-            own = declared_by(path)[0] if path.suffix == FMU else declared(path)
+            other = format_of(path)
+            own = other.declared(path) if other is not None else declared(path)
         except (UsageError, StorageError) as error:
             refused.append(str(error))
             continue
@@ -56,8 +58,9 @@ def offer(folder: Path | None) -> list[str]:
 def _sources(folder: Path | None) -> Iterator[tuple[str, Path]]:
     """Yield the names and files of all plugins; a file of the folder before a package's."""
     if folder is not None and folder.is_dir():
+        known = {ending for kind in KINDS for ending in endings(kind)}
         for path in sorted(folder.iterdir()):
-            if path.suffix in (".py", FMU):
+            if path.suffix in known:
                 yield path.stem, path
     for kind in KINDS:
         yield from packaged_files(f"quadlab.{kind}s").items()

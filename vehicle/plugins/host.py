@@ -22,7 +22,8 @@ from quadrotor.errors import QuadlabError, RefusedError, UsageError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from quadrotor.python_file import call_user_code, run_file
-from vehicle.plugins.contract import FMU, Contract, as_attributes
+from vehicle.plugins.contract import Contract, as_attributes
+from vehicle.plugins.formats import format_of
 
 READY = b"ready"
 """First message of the process: the plugin is loaded."""
@@ -85,17 +86,16 @@ def load(contract: Contract, source: str | Path) -> Any:
     """Return a plugin.
 
     Args:
-        source: the path of an FMU, or of a Python file that defines a class or function that
-            makes one, named as the contract's kind; or the contract's group, `=`, and the value
-            of an entry point that names one.
+        source: the path of a Python file that defines a class or function that makes a plugin,
+            named as the contract's kind, or of a file of another format
+            (`vehicle.plugins.formats`); or the contract's group, `=`, and the value of an entry
+            point that names such a class or function.
 
     Raises UsageError that names file and line.
     """
     path = Path(source)
-    if path.suffix == FMU:
-        from vehicle.plugins.fmu import FmuPlugin
-
-        return FmuPlugin(contract, path)
+    if (other := format_of(path)) is not None:
+        return other.load(contract, path)
     if (point := _entry_point(contract, source)) is not None:
         made = call_user_code(path, point.load, UsageError)
         module = sys.modules[point.module]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.packaged_files import packaged
-from vehicle.plugins.contract import FMU, KINDS, Contract
-from vehicle.plugins.fmu_parameters import kind_of
+from vehicle.plugins.contract import KINDS, Contract
+from vehicle.plugins.formats import endings, format_of
 from vehicle.plugins.links import Link, NoLink, ProcessLink
 
 TESTS = "test_"
@@ -21,7 +21,7 @@ class Plugins:
     """The plugins of one kind.
 
     Args:
-        folder: of files NAME.py, and of other endings that the contract names; may be missing.
+        folder: of files NAME.py, and of the formats that extensions add; may be missing.
         waits: whether simulated time waits for their answers.
         taken: names that no plugin may have.
     """
@@ -30,6 +30,7 @@ class Plugins:
         self, contract: Contract, folder: Path | None, waits: bool, taken: Collection[str]
     ) -> None:
         self.folder, self.waits = folder, waits
+        self._endings = endings(contract.kind)
         self._contract, self._taken = contract, taken
         # Once: it reads many files, which is too slow in flight.
         self._packaged = packaged(contract.group)
@@ -64,7 +65,7 @@ class Plugins:
         found: dict[str, list[str]] = {}
         folder, contract = self.folder, self._contract
         for path in sorted(folder.iterdir()) if folder is not None and folder.is_dir() else ():
-            fits = path.suffix in contract.endings and path.stem.isidentifier()
+            fits = path.suffix in self._endings and path.stem.isidentifier()
             if fits and not path.stem.startswith(("_", TESTS)) and contract.kind in _kinds(path):
                 found.setdefault(path.stem, []).append(str(path))
         for point in self._packaged:
@@ -82,8 +83,8 @@ def _kinds(path: Path) -> Collection[str]:
 
 @lru_cache
 def _kinds_at(path: Path, changed_ns: int) -> Collection[str]:
-    if path.suffix == FMU:
-        return (kind_of(path),)
+    if (other := format_of(path)) is not None:
+        return (other.kind_of(path),)
     text = path.read_text(errors="replace")
     found = [
         kind

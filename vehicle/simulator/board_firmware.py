@@ -6,6 +6,7 @@ They sense the plant more finely than the paper's converters, and run at 1 kHz.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from quadrotor.vehicle_model import Four
 from vehicle.boards.reference_rounding import REFERENCE_MAX
 from vehicle.simulator.firmware.firmware import REGISTERS
 from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.pseudo_terminal import PseudoTerminal, ServedPort
 from vehicle.simulator.sensors import sense
 from vehicle_link.serial.ids import Id, MotorState
 
@@ -38,8 +40,6 @@ class BoardFirmware:
     )
     """Faults that it cannot have, and why."""
     command = (0, 0, 0, 0)
-    udp_port: int | None = None
-    """Port of CRTP over UDP; None: a pseudo-terminal."""
 
     def __init__(self) -> None:
         self.registers: npt.NDArray[np.int16] = np.zeros(REGISTERS, np.int16)
@@ -95,6 +95,13 @@ class BoardFirmware:
             for k, share in enumerate(shares)
         )
         self.references = front, left, rear, right
+
+    def open_port(self, link: Path) -> ServedPort:
+        """Return the simulated end of its line: a pseudo-terminal at this link.
+
+        Raises StorageError or LinkError.
+        """
+        return PseudoTerminal(link)
 
     def configure(self, parameters: SimulatorParameters) -> None: ...
 

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from quadrotor.errors import UsageError
 from quadrotor.parameters import Parameters
-from vehicle.boards.betaflight.options import BetaflightOptions
-from vehicle.boards.crazyflie.options import CrazyflieOptions
-from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
-from vehicle.simulator.betaflight.firmware import BetaflightFirmware
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.simulator.board_firmware import BoardFirmware
-from vehicle.simulator.crazyflie.firmware import CrazyflieFirmware
-from vehicle_link.crtp.links import UDP_PORT
 
 
 def firmware_of(board: str, options: Parameters | None, number: int = 0) -> BoardFirmware | None:
@@ -19,15 +14,16 @@ def firmware_of(board: str, options: Parameters | None, number: int = 0) -> Boar
     Args:
         number: of the vehicle, from 0.
 
-    Raises UsageError for a board that cannot be simulated, and the errors of `BetaflightProcess`.
+    Raises UsageError for a board that cannot be simulated, and what its simulation raises.
     """
     if board == MIKROKOPTER:
         return None
-    if isinstance(options, BetaflightOptions):
-        return BetaflightFirmware(options)
-    if isinstance(options, CrazyflieOptions):
-        return CrazyflieFirmware(UDP_PORT + number)
-    raise UsageError(
-        f"board {board} is not simulated: fly {MIKROKOPTER}, {BETAFLIGHT} or {CRAZYFLIE}, or the "
-        "vehicle itself"
-    )
+    simulate = find_kind(board).simulate
+    if simulate is None:
+        raise UsageError(
+            f"board {board} is not simulated: fly {MIKROKOPTER} or another simulated one, or the "
+            "vehicle itself"
+        )
+    firmware = simulate(options, number)
+    assert isinstance(firmware, BoardFirmware)
+    return firmware

@@ -10,14 +10,30 @@ import select
 import termios
 import tty
 from pathlib import Path
+from typing import Protocol
 
 from quadrotor.errors import StorageError
+from vehicle.simulator.serial_faults import Line
 
 BACKLOG = 3400
 """Largest number of unread bytes: 100 `D` frames, 0.4 s, and less than the kernel's 4 kB."""
 FORGOTTEN = 1020
 """Number of bytes discarded, oldest first, when the backlog is full: 30 `D` frames."""
 _CHUNK = 4096
+
+
+class ServedPort(Line, Protocol):
+    """The simulated end of a line, at a place where the vehicle finds it."""
+
+    @property
+    def link(self) -> object:
+        """Return the place, for people."""
+        ...
+
+    @property
+    def dropped(self) -> int:
+        """Return the number of bytes that nobody read."""
+        ...
 
 
 class PseudoTerminal:

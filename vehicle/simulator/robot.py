@@ -11,11 +11,10 @@ from vehicle.simulator.board_firmware import BoardFirmware
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.pseudo_terminal import PseudoTerminal
+from vehicle.simulator.pseudo_terminal import PseudoTerminal, ServedPort
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
-from vehicle_link.crtp.udp import UdpServer
 from vehicle_link.transport.session import SharedSession
 
 if TYPE_CHECKING:
@@ -79,19 +78,19 @@ class Robot:
         self._pace, self._served = pace, served
         self._name = name
         self._publisher: TruthPublisher | None = None
-        self._terminals: list[PseudoTerminal | UdpServer] = []
+        self._terminals: list[ServedPort] = []
         self._lines: list[Uart] = []
         self._epoch_ns = self._start_ns = self._truth_due_ns = 0
         self._firmware = firmware
         try:
             for index in (0, 1) if firmware is None else (0,):
-                if firmware is not None and firmware.udp_port is not None:
-                    self._terminals.append(UdpServer(firmware.udp_port))
+                link = folder / f"mcu{index}"
+                if firmware is not None:  # its bytes are sent without the delay of a line
+                    self._terminals.append(firmware.open_port(link))
                     continue
-                terminal = PseudoTerminal(folder / f"mcu{index}")
+                terminal = PseudoTerminal(link)
                 self._terminals.append(terminal)
-                if firmware is None:  # another board's bytes are sent without the delay of a line
-                    self._lines.append(Uart(terminal))
+                self._lines.append(Uart(terminal))
         except BaseException:
             self.close()
             raise

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from console.trackers.process import GAP, STATUS_PERIOD
-from console.trackers.ros2 import Ros2Source
+from extensions.mocap.ros2 import Ros2Source
 from quadrotor.records import beacon_ids_of, pose_sample
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, wait_for

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from extensions.betaflight.board.options import BetaflightOptions
+from extensions.crazyflie.board.options import CrazyflieOptions
 from quadrotor.errors import OutOfBoundsError, UsageError
 from quadrotor.parameters import ParameterStore
-from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.board import CommandKind
-from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle.boards.kind import find_kind
 from vehicle.parameters import check_hover, check_pairs, new_parameters
 

@@ -6,9 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from extensions.betaflight import NAME as BETAFLIGHT
+from extensions.crazyflie import NAME as CRAZYFLIE
 from quadrotor.errors import OutOfBoundsError, ReadOnlyError, UnknownParameterError
 from quadrotor.parameters import ParameterStore
-from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER, find_kind
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.boards.offered import offer
 from vehicle.parameters import VehicleParameters, new_parameters
 

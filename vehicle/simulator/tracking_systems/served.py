@@ -10,41 +10,37 @@ import queue
 import random
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from bearing_sim.pose_measurement import PoseMeasurement
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadrotor.errors import UsageError
+from quadrotor.extension import ServedSystem
+from quadrotor.extensions import Offered, registry
 from quadrotor.plain_rotations import Array
 from vehicle.simulator.tracking_systems.frame import Server, TrackingFaults, in_system
-from vehicle.simulator.tracking_systems.natnet import PORT as NATNET_PORT
-from vehicle.simulator.tracking_systems.natnet import NatNetServer
-from vehicle.simulator.tracking_systems.qtm import PORT as QTM_PORT
-from vehicle.simulator.tracking_systems.qtm import QtmServer
-from vehicle.simulator.tracking_systems.vrpn import PORT as VRPN_PORT
-from vehicle.simulator.tracking_systems.vrpn import VrpnServer
 
-SYSTEMS: Mapping[str, tuple[int, Callable[[Sequence[str], int], Server]]] = {
-    "vrpn": (VRPN_PORT, VrpnServer),
-    "natnet": (NATNET_PORT, NatNetServer),
-    "qtm": (QTM_PORT, QtmServer),
-}
-"""Systems by name: (usual port, server)."""
 KEPT = 64
 POLL = 0.01
 """Time, in s, between two checks for requests of clients."""
 
 
+def known_systems() -> dict[str, Offered[ServedSystem]]:
+    """Return the systems that can be served, by name."""
+    return registry().offers(ServedSystem)
+
+
 def parse_systems(words: Sequence[str]) -> dict[str, int]:
     """Return `system` or `system=port` words as {system: port}. Raises UsageError."""
     found: dict[str, int] = {}
+    known = known_systems()
     for word in words:
         system, equals, port = word.partition("=")
-        if system not in SYSTEMS or system in found:
+        if system not in known or system in found:
             raise UsageError(
-                f"--serve {word} names no system, or one twice; there are {', '.join(SYSTEMS)}"
+                f"--serve {word} names no system, or one twice; there are {', '.join(known)}"
             )
-        found[system] = SYSTEMS[system][0]
+        found[system] = known[system].offer.port
         if equals:
             if not (port.isdecimal() and 1 <= int(port) < 65535):
                 raise UsageError(f"--serve {word} has no port; allowed are 1 to 65534")
@@ -103,7 +99,7 @@ class ServedSystems:
         found: list[Server] = []
         try:
             for system, port in self._systems.items():
-                found.append(SYSTEMS[system][1](self._vehicles, port))
+                found.append(known_systems()[system].load()(self._vehicles, port))
         except BaseException:
             for server in found:
                 server.close()

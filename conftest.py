@@ -1,0 +1,3 @@
+"""Pytest finds what all tests share: those of `tests`, and those in the folders of extensions."""
+
+pytest_plugins = ["tests.suite"]

@@ -1,0 +1,1 @@
+"""Features that a user could do without: each a folder that declares what it offers."""

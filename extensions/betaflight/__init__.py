@@ -1,0 +1,3 @@
+"""Boards with Betaflight: body rates and throttle, sent as stick commands by MSP or CRSF."""
+
+NAME = "betaflight"

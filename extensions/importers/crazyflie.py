@@ -1,0 +1,98 @@
+"""Logs of the Crazyflie's µSD card, with a table for each kind of event; `timestamp` in ms.
+
+The file begins with byte 0xBC, version and number of kinds (uint16 each); for every kind its id,
+its name, how many numbers it has and the name of each with its letter of `struct` in brackets,
+names ended by 0. The events follow: id, time (ms as uint32, or µs as uint64 from version 2 on),
+numbers. The last 4 bytes are a CRC-32 of everything before.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import defaultdict
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+
+from extensions.importers.tables import FileTables
+from quadrotor.errors import LogFormatError
+from quadrotor.records import Array
+
+MAGIC = b"\xbc"
+LETTERS = {**{one: f"<{one}" for one in "bBhHiIqQfd"}, "l": "<i", "L": "<I"}
+VERSIONS = {1: "<u4", 2: "<u8"}
+"""Type of an event's time, by version."""
+TIME = "timestamp"
+
+
+class CrazyflieTables(FileTables):
+    """The tables of the kinds of events that were written at least once."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the log. Raises LogFormatError."""
+        super().__init__(path)
+        data = path.read_bytes()
+        try:
+            kinds, start, self._unit = _kinds(data)
+        except (IndexError, ValueError, KeyError, UnicodeDecodeError, struct.error) as error:
+            raise LogFormatError(
+                f"{path.name} is not a log of a Crazyflie: {error!s:.80}"
+            ) from None
+        whole = len(data) > 9 and crc32(data[:-4]) == int.from_bytes(data[-4:], "little")
+        end = len(data) - 4 if whole else len(data)
+        places: dict[int, list[int]] = defaultdict(list)
+        sizes = {number: kind.itemsize for number, (_, kind) in kinds.items()}
+        at = start
+        while at < end:
+            number = int.from_bytes(data[at : at + 2], "little")
+            size = sizes.get(number, 0)
+            if not size or at + size > end:
+                break
+            places[number].append(at)
+            at += size
+        if not whole:
+            self.torn = f"its checksum is wrong; events are read up to byte {at} of {len(data)}"
+        elif at < end:
+            self.torn = f"there is no event at byte {at} of {len(data)}"
+        raw = np.frombuffer(data, np.uint8)
+        self._rows = {
+            kinds[number][0]: raw[np.array(found)[:, None] + np.arange(sizes[number])]
+            .view(kinds[number][1])
+            .reshape(-1)
+            for number, found in places.items()
+        }
+
+    def tables(self) -> list[str]:
+        return list(self._rows)
+
+    def columns(self, table: str) -> list[str]:
+        return [name for name in self._rows[table].dtype.names or () if name != "id"]
+
+    def read(self, table: str, names: list[str]) -> Array:
+        rows = self._rows[table]
+        found = [rows[one].astype(np.float64) * (self._unit if one == TIME else 1) for one in names]
+        return np.stack(found, axis=1)
+
+
+def _kinds(data: bytes) -> tuple[dict[int, tuple[str, np.dtype[np.void]]], int, float]:
+    """Return name and record of each kind of event, the first event's offset, the time unit, ms."""
+    version, count = struct.unpack_from("<HH", data, 1)
+    time, at = VERSIONS[version], 5
+    found: dict[int, tuple[str, np.dtype[np.void]]] = {}
+    for _ in range(count):
+        (number,) = struct.unpack_from("<H", data, at)
+        name, at = _text(data, at + 2)
+        (items,) = struct.unpack_from("<H", data, at)
+        at += 2
+        fields = [("id", "<u2"), (TIME, time)]
+        for _ in range(items):
+            field, at = _text(data, at)
+            fields.append((field[:-3], LETTERS[field[-2]]))
+        found[number] = (name, np.dtype(fields))
+    return found, at, 1.0 if version == 1 else 1e-3
+
+
+def _text(data: bytes, at: int) -> tuple[str, int]:
+    end = data.index(0, at)
+    return data[at:end].decode(), end + 1

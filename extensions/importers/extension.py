@@ -1,0 +1,26 @@
+"""The declaration of the extension `importers`."""
+
+from quadrotor.extension import Command, Evidence, Extension, Importer, Judged
+
+EXTENSION = Extension(
+    name="importers",
+    summary="Flights that other systems recorded, as runs",
+    protocol=1,
+    offers=(
+        Command(
+            name="log import",
+            summary="Import a flight that another system recorded, as a run, after a check of "
+            "units, frames and clocks against gravity and motion (docs/importing.md).",
+            target=".command:Import",
+        ),
+        Importer(name="hdf5", starts=(b"\x89HDF\r\n\x1a\n",), target=".tables:Hdf5Table.opened"),
+        Importer(name="npy", starts=(b"\x93NUMPY",), target=".tables:NumpyTable.opened"),
+        Importer(name="ulog", starts=(b"ULog\x01\x12\x35",), target=".ulog:UlogTables.opened"),
+        Importer(name="crazyflie", starts=(b"\xbc",), target=".crazyflie:CrazyflieTables.opened"),
+        Importer(name="rosbag", starts=(b"#ROSBAG V2",), target=".ros_bags:BagTables.opened"),
+    ),
+    judged=(
+        Judged(Evidence.PEER, "pyulog, rosbags and the data sets that docs/importing.md names"),
+    ),
+    docs="importing.md",
+)

@@ -1,0 +1,237 @@
+"""Mappings: the meaning of a file's columns, with their frames and units (TOML).
+
+What a mapping states is checked; what it leaves out is found by `extensions.importers.checks`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from estimation.parameters import EstimationParameters
+from extensions.importers.frames import axes
+from quadrotor.errors import LogFormatError, ParameterError, UsageError
+from quadrotor.parameters import Parameters, ParameterStore
+
+HERE = Path(__file__).parent / "mappings"
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+FORCE_UNITS = {"m/s^2": 1.0, "g": 9.80665, "mg": 9.80665e-3}
+RATE_UNITS = {"rad/s": 1.0, "deg/s": 0.017453292519943295, "mdeg/s": 1.7453292519943295e-5}
+LENGTH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "ft": 0.3048}
+ORDERS = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
+
+Columns = str | int | list[str | int]
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Rows(Strict):
+    """Rows of a table with their time."""
+
+    file: str = ""  # next to the imported file; default: the imported file
+    table: str = ""
+    time: str | int | None = None
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    rate: Positive | None = None  # Hz, for rows without a time
+    time_offset: float | Literal["motion"] | None = None  # s, added to the stamps
+    time_scale: Positive = 1.0  # of this clock to the IMU's
+    optional: bool = False  # left out if the file has no such table
+
+
+class ImuRows(Rows):
+    angular_velocity: Columns
+    angular_velocity_unit: Literal["rad/s", "deg/s", "mdeg/s"] | Positive | None = None
+    specific_force: Columns
+    specific_force_unit: Literal["m/s^2", "g", "mg"] | Positive | None = None
+    body: str | None = None
+
+
+class Attitudes(Rows):
+    """Attitudes as quaternions, or as Euler angles."""
+
+    quaternion: Columns | None = None
+    quaternion_order: Literal["wxyz", "xyzw"] | None = None
+    quaternion_maps: Literal["body to world", "world to body"] | None = None
+    euler: Columns | None = None  # in the order of euler_order
+    euler_order: str | None = None  # ZYX: about the body's axes one after another; zyx: the world's
+    euler_unit: Literal["deg", "rad"] | None = None
+
+    def misfit(self) -> str:
+        """Return what is wrong with the statements about the attitudes; empty if nothing is."""
+        told = {"euler_order": self.euler_order, "euler_unit": self.euler_unit}
+        if self.euler is None:
+            named = [name for name, value in told.items() if value is not None]
+            return f"{named[0]} without euler" if named else ""
+        if self.quaternion is not None or self.quaternion_order is not None:
+            return "quaternion and euler are both stated: give one of them"
+        if missing := [name for name, value in told.items() if value is None]:
+            return f"euler needs {' and '.join(missing)}"
+        order = self.euler_order or ""
+        apart = len(order) == 3 and order[0] != order[1] != order[2]
+        if not (apart and (set(order) <= set("XYZ") or set(order) <= set("xyz"))):
+            return (
+                f"euler_order {order!r} is none: three letters like ZYX (about the body's axes, "
+                "one after another) or zyx (about the world's) are needed"
+            )
+        return ""
+
+
+class AttitudeRows(Attitudes):
+    pass
+
+
+class TrackRows(Attitudes):
+    position: Columns
+    position_unit: Literal["m", "cm", "mm", "ft"] | Positive | None = None
+    velocity: Columns | None = None  # in world axes, position_unit per second
+    attitude: AttitudeRows | None = None  # if it is in a separate table
+    world: str | None = None
+    body: str | None = None
+
+
+class BatteryRows(Rows):
+    voltage: str | int
+
+
+class Mapping(Strict):
+    """A mapping file."""
+
+    description: str = ""
+    vehicle: str = ""
+    imu: ImuRows
+    truth: TrackRows | None = None
+    estimate: TrackRows | None = None
+    battery: BatteryRows | None = None
+    parameters: dict[str, float] = {}  # with which estimators are replayed on it
+
+    def tables(self) -> set[str]:
+        """Return the names of all tables that it uses."""
+        tracks = [one for one in (self.truth, self.estimate) if one]
+        rows: list[Rows | None] = [self.imu, self.battery, *tracks]
+        rows += [one.attitude for one in tracks]
+        return {one.table for one in rows if one}
+
+
+def names() -> list[str]:
+    """Return the names of the mappings that come with quadlab."""
+    return sorted(path.stem for path in HERE.glob("*.toml"))
+
+
+def load_mapping(chosen: str) -> Mapping:
+    """Return a mapping that comes with quadlab, by name, or read one from a file.
+
+    Raises UsageError.
+    """
+    path = Path(chosen)
+    if chosen in names():
+        path = HERE / f"{chosen}.toml"
+    elif not path.is_file():
+        raise UsageError(f"no mapping {chosen!r}: give a TOML file, or one of {', '.join(names())}")
+    try:
+        found = Mapping.model_validate(tomllib.loads(path.read_text()))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise UsageError(f"mapping {path.name} cannot be read: {error}") from None
+    except ValidationError as error:
+        raise UsageError(f"mapping {path.name}: {_first(error)}") from None
+    for section, rows in (("imu", found.imu), ("truth", found.truth), ("estimate", found.estimate)):
+        for word in ("body", "world"):
+            if letters := getattr(rows, word, None):
+                axes(letters, f"mapping {path.name}, [{section}] {word}")
+        if rows is not None and rows.time is None and rows.rate is None:
+            raise UsageError(f"mapping {path.name}: [{section}] needs time or rate")
+    for section in ("truth", "estimate"):
+        track = getattr(found, section)
+        if track is None:
+            continue
+        for where, one in ((section, track), (f"{section}.attitude", track.attitude)):
+            if one is not None and (why := one.misfit()):
+                raise UsageError(f"mapping {path.name}: [{where}] {why}")
+        if track.attitude and track.attitude.quaternion is None and track.attitude.euler is None:
+            raise UsageError(f"mapping {path.name}: [{section}.attitude] needs quaternion or euler")
+    try:
+        ParameterStore(Replayed()).preset(found.parameters)
+    except ParameterError as error:
+        raise UsageError(f"mapping {path.name}: [parameters] {error}") from None
+    return found
+
+
+class Replayed(Parameters):
+    """The parameters that a mapping may set: those of estimators."""
+
+    estimation: EstimationParameters = EstimationParameters()
+
+
+def _first(error: ValidationError) -> str:
+    """Return the first mistake in a mapping as one line."""
+    mistakes = error.errors()
+    one = next((one for one in mistakes if one["type"] == "extra_forbidden"), mistakes[0])
+    *sections, name = [str(part) for part in one["loc"]] or [""]
+    where = f"[{'.'.join(sections)}] {name}" if sections else f"[{name}]"
+    model: Any = Mapping
+    if one["type"] == "extra_forbidden":
+        for part in sections:
+            model = _model(model, part)
+        known = list(model.model_fields)
+        near = difflib.get_close_matches(name, known, 1)
+        return f"{where} is not known" + (
+            f"; did you mean {near[0]}?" if near else (f"; there are {', '.join(known)}")
+        )
+    if one["type"] == "missing":
+        return f"{where} is missing"
+    return f"{where}: {one['msg']}, not {one['input']!r:.60}"
+
+
+def _model(model: Any, part: str) -> Any:
+    kind = model.model_fields[part].annotation
+    return next((one for one in getattr(kind, "__args__", (kind,)) if one is not type(None)), kind)
+
+
+def _as_written(name: str, known: list[str]) -> str:
+    """Return a name in the letters of the only column that it is but for capitals, else itself."""
+    stem, bracket, rest = name.partition("[")
+    stems = {one.partition("[")[0] for one in known}
+    alike = [one for one in stems if one.lower() == stem.lower()]
+    if name in known or stem in stems or len(alike) != 1:
+        return name
+    return f"{alike[0]}{bracket}{rest}"
+
+
+def column_names(asked: Columns, known: list[str], count: int, where: str) -> list[str]:
+    """Return the columns that a mapping names, `count` of them.
+
+    NAME may stand for all of NAME[0], NAME[1], …, and NAME[3:7] for some of them; capitals matter
+    only where two columns differ by them. Raises LogFormatError.
+    """
+    found: list[str] = []
+    for word in asked if isinstance(asked, list) else [asked]:
+        text = _as_written(str(word), known)
+        part = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", text)
+        if text in known:
+            found.append(text)
+        elif part:
+            found += [f"{part[1]}[{k}]" for k in range(int(part[2]), int(part[3]))]
+        else:
+            found += [one for one in known if re.fullmatch(re.escape(text) + r"\[\d+\]", one)] or [
+                text
+            ]
+    if missing := [one for one in found if one not in known]:
+        near = difflib.get_close_matches(missing[0], known, 3, 0.5)
+        shown = near or known[:12]
+        more = f" and {len(known) - 12} more" if not near and len(known) > 12 else ""
+        raise LogFormatError(
+            f"{where}: there is no column {missing[0]!r}; "
+            f"{'near it are' if near else 'there are'} {', '.join(shown)}{more}"
+        )
+    if len(found) != count:
+        raise LogFormatError(
+            f"{where}: {count} columns are needed, {', '.join(found)} are {len(found)}"
+        )
+    return found

@@ -1,0 +1,263 @@
+"""The columns that a mapping names, as they are in the files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from extensions.importers.formats import open_source
+from extensions.importers.mapping import (
+    ORDERS,
+    TIME_UNITS,
+    AttitudeRows,
+    Attitudes,
+    Columns,
+    ImuRows,
+    Mapping,
+    Rows,
+    TrackRows,
+    column_names,
+)
+from extensions.importers.sweeps import read_sweeps
+from extensions.importers.tables import Source
+from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.plain_rotations import conjugate, make_continuous
+from quadrotor.records import Array, Record
+
+FEWEST = 50
+"""Least number of rows of IMU or truth for an import."""
+
+
+@dataclass
+class RawImu:
+    """Samples in the file's units and axes; `seconds` since the flight's base."""
+
+    rows: ImuRows
+    seconds: Array  # (N,), rising
+    specific_force: Array  # (N, 3)
+    angular_velocity: Array  # (N, 3)
+
+
+@dataclass
+class RawTrack:
+    """Poses in the file's units, axes and order."""
+
+    name: str  # section of the mapping
+    rows: TrackRows
+    seconds: Array  # (N,), rising
+    position: Array  # (N, 3)
+    velocity: Array | None  # (N, 3)
+    quaternion: Array | None  # (N, 4), unit
+
+
+@dataclass
+class RawFlight:
+    """A file read by its mapping; times in s after `base`, the time of the IMU's first sample."""
+
+    base: float  # s
+    epoch_ns: int | None
+    imu: RawImu
+    tracks: list[RawTrack]
+    battery: tuple[Array, Array] | None = None  # s, V
+    events: list[tuple[float, int, str]] = field(default_factory=list)  # s, level, text
+    notes: list[str] = field(default_factory=list)
+    sweeps: Record | None = None  # (N,) SWEEPS_SAMPLE, ns after base
+
+
+class _Files:
+    """The files of one import, each opened once."""
+
+    def __init__(self, path: Path, mapping: Mapping, *, torn: bool) -> None:
+        self._path, self._wanted, self._torn = path, mapping.tables(), torn
+        self._opened: dict[Path, Source] = {}
+        self.notes: list[str] = []
+
+    def source(self, rows: Rows) -> Source:
+        path = self._path.parent / rows.file if rows.file else self._path
+        if path not in self._opened:
+            if rows.file and not path.exists():
+                raise StorageError(f"{path}, which the mapping names, is not a file")
+            self._opened[path] = open_source(path, self._wanted)
+        return self._opened[path]
+
+    def read(
+        self, rows: Rows, section: str, columns: dict[str, tuple[Columns, int]]
+    ) -> list[Array]:
+        """Return the times (N,), s, then each of `columns`, given by names and count."""
+        source = self.source(rows)
+        where = f"{source.path.name}, [{section}]"
+        if rows.table not in source.tables():
+            tables = ", ".join(sorted(source.tables())[:20]) or "none"
+            raise LogFormatError(f"{where}: there is no table {rows.table!r}; there are {tables}")
+        known = source.columns(rows.table)
+        if rows.time is not None:
+            columns = {"time": (rows.time, 1), **columns}
+        names = {
+            word: column_names(asked, known, count, f"{where} {word}")
+            for word, (asked, count) in columns.items()
+        }
+        table = source.read(rows.table, [one for found in names.values() for one in found])
+        self._check_whole(source)
+        edges = np.cumsum([len(found) for found in names.values()])[:-1]
+        parts = dict(zip(names, np.split(table, edges, axis=1), strict=True))
+        if rows.time is None:
+            seconds = np.arange(len(table)) / (rows.rate or 1.0)
+        else:
+            seconds = parts.pop("time")[:, 0] * TIME_UNITS[rows.time_unit]
+        known_rows = np.isfinite(seconds) & np.isfinite(table).all(axis=1)
+        if lost := int((~known_rows).sum()):
+            self.notes.append(f"{where}: {lost} of {len(seconds)} rows without numbers left out")
+        seconds = self._rising(seconds[known_rows], where, 1 if section == "battery" else FEWEST)
+        kept = self._kept
+        return [seconds * rows.time_scale, *(one[known_rows][kept] for one in parts.values())]
+
+    def _rising(self, seconds: Array, where: str, fewest: int) -> Array:
+        """Return rising times without duplicates. Raises LogFormatError."""
+        if len(seconds) < fewest:
+            raise LogFormatError(f"{where}: {len(seconds)} rows; at least {fewest} are needed")
+        steps = np.diff(seconds)
+        if back := np.flatnonzero(steps < 0.0).tolist():
+            k = back[0]
+            raise LogFormatError(
+                f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
+                f"{seconds[k + 1]:.6f} s in row {k + 2}; is time the right column? "
+                "If these are two flights in one file, cut it there"
+            )
+        self._kept = np.concatenate([[True], steps > 0.0])
+        if same := int((~self._kept).sum()):
+            self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
+        found: Array = seconds[self._kept]
+        if len(found) < fewest:
+            raise LogFormatError(f"{where}: {len(found)} different stamps in {len(seconds)} rows")
+        return found
+
+    def _check_whole(self, source: Source) -> None:
+        if not source.torn:
+            return
+        if not self._torn:
+            raise LogFormatError(
+                f"{source.path.name} is incomplete: {source.torn}; --torn imports the part before"
+            )
+        note = f"{source.path.name} is incomplete: {source.torn}; imported up to there"
+        if note not in self.notes:
+            self.notes.append(note)
+
+
+def read_raw(path: Path, mapping: Mapping, *, torn: bool) -> RawFlight:
+    """Read a file by its mapping; `torn` also accepts a truncated one.
+
+    Raises LogFormatError or StorageError.
+    """
+    files = _Files(path, mapping, torn=torn)
+    rows = mapping.imu
+    seconds, force, rate = files.read(
+        rows,
+        "imu",
+        {
+            "specific_force": (rows.specific_force, 3),
+            "angular_velocity": (rows.angular_velocity, 3),
+        },
+    )
+    base = float(seconds[0])
+    tracks = [
+        track
+        for name in ("truth", "estimate")
+        if (track := _track(files, name, getattr(mapping, name))) is not None
+    ]
+    for track in tracks:
+        track.seconds -= base
+    battery = None
+    if mapping.battery and not _left_out(files, mapping.battery):
+        voltage = (mapping.battery.voltage, 1)
+        found = files.read(mapping.battery, "battery", {"voltage": voltage})
+        battery = (found[0] - base, found[1][:, 0])
+    source = files.source(rows)
+    events = [(time - base, level, text) for time, level, text in source.events]
+    imu = RawImu(rows, seconds - base, force, rate)
+    sweeps = read_sweeps(source, base, files.notes)
+    return RawFlight(base, source.epoch_ns, imu, tracks, battery, events, files.notes, sweeps)
+
+
+def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:
+    if rows is None or _left_out(files, rows):
+        return None
+    columns: dict[str, tuple[Columns, int]] = {"position": (rows.position, 3)}
+    if rows.velocity is not None:
+        columns["velocity"] = (rows.velocity, 3)
+    columns |= _attitude_columns(rows)
+    seconds, position, *more = files.read(rows, name, columns)
+    velocity = more.pop(0) if rows.velocity is not None else None
+    quaternion = _quaternions(more.pop(0), rows, name) if more else None
+    if rows.euler is not None:
+        rows = rows.model_copy(update={"quaternion_order": "wxyz"})
+    track = RawTrack(name, rows, seconds, position, velocity, quaternion)
+    if rows.attitude is not None and not _left_out(files, rows.attitude):
+        _join_attitude(files, track, rows.attitude)
+    return track
+
+
+def _join_attitude(files: _Files, track: RawTrack, rows: AttitudeRows) -> None:
+    """Interpolate the attitude of another table at the track's stamps, and trim the track to it."""
+    section = f"{track.name}.attitude"
+    times, found = files.read(rows, section, _attitude_columns(rows))
+    found = _quaternions(found, rows, section)
+    make_continuous(found)
+    inside = (track.seconds >= times[0]) & (track.seconds <= times[-1])
+    if inside.sum() < FEWEST:
+        raise LogFormatError(f"[{section}] and [{track.name}] have no stamps in common")
+    track.seconds, track.position = track.seconds[inside], track.position[inside]
+    if track.velocity is not None:
+        track.velocity = track.velocity[inside]
+    turned = np.stack([np.interp(track.seconds, times, one) for one in found.T], axis=1)
+    track.quaternion = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    order = "wxyz" if rows.euler is not None else rows.quaternion_order
+    more = {"quaternion_order": order, "quaternion_maps": rows.quaternion_maps}
+    track.rows = track.rows.model_copy(update=more)
+
+
+def _left_out(files: _Files, rows: Rows) -> bool:
+    return rows.optional and rows.table not in files.source(rows).tables()
+
+
+def _attitude_columns(rows: Attitudes) -> dict[str, tuple[Columns, int]]:
+    if rows.quaternion is not None:
+        return {"quaternion": (rows.quaternion, 4)}
+    return {} if rows.euler is None else {"euler": (rows.euler, 3)}
+
+
+def _quaternions(values: Array, rows: Attitudes, section: str) -> Array:
+    """Return unit quaternions, in the file's order or (w, x, y, z) of Euler angles. Raises
+    LogFormatError.
+    """
+    if rows.euler is None:
+        return _unit(values, section)
+    from scipy.spatial.transform import Rotation
+
+    assert rows.euler_order is not None
+    turned = Rotation.from_euler(rows.euler_order, values, degrees=rows.euler_unit == "deg")
+    found: Array = turned.as_quat()[:, [3, 0, 1, 2]]
+    return found
+
+
+def _unit(quaternions: Array, section: str) -> Array:
+    """Return unit quaternions in the file's order. Raises LogFormatError."""
+    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    if not (np.abs(length - 1.0) < 0.05).all():
+        k = int(np.argmax(np.abs(length - 1.0)))
+        raise LogFormatError(
+            f"[{section}] quaternion has the length {length[k, 0]:.3g} in row {k + 1}; "
+            "unit quaternions are needed: are these the right columns?"
+        )
+    unit: Array = quaternions / length
+    return unit
+
+
+def ordered(quaternion: Array, order: str, maps: str) -> Array:
+    """Return quaternions as (w, x, y, z), body to world, with continuous signs."""
+    found = quaternion[:, ORDERS[order]]
+    if maps == "world to body":
+        found = conjugate(found)
+    make_continuous(found)
+    return found

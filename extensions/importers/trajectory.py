@@ -1,0 +1,125 @@
+"""Trajectories: velocities from positions, and alignment of one trajectory to another's world."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from estimation.calibration.motion import best_turn, interpolated
+from estimation.calibration.segmented_fit import solve_segments
+from extensions.importers.flight import Track
+from extensions.importers.frames import quaternion_of
+from extensions.importers.raw import FEWEST
+from extensions.importers.track_clock import SURE
+from quadrotor.plain_rotations import product_of
+from quadrotor.records import Array, Record
+
+GAP_NS = 100_000_000
+"""Longest gap of the truth, in ns, across which it is compared."""
+MOVING = 0.1
+"""m/s, speed from which a distance tells something about worlds and clocks."""
+PARTS = 16
+"""Number of parts of a flight whose errors count as independent."""
+CLOCK_PRIOR = (1.0, 0.05)
+"""Prior deviations of a clock's offset (s) and rate."""
+ROUNDS = 4
+"""Number of rounds in which outliers are left out."""
+WINDOW = 0.03
+"""Time, in s, to either side over which a derivative is taken; at least three samples."""
+
+
+def derivative(seconds: Array, values: Array) -> Array:
+    """Return the derivative of columns from cubics fitted to the neighbours, (N, 3)."""
+    step = max(float(np.median(np.diff(seconds))), 1e-3)
+    half = max(3, round(WINDOW / step))
+    grid = np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
+    even = interpolated(grid, seconds, values)
+    even = np.pad(even, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
+    weights = np.linalg.pinv(np.vander(np.arange(-half, half + 1) * step, 4, increasing=True))[1]
+    slopes = np.stack([np.convolve(one, weights[::-1], mode="valid") for one in even.T], axis=1)
+    return interpolated(seconds, grid, slopes)
+
+
+def world_turn(own: Array, true: Array) -> Array:
+    """Return the rotation from one world with z up to the other, (3, 3).
+
+    A tilt that the motion does not surely show would turn gravity in all that follows: without it
+    the rotation is about z.
+    """
+    parts = np.array_split(np.arange(len(own)), PARTS)
+    without = [np.setdiff1d(np.arange(len(own)), rows) for rows in parts]
+    tilts = np.array([best_turn(own[rows], true[rows]).matrix[:, 2] for rows in without])
+    spread = math.sqrt((PARTS - 1) * ((tilts - tilts.mean(axis=0)) ** 2).sum(axis=1).mean())
+    whole = best_turn(own, true).matrix
+    if np.hypot(*whole[:2, 2]) > SURE * spread or whole[2, 2] < 0.0 < 1.0 - SURE * spread:
+        return whole
+    one, other = (values[:, :2] - values[:, :2].mean(axis=0) for values in (own, true))
+    c, s = (one * other).sum(), (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum()
+    length = max(math.hypot(c, s), 1e-12)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, length]]) / length
+
+
+def align(truth: Track, estimate: Track, sweeps: Record | None, notes: list[str]) -> None:
+    """Rotate and move the estimate into the truth's world if its world is another one, and with it
+    the planes of the sweeps from which it was made.
+
+    If the truth has no attitude, its clock is fitted too: offset and rate, each where it is surely
+    not 0.
+    """
+    at, moved = estimate.stamps_ns, 0.0
+    states = estimate.states
+    for _ in range(ROUNDS):
+        stamps = truth.stamps_ns
+        after_it = np.clip(np.searchsorted(stamps, at), 1, len(stamps) - 1)
+        inside = (at >= stamps[0]) & (at <= stamps[-1])
+        inside &= stamps[after_it] - stamps[after_it - 1] < GAP_NS
+        if inside.sum() < FEWEST:
+            return
+        true = interpolated(at[inside], stamps, truth.states["position_w"])
+        own = states["position_w"][inside]
+        moving = interpolated(at[inside], stamps, truth.states["velocity_w"])
+        moving = np.linalg.norm(moving, axis=1) > MOVING
+        moving |= moving.sum() < FEWEST
+        near = np.ones(len(own), bool)
+        for _ in range(ROUNDS):  # an estimate may be wrong for a while at its start
+            here, there = own[near].mean(axis=0), true[near].mean(axis=0)
+            matrix = world_turn(own[near], true[near])
+            error = (own - here) @ matrix.T + there - true
+            length = np.linalg.norm(error, axis=1)
+            near = length <= max(3.0 * float(np.median(length[moving])), 1e-6)
+        if truth.attitude_known:
+            break
+        velocity = interpolated(at[inside], stamps, truth.states["velocity_w"])[near]
+        seconds = (at[inside][near] - at[0]) * 1e-9
+        middle = 0.5 * (seconds[0] + seconds[-1])
+        lead = np.stack([velocity, velocity * (seconds - middle)[:, None]], axis=2)
+        parts = np.array_split(np.arange(len(near_error := error[near])), PARTS)
+        free = [np.empty((len(rows), 0)) for rows in parts]
+        fit = solve_segments(-lead, near_error, parts, free, CLOCK_PRIOR, None)
+        late, rate = np.where(np.abs(fit.values) > SURE * fit.deviations, fit.values, 0.0)
+        if late == 0.0 and rate == 0.0:
+            break
+        shift = -(late + rate * ((stamps - at[0]) * 1e-9 - middle))
+        truth.stamps_ns = stamps + np.round(1e9 * shift).astype(np.int64)
+        moved += float(shift[len(shift) // 2])
+    before, after = (
+        float(np.sqrt((one[near] ** 2).mean()))
+        for one in (np.linalg.norm(own - true, axis=1), length)
+    )
+    if moved:
+        notes.append(f"[truth] its clock was moved by {1e3 * moved:.1f} ms more by its positions")
+    if before < 0.1 or before < 2.0 * after:
+        return
+    states["position_w"] = (states["position_w"] - here) @ matrix.T + there
+    states["velocity_w"] = states["velocity_w"] @ matrix.T
+    if estimate.attitude_known:
+        states["quaternion_wb"] = product_of(quaternion_of(matrix), states["quaternion_wb"])
+    if sweeps is not None:
+        plane, turn = sweeps["plane"], quaternion_of(matrix)
+        plane["origin_w"] = (plane["origin_w"] - here) @ matrix.T + there
+        plane["quaternion_wr"] = product_of(turn, plane["quaternion_wr"])
+    notes.append(
+        f"[estimate] is of another world than the truth ({before:.3f} m rms apart): turned and "
+        f"moved into it ({after:.3f} m rms)"
+    )

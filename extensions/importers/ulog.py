@@ -1,0 +1,91 @@
+"""ULog, the log of PX4, read by PX4's library; a table for each topic, its instance K as NAME#K."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from extensions.importers.tables import FileTables
+from flight_log.limits import bounded_reader
+from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.records import Array
+
+DATED = "vehicle_gps_position"
+"""The topic whose `time_utc_usec` gives the date."""
+EARLIEST_US = 10**15
+"""Microseconds since the epoch (2001); a receiver without a date reports less."""
+ERROR, WARNING, INFO = 40, 30, 20  # levels of rcl_interfaces/Log
+
+
+class _Watched(io.BufferedReader):
+    """A file that notes where a read returned less than requested."""
+
+    short_at: int | None = None
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        data = super().read(size)
+        # At the end of the file, reading the 3 bytes of a next head returns nothing.
+        if size is not None and len(data) < size and (data or size != 3):
+            self.short_at = self.tell()
+        return data
+
+
+class UlogTables(FileTables):
+    """The topics `wanted` that the log has."""
+
+    @classmethod
+    def opened(cls, path: Path, wanted: Collection[str]) -> UlogTables:
+        """Read the log, in bounded memory. Raises LogFormatError or StorageError."""
+        with bounded_reader(path.name):
+            return cls(path, wanted)
+
+    def __init__(self, path: Path, wanted: Collection[str]) -> None:
+        """Read the log. Raises LogFormatError or StorageError."""
+        from pyulog import ULog
+        from pyulog.exceptions import ULogException
+
+        super().__init__(path)
+        topics = sorted({name.partition("#")[0] for name in wanted} | {DATED})
+        try:
+            with _Watched(io.FileIO(path)) as file:
+                log = ULog(file, topics, disable_str_exceptions=True)
+                if file.short_at is not None:
+                    self.torn = f"it ends within a message at byte {file.short_at}"
+        except OSError as error:
+            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+        except (ULogException, ValueError, TypeError, KeyError, IndexError) as error:
+            raise LogFormatError(f"{path.name} is not a readable ULog: {error!s:.120}") from None
+        self._data: dict[str, dict[str, npt.NDArray[Any]]] = {
+            f"{one.name}#{one.multi_id}" if one.multi_id else one.name: one.data
+            for one in log.data_list
+        }
+        if dated := self._data.pop(DATED, None):
+            utc = dated.get("time_utc_usec", np.zeros(0))
+            known = np.flatnonzero(utc > EARLIEST_US)
+            if len(known):
+                k = known[0]
+                self.epoch_ns = 1000 * (int(utc[k]) - int(dated["timestamp"][k]))
+        self.events = [
+            (1e-6 * one.timestamp, _level(one.log_level_str()), str(one.message).strip())
+            for one in log.logged_messages
+        ]
+
+    def tables(self) -> list[str]:
+        return list(self._data)
+
+    def columns(self, table: str) -> list[str]:
+        return list(self._data[table])
+
+    def read(self, table: str, names: list[str]) -> Array:
+        return np.stack([self._data[table][name].astype(np.float64) for name in names], axis=1)
+
+
+def _level(name: str) -> int:
+    if name in ("EMERGENCY", "ALERT", "CRITICAL", "ERROR"):
+        return ERROR
+    return WARNING if name == "WARNING" else INFO

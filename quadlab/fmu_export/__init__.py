@@ -1,1 +1,0 @@
-"""The simulated plant and the geometric law as FMUs: C sources, their description, the archive."""

@@ -1,0 +1,200 @@
+"""The declaration of an extension: what it offers, by names and sentences, and where its code is.
+
+An extension is a folder with a module `extension.py`, whose `EXTENSION` is an `Extension`. Reading
+it imports no code of the extension: each offer names its code by a `target`, which is imported
+when a user needs it (`quadrotor.extensions`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import ClassVar
+
+PROTOCOL = 1
+"""Version of these declarations. It changes when an older declaration is no longer understood."""
+
+
+class Group(StrEnum):
+    """A heading of `quadlab --help`."""
+
+    FLY = "Fly"
+    RECORDED = "Recorded flights"
+    SET_UP = "Set up"
+    PROCESS = "Run one process (quadlab up starts what it needs)"
+
+
+class Evidence(StrEnum):
+    """The kinds of evidence that an extension works."""
+
+    SIMULATED = "simulated"
+    PEER = "peer"
+    """A program or data of others."""
+    FIRMWARE = "firmware"
+    """The firmware of a board, run on this computer."""
+    HARDWARE = "hardware"
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One way in which an extension was tried.
+
+    Attributes:
+        evidence: the kind of evidence.
+        by: the program, data or device, with its version; for hardware, also the date and place.
+    """
+
+    evidence: Evidence
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offer:
+    """One thing that an extension adds, under a name that no other offer of this kind has.
+
+    Attributes:
+        name: the name by which users choose it.
+        target: module and name of its code, as ".command:Export"; a module that begins with a dot
+            is one of the package that declares it.
+    """
+
+    kind: ClassVar[str]
+    name: str
+    target: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command(Offer):
+    """A command of `quadlab`, or an action of a command that has actions.
+
+    The target is a dataclass of options with `run() -> int`.
+
+    Attributes:
+        name: the word after `quadlab`; two words for an action, as in "log import".
+        summary: the sentence of `quadlab --help`, which is also the first one of the target's
+            docstring.
+        group: the heading under which it is listed; an action has none.
+        examples: command lines and what they do.
+    """
+
+    kind: ClassVar[str] = "command"
+    summary: str
+    group: Group | None = None
+    examples: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Raise ValueError unless a command has a group, and an action has none."""
+        if (self.group is None) != (" " in self.name):
+            raise ValueError(
+                f"the command {self.name!r} needs a group, or, as an action of another command, a "
+                "name of two words without a group"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PluginFormat(Offer):
+    """A format of files in the folder `plugins`, beside Python; the name is the ending, as ".fmu".
+
+    The target has the functions of `vehicle.plugins.formats.Format`.
+
+    Attributes:
+        plugins: the kinds of plugins that such a file can be.
+    """
+
+    kind: ClassVar[str] = "plugin format"
+    plugins: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Importer(Offer):
+    """A format of recorded flights that `quadlab log import` reads; the name is the format's.
+
+    The target is a function of a path and the names of the tables that are wanted, which returns
+    the opened file as an `extensions.importers.tables.Source`.
+
+    Attributes:
+        starts: the first bytes of such files, by which they are recognised.
+    """
+
+    kind: ClassVar[str] = "importer"
+    starts: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Board(Offer):
+    """A kind of flight board, for `--board NAME`; the target is a `vehicle.boards.kind.Kind`."""
+
+    kind: ClassVar[str] = "board"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Link(Offer):
+    """A kind of link to a board, for `--serial`; the name is the word before `://`.
+
+    The target is a function of the whole word that returns a `vehicle_link.serial.port.Port`, and
+    raises LinkError.
+
+    Attributes:
+        example: a link, for messages.
+    """
+
+    kind: ClassVar[str] = "link"
+    example: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingSystem(Offer):
+    """A laboratory's tracking system, for `quadlab tracker NAME` and `quadlab up --tracker NAME`.
+
+    The target is a `console.trackers.source.System`.
+
+    Attributes:
+        port: the usual port of its server; 0 for a system without an address.
+        library: the module without which it cannot work; "" for none.
+    """
+
+    kind: ClassVar[str] = "tracking system"
+    port: int = 0
+    library: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServedSystem(Offer):
+    """A tracking system's server, by which the simulator serves its poses.
+
+    The target is a function of the vehicles' names and the port, which returns a
+    `vehicle.simulator.tracking_systems.frame.Server`.
+
+    Attributes:
+        port: the usual port.
+    """
+
+    kind: ClassVar[str] = "served system"
+    port: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extension:
+    """The declaration of an extension.
+
+    Attributes:
+        name: its name, which is the name of its folder.
+        summary: one sentence for tables of extensions.
+        protocol: the version of the declarations for which it was written.
+        offers: what it adds.
+        judged: how it was tried.
+        needs: names of the extensions whose code it imports.
+        libraries: modules of other distributions without which it cannot work, and the extra of
+            quadlab, or the distribution, that installs each.
+        docs: its page below `docs`, or its address.
+    """
+
+    name: str
+    summary: str
+    protocol: int
+    offers: tuple[Offer, ...]
+    judged: tuple[Judged, ...] = ()
+    needs: tuple[str, ...] = ()
+    libraries: Mapping[str, str] = field(default_factory=dict)
+    docs: str = ""
