@@ -50,9 +50,9 @@ def http_routes() -> str:
     from web.access.requester import admin_of, operator_of
     from web.access.roles import Role
     from web.app import create_app
-    from web.features import built_in
+    from web.features import built_in, of_extensions
 
-    features = built_in(None, MagicMock())
+    features = (*built_in(None, MagicMock()), *of_extensions(MagicMock()))
     app = create_app(MagicMock(), MagicMock(), features)  # routes are made, none is called
     described = app.openapi()
     least: dict[tuple[str, str], Role] = {}

@@ -175,6 +175,16 @@ class ServedSystem(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PageFeature(Offer):
+    """Routes of the web process, below `/api/NAME/`; a websocket is at `/NAME`.
+
+    The target is a `web.feature.Feature`.
+    """
+
+    kind: ClassVar[str] = "feature of the page"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Extension:
     """The declaration of an extension.
 

@@ -13,6 +13,7 @@ import pytest
 from console.link.known_vehicles import FILE, KnownVehicles
 from estimation.tags.intrinsics import read_yaml
 from estimation.tags.tag_layout import load_tags
+from extensions.foxglove.protocol import parse_text
 from extensions.importers.formats import open_source
 from extensions.importers.mapping import load_mapping
 from extensions.importers.sweeps import read_stations
@@ -21,7 +22,6 @@ from quadrotor.errors import QuadlabError
 from vehicle.plugins.declared import declared
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_descriptor
-from web.foxglove.protocol import parse_text
 from web.live.telemetry import parse_request
 from web.parameters.file import read_file
 from web.view.proxy import HostileError, _read

@@ -22,6 +22,7 @@ from quadrotor.errors import (
     RefusedError,
     StorageError,
     UnreachableError,
+    UsageError,
 )
 from web import uplot
 from web.access.passwords import BusyError
@@ -36,7 +37,7 @@ from web.commands.drafts import add_drafts
 from web.commands.plain_emergency import add_plain_emergency
 from web.commands.routes import add_commands
 from web.commands.trajectories import add_trajectories
-from web.features import Feature
+from web.feature import Feature
 from web.fleet.fleet import Fleet
 from web.fleet.routes import add_fleet
 from web.live import events
@@ -110,7 +111,10 @@ def create_app(
     add_fleet(app, fleet)
     add_pictures(app, context.forwarding)
     for feature in features:
-        feature.routes(app, context)
+        try:
+            feature.add(app, context)
+        except UsageError as error:
+            context.hub.say("error", str(error))
     return app
 
 

@@ -23,7 +23,7 @@ from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import create_app
 from web.beacons.survey import SurveyRun
-from web.features import built_in
+from web.features import built_in, of_extensions
 from web.fleet.fleet import Fleet
 from web.fleet.vehicle_router import VehicleRouter
 from web.live.events import EventHub
@@ -87,7 +87,10 @@ def assemble(
         VehicleContext(name, shared, connect, EventHub(hubs), new_view_server())
         for name in vehicles
     ]
-    features = built_in(survey, cameras or CameraCalibrations(CameraStore(data)))
+    features = (
+        *built_in(survey, cameras or CameraCalibrations(CameraStore(data))),
+        *of_extensions(say),
+    )
     fleet = Fleet(contexts)
 
     def sign_in_link() -> str:

@@ -1,44 +1,29 @@
-"""The features of the page: each one adds its routes to every vehicle and has its own services.
+"""The features of the page: each adds its routes to every vehicle and has its own services.
 
 A vehicle's context offers what features share, and knows none of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 
-from fastapi import FastAPI
-
+from quadrotor.errors import UsageError
+from quadrotor.extension import PageFeature
+from quadrotor.extensions import registry
 from web.beacons.routes import add_beacons
 from web.beacons.survey import SurveyRun, add_survey
 from web.experiments.calibrations import add_calibration
 from web.experiments.experiments import add_experiments
 from web.experiments.reports import add_reports
-from web.foxglove.routes import add_foxglove
+from web.feature import Feature
 from web.replay.routes import add_replay
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
 from web.runs.routes import add_runs
 from web.setup.camera_calibration import CameraCalibrations, add_camera_calibration
-from web.tuning.routes import add_tuning
-from web.vehicle_context import VehicleContext
-
-
-@dataclass(frozen=True)
-class Feature:
-    """A part of the page.
-
-    Attributes:
-        routes: adds the routes of one vehicle; services of that vehicle are ended by
-            `VehicleContext.closing`.
-        stop: ends the services that all vehicles share.
-    """
-
-    routes: Callable[[FastAPI, VehicleContext], None]
-    stop: Callable[[], None] = lambda: None
 
 
 def built_in(survey: SurveyRun | None, cameras: CameraCalibrations) -> tuple[Feature, ...]:
@@ -53,6 +38,15 @@ def built_in(survey: SurveyRun | None, cameras: CameraCalibrations) -> tuple[Fea
         Feature(partial(add_reports, reports=reports), reports.stop),
         Feature(add_beacons),
         Feature(partial(add_survey, run=survey)),
-        Feature(add_tuning),
-        Feature(add_foxglove),
     )
+
+
+def of_extensions(say: Callable[[str, str], None]) -> Iterator[Feature]:
+    """Yield the features that extensions offer; `say` is told of those that cannot be loaded."""
+    for name, offered in registry().offers(PageFeature).items():
+        try:
+            feature: Feature = offered.load()
+        except UsageError as error:
+            say("error", str(error))
+        else:
+            yield replace(feature, name=name)

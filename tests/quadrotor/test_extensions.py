@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +74,12 @@ def command(name: str = "tunnel", target: str = ".command:Tunnel") -> Command:
 
 def read(*found: object) -> Registry:
     return Registry(
-        (f"{k} of some-things", "tunnels", lambda one=one: one) for k, one in enumerate(found)
+        (f"{k} of some-things", "tunnels", partial(itself, one)) for k, one in enumerate(found)
     )
+
+
+def itself(one: object) -> object:
+    return one
 
 
 def program(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -197,7 +203,7 @@ def test_every_built_in_extension_loads_all_that_it_offers() -> None:
     found = registry()
     assert found.problems == {}
     names = {one.name for one in found.extensions}
-    assert names == {n for n in extensions.BUILT_IN if extensions.find_spec(f"{FOLDER}.{n}")}
+    assert names == {n for n in extensions.BUILT_IN if find_spec(f"{FOLDER}.{n}")}
     for kind in {type(offer) for one in found.extensions for offer in one.offers}:
         for offered in found.offers(kind).values():
             assert offered.load() is not None, offered.offer

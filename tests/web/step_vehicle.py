@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from console.tuning.evaluation import COLUMNS, Plan
 from control.parameters import ControlParameters
 from control.trajectories.multistep import AXES, LEAD, LEVELS
+from extensions.tuning.evaluation import COLUMNS, Plan
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import header, new
 from vehicle_link.parameters.messages import from_parameters

@@ -12,7 +12,8 @@ from fastapi import FastAPI
 
 from web.app import create_app
 from web.beacons.survey import BeaconSurvey, add_survey
-from web.features import Feature, built_in
+from web.feature import Feature
+from web.features import built_in
 from web.vehicle_context import VehicleContext
 
 
@@ -48,3 +49,24 @@ def test_a_service_of_one_vehicle_ends_with_its_context(monkeypatch: pytest.Monk
         add_survey(FastAPI(), cast(VehicleContext, SimpleNamespace(closing=closing)), None)
         assert not ended
     assert len(ended) == 1
+
+
+@pytest.mark.parametrize("path", ["/api/extra/x", "/api/extra", "/extra"])
+def test_an_extensions_routes_are_below_its_name(path: str) -> None:
+    feature = Feature(lambda app, _: app.get(path)(lambda: ""), name="extra")
+    app = create_app(MagicMock(), MagicMock(), [feature])
+    assert path in addresses(app)
+
+
+@pytest.mark.parametrize("path", ["/api/runs", "/api/extras", "/"])
+def test_a_route_outside_an_extensions_name_leaves_the_feature_out_and_is_told(path: str) -> None:
+    def routes(app: FastAPI, _: VehicleContext) -> None:
+        app.get("/api/extra/first")(lambda: "")
+        app.get(path)(lambda: "")
+
+    context = MagicMock()
+    app = create_app(context, MagicMock(), [Feature(routes, name="extra")])
+    assert "/api/extra/first" not in addresses(app)
+    ((level, line), _) = context.hub.say.call_args
+    assert level == "error"
+    assert f"extra of the page is left out: its route {path} is not below /api/extra or " in line

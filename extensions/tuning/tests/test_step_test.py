@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from console.tuning.collection import Gap, Samples
-from console.tuning.evaluation import COLUMNS, Plan, drawn, evaluate
-from console.tuning.step_test_store import StepTest, StepTestStore
+from extensions.tuning.collection import Gap, Samples
+from extensions.tuning.evaluation import COLUMNS, Plan, drawn, evaluate
+from extensions.tuning.step_test_store import StepTest, StepTestStore
 from flight_log.tick_columns import layouts_of, parse_column
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.parameters import FlightParameters
@@ -285,3 +286,10 @@ def test_an_unreadable_one_is_left_out(tmp_path: Any, step: Any) -> None:
     assert runs.runs() == [whole]
     with pytest.raises(StorageError, match="cannot be read"):
         runs.run(torn.id)
+
+
+def test_nothing_is_kept_in_a_data_folder_that_is_gone(tmp_path: Path) -> None:
+    data = tmp_path / "gone"
+    with pytest.raises(StorageError, match=r"cannot be kept: .*No such file"):
+        StepTestStore(data).keep(None, None)  # type: ignore[arg-type]  # refused before it looks
+    assert not data.exists()

@@ -13,6 +13,9 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.web.conftest import admin, operator, site, station, until, viewer
+
+__all__ = ["admin", "operator", "site", "station", "until", "viewer"]
 ROOT = Path(__file__).parents[3]
 CLIENT = Path(__file__).with_name("client.js")
 PATIENCE = 20.0  # s: a bound, not an expectation

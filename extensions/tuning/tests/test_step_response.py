@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from console.tuning.step_response import BAND, step_response
+from extensions.tuning.step_response import BAND, step_response
 
 RATE = 500.0
 

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 import websockets.exceptions
 
+from extensions.foxglove import client as one_client
+from extensions.foxglove.catalogue import CHANNELS
 from vehicle_link.messages import encode, header, new, ros_name
 from vehicle_link.topics.table import TOPICS, TRACKER_PICTURES
 from web.access import sign_in_tokens
-from web.foxglove import client as one_client
-from web.foxglove.catalogue import CHANNELS
 
 Connect = Callable[..., Any]
 FOXGLOVE = "https://app.foxglove.dev"

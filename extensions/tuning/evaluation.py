@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from console.tuning.collection import Gap, Samples
-from console.tuning.step_response import FIGURES, step_response
 from control.trajectories.multistep import AXES, LEVELS, POSITION
+from extensions.tuning.collection import Gap, Samples
+from extensions.tuning.step_response import FIGURES, step_response
 from quadrotor.errors import StorageError
 from quadrotor.plain_rotations import roll_pitch_yaw_of_rows
 from quadrotor.records import Array

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from console.link.forwarding import forward_service
-from console.tuning.collection import EMPTY_ANSWERS_MAX, Collection
+from extensions.tuning.collection import EMPTY_ANSWERS_MAX, Collection
 from quadrotor.errors import StorageError
 from tests.support.narrowing import now
 from vehicle_link.messages import new

@@ -14,10 +14,10 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
-from console.tuning.collection import Collection, Samples
-from console.tuning.evaluation import COLUMNS, Plan, evaluate
-from console.tuning.step_test_store import StepTest, StepTestStore
 from control.trajectories.multistep import LEAD
+from extensions.tuning.collection import Collection, Samples
+from extensions.tuning.evaluation import COLUMNS, Plan, evaluate
+from extensions.tuning.step_test_store import StepTest, StepTestStore
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.messages import stamp_of

@@ -14,15 +14,16 @@ from urllib.parse import urlencode, urlsplit
 from fastapi import FastAPI, Request, WebSocket
 from fastapi.responses import JSONResponse, Response
 
+from extensions.foxglove import protocol, services
+from extensions.foxglove.catalogue import CALLED, channels
+from extensions.foxglove.catalogue import services as offered
+from extensions.foxglove.client import FoxgloveClient
+from extensions.foxglove.protocol import SUBPROTOCOLS, Asked, Call
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from web.access.requester import Asker
 from web.access.roles import Role, Session
 from web.access.sign_in_tokens import LINK_AGE
-from web.foxglove import protocol, services
-from web.foxglove.catalogue import CALLED, channels
-from web.foxglove.catalogue import services as offered
-from web.foxglove.client import FoxgloveClient
-from web.foxglove.protocol import SUBPROTOCOLS, Asked, Call
+from web.feature import Feature
 from web.live.conversation import converse
 from web.runs.sharing import VIEWERS
 
@@ -177,3 +178,6 @@ class _Conversation:
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+
+FEATURE = Feature(add_foxglove)

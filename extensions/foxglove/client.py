@@ -14,11 +14,11 @@ from collections.abc import Collection, Iterable
 
 from starlette.websockets import WebSocket
 
+from extensions.foxglove import protocol
+from extensions.foxglove.catalogue import CHANNELS
+from extensions.foxglove.protocol import ERROR, WARNING
 from quadrotor.parameter_description import ParameterValue
 from web.access.roles import Session
-from web.foxglove import protocol
-from web.foxglove.catalogue import CHANNELS
-from web.foxglove.protocol import ERROR, WARNING
 
 MOST_BYTES = 1_000_000  # of queued messages
 MOST_TEXTS = 300  # number of queued answers

@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+from extensions.foxglove.protocol import ENCODING
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import definition, ros_name
 from vehicle_link.topics.rmw_keys import full_name
 from vehicle_link.topics.table import SERVICES, TOPICS
-from web.foxglove.protocol import ENCODING
 
 CHANNELS = tuple(
     name

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from console.atomic_file import replacing
-from console.tuning.collection import Gap, Samples
-from console.tuning.evaluation import Plan
+from extensions.tuning.collection import Gap, Samples
+from extensions.tuning.evaluation import Plan
 from quadrotor.errors import StorageError, os_errors
 from quadrotor.parameter_description import ParameterValue
 

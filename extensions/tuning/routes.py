@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any, Literal
 from fastapi import FastAPI
 from pydantic import Field
 
-from console.tuning.evaluation import Plan, drawn, evaluate
-from console.tuning.step_response import BAND
-from console.tuning.step_test_store import StepTest, StepTestStore
 from control.trajectories.multistep import AXES, SHAPES
+from extensions.tuning.evaluation import Plan, drawn, evaluate
+from extensions.tuning.step_response import BAND
+from extensions.tuning.step_test_store import StepTest, StepTestStore
+from extensions.tuning.step_tests import StepTests
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
 from web.access.requester import Operator
 from web.body import Body
-from web.tuning.step_tests import StepTests
+from web.feature import Feature
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
@@ -105,3 +106,6 @@ def _differences(
     differing = {n: v for n, v in run.gains.items() if n in now and now[n] != v}
     numbers = {n: v for n, v in differing.items() if type(v) in (int, float)}
     return numbers, [n for n in differing if n not in numbers]
+
+
+FEATURE = Feature(add_tuning)
