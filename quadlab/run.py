@@ -29,8 +29,8 @@ from quadrotor.parameter_description import ParameterValue
 if TYPE_CHECKING:
     from console.experiments.client import Result
     from console.reports.run_log import Line, RunLog
-    from quadlab.replay.errors import Errors
-    from quadlab.replay.log import Recording
+    from quadlab.recording.errors import Errors
+    from quadlab.recording.log import Recording
 
 Array = npt.NDArray[Any]
 TIMES = ("time", "stamp_ns", "received_ns")
@@ -150,7 +150,7 @@ class Run:
 
         Raises UsageError for a run without truth.
         """
-        from quadlab.replay.errors import Truth, errors
+        from quadlab.recording.errors import Truth, errors
 
         recording = self.recording
         if len(recording.truth_ns) < 2:
@@ -161,7 +161,7 @@ class Run:
     @cached_property
     def recording(self) -> Recording:
         """Return the samples and measurements that `quadlab replay` feeds to estimators."""
-        from quadlab.replay.log import read_recording
+        from quadlab.recording.log import read_recording
 
         return read_recording(self.path)
 

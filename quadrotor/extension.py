@@ -185,6 +185,16 @@ class PageFeature(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LayoutSurvey(Offer):
+    """A survey of the beacons' positions from a recorded flight, for the page.
+
+    The target is a `web.beacons.survey.SurveyRun`.
+    """
+
+    kind: ClassVar[str] = "survey of the beacons"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Extension:
     """The declaration of an extension.
 

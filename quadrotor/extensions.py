@@ -21,7 +21,17 @@ from quadrotor.packaged_files import packaged
 
 GROUP = "quadlab.extensions"
 FOLDER = f"{PREFIX}extensions"
-BUILT_IN = ("betaflight", "crazyflie", "fmu", "foxglove", "importers", "mavlink", "mocap", "tuning")
+BUILT_IN = (
+    "betaflight",
+    "crazyflie",
+    "fmu",
+    "foxglove",
+    "importers",
+    "mavlink",
+    "mocap",
+    "offline",
+    "tuning",
+)
 """The folders of `extensions`. A folder that was taken away is no error."""
 
 Kind = TypeVar("Kind", bound=Offer)

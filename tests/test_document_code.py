@@ -122,7 +122,7 @@ def test_every_message_of_the_troubleshooting_page_is_one_of_ours() -> None:
     assert len(fragments) > 25
     sources = [
         re.sub(r'"\s*f?"', "", file.read_text())
-        for package in ("console", "quadlab", "vehicle", "vehicle_link", "web")
+        for package in ("console", "quadlab", "vehicle", "vehicle_link", "web", "extensions")
         for file in (ROOT / package).rglob("*.py")
     ]
     missing = [one for one in fragments if not any(one in source for source in sources)]

@@ -20,14 +20,14 @@ from benchmarks.harness import Report, Row, Size, Target
 from estimation import registry
 from estimation.calibration.motion import best_turn
 from extensions.importers.importing import NewRun, read_flight
-from quadlab.replay.errors import Truth
-from quadlab.replay.lines import plan_runs
-from quadlab.replay.log import Recording, read_recording
-from quadlab.replay.measurements import MeasurementStore
-from quadlab.replay.report import Value, recorded_row, run_row
-from quadlab.replay.run import replay
-from quadlab.replay.survey import survey_stations
-from quadlab.replay.window import Window
+from extensions.offline.lines import plan_runs
+from extensions.offline.measurements import MeasurementStore
+from extensions.offline.report import Value, recorded_row, run_row
+from extensions.offline.run import replay
+from extensions.offline.survey import survey_stations
+from extensions.offline.window import Window
+from quadlab.recording.errors import Truth
+from quadlab.recording.log import Recording, read_recording
 from quadrotor.errors import QuadlabError
 from quadrotor.records import Record, Stamps
 

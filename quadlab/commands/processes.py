@@ -26,6 +26,8 @@ from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name, parse_names, parse_vehicles
 from quadrotor.errors import QuadlabError, UsageError
+from quadrotor.extension import LayoutSurvey
+from quadrotor.extensions import registry
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle_link.serial.ids import THE_ONE, Identity
 
@@ -276,8 +278,9 @@ class Web(PageOptions):
         tls = self.check_page(data)
         if tls is not None:
             say_authority(tls)
-        from quadlab.replay.proposal import propose_layout
         from web.process import run_web
+
+        surveys = list(registry().offers(LayoutSurvey).values())
 
         run_web(
             data,
@@ -288,6 +291,6 @@ class Web(PageOptions):
             open_browser=bool(os.environ.get(OPEN_BROWSER)),
             host=self.host,
             tls=tls,
-            survey=propose_layout,
+            survey=surveys[0].load() if surveys else None,
         )
         return 0

@@ -69,20 +69,6 @@ _ROWS = (
         },
     ),
     Row(
-        name="replay",
-        group=Group.RECORDED,
-        summary="Run estimators over the IMU, measurements and truth of a recorded flight, and "
-        "compare them.",
-        target="..replay.command:Replay",
-        examples={
-            "quadlab replay LOG": "run both estimators over a recorded flight",
-            "quadlab replay LOG --on bearings --estimator error_state": "run one, on bearings",
-            "quadlab replay LOG --run error_state --run 'complementary bearings.sigma=3'": (
-                "compare two, with settings of their own"
-            ),
-        },
-    ),
-    Row(
         name="link",
         group=Group.SET_UP,
         summary="Enrol vehicles and further stations, list vehicles, test a link.",

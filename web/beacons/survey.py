@@ -1,7 +1,7 @@
 """Surveys of the beacons from recorded flights: requested, judged, accepted or rejected.
 
-The survey itself (quadlab.replay.survey) runs in a separate process, because it flies the run some
-hundred times. An accepted layout is set like any other: station and vehicle check it.
+The survey itself, which an extension offers, runs in a separate process, because it flies the run
+some hundred times. An accepted layout is set like any other: station and vehicle check it.
 """
 
 from __future__ import annotations

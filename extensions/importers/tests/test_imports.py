@@ -34,11 +34,11 @@ from extensions.importers.tests.foreign_flight import (
 )
 from extensions.importers.tests.ulog_writer import write_ulog
 from extensions.importers.trajectory import world_turn
+from extensions.offline.lines import plan_runs
+from extensions.offline.run import replay
 from flight_log import check, limits
 from quadlab.__main__ import main
-from quadlab.replay.lines import plan_runs
-from quadlab.replay.log import read_recording
-from quadlab.replay.run import replay
+from quadlab.recording.log import read_recording
 from quadrotor.errors import LogFormatError, QuadlabError, StorageError, UsageError
 from quadrotor.records import SWEEPS_SAMPLE, Array
 

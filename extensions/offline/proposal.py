@@ -16,9 +16,9 @@ def propose_layout(log: Path, report: Callable[[float], None]) -> LayoutProposal
     """
     # Imported here to keep scipy and the estimators out of the page's own process.
     from bearing_sim.beacons import format_layout, parse_layout
-    from quadlab.replay.lines import plan_runs
-    from quadlab.replay.log import read_recording
-    from quadlab.replay.survey import survey_beacons
+    from extensions.offline.lines import plan_runs
+    from extensions.offline.survey import survey_beacons
+    from quadlab.recording.log import read_recording
 
     recording = read_recording(log)
     missing = [

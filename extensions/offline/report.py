@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from console.plots import require_matplotlib
-from quadlab.replay.errors import Consistency, Errors, Truth, errors, of_errors
-from quadlab.replay.lines import Run
-from quadlab.replay.log import Recording
-from quadlab.replay.run import Replayed
-from quadlab.replay.window import Window
+from extensions.offline.lines import Run
+from extensions.offline.run import Replayed
+from extensions.offline.window import Window
+from quadlab.recording.errors import Consistency, Errors, Truth, errors, of_errors
+from quadlab.recording.log import Recording
 from quadrotor.errors import StorageError, UsageError
 from quadrotor.records import Array, Stamps
 

@@ -22,9 +22,9 @@ from scipy.spatial.transform import Rotation
 from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import Beacons, parse_layout
 from estimation.error_state.estimator import ErrorStateEstimator
-from quadlab.replay.lines import Run
-from quadlab.replay.log import Arrival, Recording
-from quadlab.replay.run import Vehicle
+from extensions.offline.lines import Run
+from extensions.offline.run import Vehicle
+from quadlab.recording.log import Arrival, Recording
 from quadrotor.errors import MeasurementError
 from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, SWEEPS_SAMPLE, Array, Record
 

@@ -7,9 +7,9 @@ import numpy as np
 from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.pose_measurement import PoseMeasurement
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
-from quadlab.replay.errors import Truth
-from quadlab.replay.lines import SWEEPS, Run
-from quadlab.replay.log import Arrival, Recording
+from extensions.offline.lines import SWEEPS, Run
+from quadlab.recording.errors import Truth
+from quadlab.recording.log import Arrival, Recording
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Record, Stamps, bearings_sample, pose_sample
 

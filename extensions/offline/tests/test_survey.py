@@ -13,11 +13,11 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from quadlab.replay import survey
-from quadlab.replay.lines import Run, plan_runs
-from quadlab.replay.log import Arrival, Recording
-from quadlab.replay.run import replay
-from quadlab.replay.survey import survey_beacons, survey_stations
+from extensions.offline import survey
+from extensions.offline.lines import Run, plan_runs
+from extensions.offline.run import replay
+from extensions.offline.survey import survey_beacons, survey_stations
+from quadlab.recording.log import Arrival, Recording
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.records import IMU_SAMPLE, STATE, bearings_sample, pose_sample

@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import Literal, NamedTuple
 
 from estimation import registry
-from quadlab.replay.log import Recording
+from quadlab.recording.log import Recording
 from quadlab.settings import parse_settings
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, ParameterError, UsageError

@@ -15,10 +15,10 @@ from quadlab.settings import beacon_words
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 if TYPE_CHECKING:
-    from quadlab.replay.errors import Truth
-    from quadlab.replay.lines import Run
-    from quadlab.replay.log import Recording
-    from quadlab.replay.measurements import MeasurementStore
+    from extensions.offline.lines import Run
+    from extensions.offline.measurements import MeasurementStore
+    from quadlab.recording.errors import Truth
+    from quadlab.recording.log import Recording
 
 Runs = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="'NAME NAME=VALUE …'")
@@ -74,10 +74,9 @@ class Replay:
 
     def run(self) -> int:
         self._check_words()
-        from quadlab.replay.lines import flown_choices, plan_runs
-        from quadlab.replay.log import read_recording
-        from quadlab.replay.measurements import MeasurementStore
-        from quadlab.replay.report import (
+        from extensions.offline.lines import flown_choices, plan_runs
+        from extensions.offline.measurements import MeasurementStore
+        from extensions.offline.report import (
             as_json,
             draw,
             print_table,
@@ -85,8 +84,9 @@ class Replay:
             run_row,
             write_csv,
         )
-        from quadlab.replay.run import replay
-        from quadlab.replay.window import find_window
+        from extensions.offline.run import replay
+        from extensions.offline.window import find_window
+        from quadlab.recording.log import read_recording
         from vehicle.estimators.estimators import Estimators
         from vehicle.processes.parent import PLUGINS
 
@@ -146,15 +146,15 @@ class Replay:
             if path is not None and path.resolve() == self.file.resolve():
                 raise UsageError(f"{word} {path} is the log itself; name another file")
         if self.plot is not None:
-            from quadlab.replay.report import check_plot
+            from extensions.offline.report import check_plot
 
             check_plot(self.plot)
 
     def _survey(self, recording: Recording, runs: list[Run], store: MeasurementStore) -> list[str]:
         """Find the positions of base stations or beacons for the runs; return lines about them."""
         from bearing_sim.beacons import format_layout
-        from quadlab.replay.lines import BELIEVED_LAYOUT, SWEEPS
-        from quadlab.replay.survey import survey_beacons, survey_stations
+        from extensions.offline.lines import BELIEVED_LAYOUT, SWEEPS
+        from extensions.offline.survey import survey_beacons, survey_stations
 
         run = next((run for run in runs if run.estimator == "error_state"), None)
         if run is None or run.source == "poses":
@@ -173,8 +173,8 @@ class Replay:
         return [*(f"beacon {line}" for line in found.lines), layout]
 
     def _truth(self, recording: Recording) -> Truth:
-        from quadlab.replay.errors import Truth
-        from quadlab.replay.window import tracked_truth, with_attitude
+        from extensions.offline.window import tracked_truth, with_attitude
+        from quadlab.recording.errors import Truth
 
         if self.truth == "tracker":
             if len(with_attitude(recording)) < 2:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from quadlab.replay.errors import Truth
-from quadlab.replay.log import Arrival, Recording
+from quadlab.recording.errors import Truth
+from quadlab.recording.log import Arrival, Recording
 from quadrotor.errors import UsageError
 from quadrotor.records import has_attitude
 

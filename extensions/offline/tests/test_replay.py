@@ -15,14 +15,14 @@ import pytest
 from bearing_sim.beacons import parse_layout
 from estimation import registry
 from estimation.complementary import ComplementaryEstimator
+from extensions.offline.lines import flown_choices, plan_runs
+from extensions.offline.measurements import MeasurementStore, emulated
+from extensions.offline.run import replay
 from flight_log import LogWriter, read_attachments, read_log
 from quadlab.__main__ import main
-from quadlab.replay import log as log_module
-from quadlab.replay.errors import Truth, angles, errors
-from quadlab.replay.lines import flown_choices, plan_runs
-from quadlab.replay.log import Recording, read_recording
-from quadlab.replay.measurements import MeasurementStore, emulated
-from quadlab.replay.run import replay
+from quadlab.recording import log as log_module
+from quadlab.recording.errors import Truth, angles, errors
+from quadlab.recording.log import Recording, read_recording
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.parameters import FlightParameters
@@ -101,7 +101,7 @@ def _read_once(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     if "log" in request.fixturenames:
         log, recording = request.getfixturevalue("log"), request.getfixturevalue("recording")
         monkeypatch.setattr(
-            "quadlab.replay.log.read_recording",
+            "quadlab.recording.log.read_recording",
             lambda path: recording if path == log else read_recording(path),
         )
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from bearing_sim.beacons import PAPER_BEACONS, format_layout, parse_layout
-from quadlab.replay import log as replay_log
-from quadlab.replay import survey
-from quadlab.replay.log import Arrival, Recording
-from quadlab.replay.proposal import propose_layout
-from quadlab.replay.survey import Place, Survey
+from extensions.offline import survey
+from extensions.offline.proposal import propose_layout
+from extensions.offline.survey import Place, Survey
+from quadlab.recording import log as replay_log
+from quadlab.recording.log import Arrival, Recording
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.records import IMU_SAMPLE, STATE, bearings_sample, pose_sample

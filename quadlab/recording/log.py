@@ -21,7 +21,7 @@ from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.run_folder import IMPORTED
 from flight_log.writer import RUN_METADATA
-from quadlab.replay.rest import bias_at_rest
+from quadlab.recording.rest import bias_at_rest
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameter_description import ParameterValue

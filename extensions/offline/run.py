@@ -15,9 +15,9 @@ from console.evaluation.explanation.finding import stretches
 from estimation import registry
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator, TakesHeading
-from quadlab.replay.errors import ALL, Consistency, Posterior, of_innovations
-from quadlab.replay.lines import BELIEVED_LAYOUT, Run
-from quadlab.replay.log import Arrival, Change, Recording
+from extensions.offline.lines import BELIEVED_LAYOUT, Run
+from quadlab.recording.errors import ALL, Consistency, Posterior, of_innovations
+from quadlab.recording.log import Arrival, Change, Recording
 from quadrotor.errors import MeasurementError, ParameterError, UndeterminedStartError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import (
