@@ -102,8 +102,7 @@ FLIGHT = np.dtype(
         ("told", "f8", 3),  # s, when each error was, NaN when it was not
         ("height", "f8"),  # m, true, at the alarm
         ("tilt", "f8"),  # rad, true, the largest until the alarm
-        ("overruled", "i8"),  # number of alarms for which the accelerometer was blamed
-        ("vote", "f8"),  # the largest for the tracker
+        ("overruled", "i8", 2),  # number of alarms dismissed, by turns and by displacements
         ("crashed", "i8"),
     ],
     align=True,
@@ -177,7 +176,7 @@ def _watch(f: Any, m: Any, t: float) -> None:
         f.error[i] = max(f.error[i], abs(found[i]))
         if abs(found[i]) > f.bound[i] and not f.told[i] >= 0.0:
             f.told[i] = t
-    f.overruled, f.vote = m.overruled, max(f.vote, m.vote)
+    f.overruled[0], f.overruled[1] = m.overruled[0], m.overruled[1]
     for i in range(4):
         f.evidence[i] = max(f.evidence[i], m.evidence[i])
         if m.evidence[i] >= ALARM and not f.alarm >= 0.0:
@@ -354,7 +353,6 @@ def run(size: Size = Size.FULL, hours: float | None = None) -> Report:
             "hours": honest,
             "alarms": alarms,
             "overruled": int(flown["overruled"].sum()),
-            "vote": float(flown["vote"].max()),
             "evidence": float(flown["evidence"].max()),
             "vertical told": told[VERTICAL],
             "off, deg": math.degrees(tilt),
@@ -429,7 +427,7 @@ def _figures(flown: Record, number: int, from_s: float) -> dict[str, float | str
     begun = max(from_s, REST)
     noticed = (flown["told"][:, TOLD[number]] if number in TOLD else flown["alarm"]) - begun
     known = noticed[np.isfinite(noticed)]
-    overruled = int((flown["overruled"] > 0).sum())
+    overruled = int((flown["overruled"] > 0).any(axis=1).sum())
     if not len(known):
         return {"noticed": 0.0, "overruled": overruled}
     return {

@@ -25,7 +25,7 @@ from estimation.tracker_integrity.felt import feel
 from estimation.tracker_integrity.high_pass import keep, passed
 from estimation.tracker_integrity.memory import RING_LENGTH
 from estimation.tracker_integrity.slopes import PLACE_RATE, fit
-from estimation.tracker_integrity.witnesses import overrule, vote
+from estimation.tracker_integrity.witnesses import agree, overrule, vote
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.vectors import (
@@ -42,8 +42,9 @@ from quadrotor.vectors import (
 
 LONGEST_GAP = 0.3
 """Longest time, in s, between two poses that are compared."""
-TURN_RATE = 1.5
-"""Double pole, in rad/s, of the high-pass of turns."""
+TURN_RATE, QUICK_RATE = 0.7, 2.0
+"""Double poles, in rad/s, of the high-passes of turns: what is compared, and what a bias of the
+gyroscope is not seen in."""
 OUTLIERS = 0.15
 """Time, in s, after which poses that are outliers have jumped: the filters begin there."""
 SETTLING = 1.0
@@ -81,7 +82,9 @@ def _start(m: Any, z: Any, state: Any) -> None:
     m.settled = 0.0
     for i in range(3):
         m.turn_felt_b[3 + i] -= m.turn_shown_b[3 + i]
+        m.quick_felt_b[3 + i] -= m.quick_shown_b[3 + i]
         m.turn_shown_b[i] = m.turn_shown_b[3 + i] = m.turn_felt_b[i] = 0.0
+        m.quick_shown_b[i] = m.quick_shown_b[3 + i] = m.quick_felt_b[i] = 0.0
         m.place_shown_w[i], m.place_shown_w[3 + i] = 0.0, -state.velocity_w[i]
         m.place_felt_w[i] = m.place_offset_w[i]
         m.place_felt_w[3 + i] = 2.0 * PLACE_RATE * m.place_offset_w[i]
@@ -118,16 +121,21 @@ def _take(m: Any, z: Any, since: float) -> bool:
         or is_outlier(t_w, g_w, m.place_variance + unknown(m))
     ):
         return False
+    quick_t_b = passed(m.quick_shown_b, turned_b, since)
+    quick_g_b = passed(m.quick_felt_b, turn_b, since)
     driven_w = passed(m.place_driven_w, vector(felt.driven_place_w), since)
     height_w = passed(m.place_height_w, (0.0, 0.0, felt.height - m.height), since)
     if is_settled:
         judge(m, since, t_b, g_b, t_w, g_w)
+        agree(m, since, quick_t_b, quick_g_b)
         vote(m, since, t_w, g_w, subtract(driven_w, vector(m.driven_offset_w)), height_w[2])
         rate_b = along(scale(1.0 / since, turn_b), -2.0 * TURN_RATE, g_b)
         rate_b = along(rate_b, 1.0, vector(m.turn_felt_b[3:]))
         fit(m, since, subtract(g_b, t_b), rate_b, t_w, felt_w)
     keep(m.turn_shown_b, t_b, still, since, TURN_RATE)
     keep(m.turn_felt_b, g_b, still, since, TURN_RATE)
+    keep(m.quick_shown_b, quick_t_b, still, since, QUICK_RATE)
+    keep(m.quick_felt_b, quick_g_b, still, since, QUICK_RATE)
     keep(m.place_shown_w, t_w, still, since, PLACE_RATE)
     keep(m.place_felt_w, felt_w, vector(felt.velocity_w), since, PLACE_RATE)
     keep(m.place_driven_w, driven_w, vector(felt.driven_velocity_w), since, PLACE_RATE)

@@ -55,6 +55,8 @@ ALARM = 15.0
 """Evidence with which the tracker counts as wrong; without any it is right again."""
 DECIDED = 4.0
 """Size from which on the vote of the witnesses counts: the odds are 55 to 1."""
+AGREED = 2.0
+"""Agreement about one axis from which on it counts: the odds are 7 to 1."""
 SLOWEST, FASTEST = 10.0, 250.0
 """Changes of the evidence, 1/s: smaller ones are noise on a mean that is not exact, and count as
 none; larger ones count as this, because one pose alone shows nothing."""
@@ -81,12 +83,18 @@ def is_outlier(t: Vector, g: Vector, variance: float) -> bool:
 
 
 @compiled(inner=True)
-def strongest(m: Any) -> float:
-    """Return the largest evidence against the tracker; that by displacements is none if the
-    witnesses have seen them.
+def agrees(m: Any) -> bool:
+    """Return whether quick turns agree about both axes: a lie may leave the third as it is, or two
+    of the three.
     """
+    return min(m.agreement[0], m.agreement[1]) > AGREED
+
+
+@compiled(inner=True)
+def strongest(m: Any) -> float:
+    """Return the largest evidence against the tracker, without what the witnesses dismiss."""
     e = m.evidence
-    of_turn = max(e[TURN], e[TILT])
+    of_turn = 0.0 if agrees(m) else max(e[TURN], e[TILT])
     return of_turn if m.vote > DECIDED else max(of_turn, e[PLACE], e[LEVEL])
 
 

@@ -99,7 +99,9 @@ def feel(m: Any, stamp_ns: int) -> bool:
 
 
 @compiled(inner=True)
-def _moved(place_w: Vector, velocity_w: Vector, force_w: Vector, dt: float) -> tuple[Vector, Vector]:
+def _moved(
+    place_w: Vector, velocity_w: Vector, force_w: Vector, dt: float
+) -> tuple[Vector, Vector]:
     """Return displacement (m) and velocity (m/s) after dt (s) of this specific force."""
     acceleration_w = force_w[0], force_w[1], force_w[2] - GRAVITY
     place_w = along(along(place_w, dt, velocity_w), 0.5 * dt * dt, acceleration_w)

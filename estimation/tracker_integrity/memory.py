@@ -65,6 +65,8 @@ INTEGRITY_MEMORY = np.dtype(
         # High-passed, with the filters' second state:
         ("turn_shown_b", "f8", 6),  # rad, by the tracker
         ("turn_felt_b", "f8", 6),  # rad, by the gyroscope
+        ("quick_shown_b", "f8", 6),  # rad, both without what a bias adds
+        ("quick_felt_b", "f8", 6),
         ("place_shown_w", "f8", 6),  # m, by the tracker
         ("place_felt_w", "f8", 6),  # m, by the accelerometer
         ("place_driven_w", "f8", 6),  # m, by the motors
@@ -78,7 +80,8 @@ INTEGRITY_MEMORY = np.dtype(
         ("motion", "f8", 4),  # rad² or m², mean of |g|², by the test
         ("evidence", "f8", 4),  # by the test
         ("vote", "f8"),  # for the tracker, below 0 for the accelerometer
-        ("overruled", "i8"),  # number of times that the vote has cleared the tracker
+        ("agreement", "f8", 2),  # of quick turns about x and y, below 0 for a contradiction
+        ("overruled", "i8", 2),  # number of alarms by turns and by displacements dismissed
         ("fitted", "f8"),  # s, for which the slopes were fitted
         ("late", "f8", 2),  # rad², means of (g - t)·rate, in s, and of |rate|², in 1/s²
         ("size", "f8", 2),  # m², means of |t|² and of t·g

@@ -27,20 +27,23 @@ from estimation.tracker_integrity.evidence import (
     LEAST_PLACE,
     NOISE_TIME,
     OFFSET_TIME,
+    agrees,
     is_doubted,
     learnt,
     unknown,
 )
-from estimation.tracker_integrity.memory import LEVEL, PLACE
+from estimation.tracker_integrity.memory import LEVEL, PLACE, TILT, TURN
 from quadrotor.compiled import compiled
 from quadrotor.vectors import Vector, dot, subtract
 
 FADING = 1.0
 """Time constant, in s, of the vote."""
+GUST = 0.4
+"""Time, in s, within which the errors of the motors' displacements are alike."""
 AIRBORNE = 1.0
 """Time, in s, from which on the motors have carried the vehicle and not the ground."""
-LARGEST = 20.0
-"""Largest size of the vote."""
+LARGEST, MOST_AGREEMENT = 20.0, 3.0
+"""Largest size of the vote, and of an agreement, which a lie must soon undo."""
 
 
 @compiled(inner=True)
@@ -51,11 +54,10 @@ def vote(m: Any, since: float, t: Vector, g: Vector, driven: Vector, height: flo
         t, g, driven, height: displacements (m) by the tracker, the accelerometer, the motors, and
             upwards by the barometer.
     """
-    share = min(1.0, since / CORRELATION)
-    said = _said(driven, t, g, m.driven_variance + unknown(m))
+    said = min(1.0, since / GUST) * _said(driven, t, g, m.driven_variance + unknown(m))
     up, t_up, g_up = (0.0, 0.0, height), (0.0, 0.0, t[2]), (0.0, 0.0, g[2])
-    said += _said(up, t_up, g_up, m.height_variance)
-    sum_ = max(0.0, 1.0 - since / FADING) * m.vote + share * said
+    said += min(1.0, since / CORRELATION) * _said(up, t_up, g_up, m.height_variance)
+    sum_ = max(0.0, 1.0 - since / FADING) * m.vote + said
     m.vote = min(LARGEST, max(-LARGEST, sum_)) if m.carried > AIRBORNE else 0.0
     if is_doubted(m) or m.carried <= 0.0:
         return
@@ -70,12 +72,27 @@ def vote(m: Any, since: float, t: Vector, g: Vector, driven: Vector, height: flo
 
 
 @compiled(inner=True)
+def agree(m: Any, since: float, t: Vector, g: Vector) -> None:
+    """Add whether quick turns (rad) of tracker and gyroscope agree, in which no bias shows."""
+    uncertain = m.turn_variance + ERROR**2 * dot(g, g)
+    left, share = max(0.0, 1.0 - since / FADING), min(1.0, since / CORRELATION)
+    for i in range(2):
+        said = share * (t[i] * g[i] - 0.5 * g[i] * g[i]) / uncertain
+        m.agreement[i] = min(MOST_AGREEMENT, max(-LARGEST, left * m.agreement[i] + said))
+
+
+@compiled(inner=True)
 def overrule(m: Any) -> None:
-    """Dismiss an alarm by displacements that the witnesses have seen as the tracker has."""
+    """Dismiss an alarm by slow turns alone, and one by displacements that the witnesses have seen
+    as the tracker has.
+    """
     e = m.evidence
+    if agrees(m) and max(e[TURN], e[TILT]) >= ALARM:
+        e[TURN] = e[TILT] = 0.0
+        m.overruled[0] += 1
     if m.vote > DECIDED and max(e[PLACE], e[LEVEL]) >= ALARM:
         e[PLACE] = e[LEVEL] = 0.0
-        m.overruled += 1
+        m.overruled[1] += 1
 
 
 @compiled(inner=True)

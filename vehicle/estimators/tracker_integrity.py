@@ -28,8 +28,8 @@ from vehicle.safety.parameters import SafetyParameters
 
 FORGOTTEN_NS = 2_000_000_000
 """Time, in ns, without poses after which they count as those of another tracker."""
-SUSPECT_NS = 2_000_000_000
-"""Time, in ns, for which the accelerometer is suspect after the witnesses have cleared the tracker."""
+BLAMED_NS = 2_000_000_000
+"""Time, in ns, for which the IMU is blamed after an alarm was dismissed."""
 FITTED_NS = 200_000_000
 """Time, in ns, between two checks of what is only reported."""
 AGREEING = 0.8
@@ -45,8 +45,13 @@ _WITNESS = (_TURNS, _TURNS, _MOVES, _MOVES)
 _VERTICAL = (
     "the tracker's frame or the body's axes are tilted, or the accelerometer is not calibrated"
 )
-_ALONE = "the accelerometer contradicts the tracker and the motors"
-_CALIBRATE = "land, and calibrate the accelerometer or find what shakes it"
+GYROSCOPE, ACCELEROMETER = "gyroscope", "accelerometer"
+_SUSPICION = "the accelerometer contradicts the tracker and the motors"
+_ALONE = (
+    (GYROSCOPE, "the gyroscope's bias has changed: the poses are used; calibrate it on the ground"),
+    (ACCELEROMETER, f"{_SUSPICION}: the poses are used; calibrate it, or find what shakes it"),
+)
+"""What is wrong with the IMU, by the alarm that was dismissed."""
 _CONTRADICTED, _TILTED = int(Flag.TRACKER_CONTRADICTED), int(Flag.TRACKER_TILTED)
 _SUSPECT = int(Flag.INERTIAL_SUSPECT)
 
@@ -74,7 +79,7 @@ class TrackerIntegrity:
         self._errors = direct(errors, self._memory)
         evidence = self._memory["evidence"][0]
         self._of_turns, self._of_moves = evidence[:2], evidence[2:]
-        self._overruled = self._memory["overruled"]
+        self._overruled = self._memory["overruled"][0]
         self._newest_ns = 0
         self.begin()
 
@@ -83,7 +88,7 @@ class TrackerIntegrity:
         tracker sends.
         """
         self.contradiction, self.suspicion, self.flags = "", "", 0
-        self._dismissed, self._suspect_ns = 0, 0
+        self._dismissed, self._blamed_ns = [0, 0], [0, 0]
         self._reported: set[str] = set()
         self._fitted_ns = 0
         if self._memory["stamp_ns"].item() == 0:
@@ -118,8 +123,8 @@ class TrackerIntegrity:
             evidence = float(self._of_turns.max())
         if evidence >= ALARM or self.contradiction:
             self._weigh(evidence)
-        if self.suspicion or self._overruled.item() != self._dismissed:
-            self._suspect(stamp_ns)
+        if self._reported or self._overruled.any():
+            self._blame(stamp_ns)
         if evidence >= 0.0 and abs(stamp_ns - self._fitted_ns) > FITTED_NS:
             self._fitted_ns = stamp_ns
             self._report(evidence)
@@ -151,16 +156,21 @@ class TrackerIntegrity:
             self._say("the tracker agrees with the inertial sensors again", mailbox.INFO)
         self._flag()
 
-    def _suspect(self, stamp_ns: int) -> None:
-        """Report that the accelerometer is wrong, while the witnesses clear the tracker."""
-        if self._overruled.item() != self._dismissed:
-            self._dismissed, self._suspect_ns = self._overruled.item(), stamp_ns
-            if not self.suspicion and self._parameters.tracker_check:
-                self.suspicion = _ALONE
-                self._say(f"{_ALONE}: the poses are used; {_CALIBRATE}", mailbox.ERROR)
-        elif stamp_ns - self._suspect_ns > SUSPECT_NS:
-            self.suspicion = ""
-            self._say("the accelerometer agrees with tracker and motors again", mailbox.INFO)
+    def _blame(self, stamp_ns: int) -> None:
+        """Report what is wrong with the IMU, while alarms are dismissed."""
+        counts = self._overruled.tolist()
+        for which, (instrument, line) in enumerate(_ALONE):
+            if counts[which] != self._dismissed[which]:
+                self._blamed_ns[which] = stamp_ns
+                if instrument not in self._reported:
+                    self._reported.add(instrument)
+                    self._say(line, mailbox.WARN)
+            elif instrument in self._reported and stamp_ns - self._blamed_ns[which] > BLAMED_NS:
+                self._reported.discard(instrument)
+                self._say(f"the {instrument} agrees with the tracker again", mailbox.INFO)
+        self._dismissed = counts
+        is_suspect = ACCELEROMETER in self._reported and self._parameters.tracker_check
+        self.suspicion = _SUSPICION if is_suspect else ""
         self._flag()
 
     def _flag(self) -> None:
