@@ -31,7 +31,7 @@ from control.trajectories.figure_eight import FigureEight, figure_eight_at
 from estimation.complementary_filter import correct_one, predict_one
 from estimation.parameters import EstimationParameters
 from estimation.tracker_integrity.comparison import compare_pose
-from estimation.tracker_integrity.evidence import ALARM
+from estimation.tracker_integrity.evidence import ALARM, strongest
 from estimation.tracker_integrity.felt import note_sample
 from estimation.tracker_integrity.memory import INTEGRITY_MEMORY, new_integrity
 from estimation.tracker_integrity.slopes import errors_of
@@ -179,7 +179,7 @@ def _watch(f: Any, m: Any, t: float) -> None:
     f.overruled[0], f.overruled[1] = m.overruled[0], m.overruled[1]
     for i in range(4):
         f.evidence[i] = max(f.evidence[i], m.evidence[i])
-        if m.evidence[i] >= ALARM and not f.alarm >= 0.0:
+        if m.evidence[i] >= ALARM and strongest(m) >= ALARM and not f.alarm >= 0.0:
             f.alarm, f.test, f.height = t, i, f.plant.x[2]
 
 

@@ -25,6 +25,7 @@ from estimation.tracker_integrity.felt import feel
 from estimation.tracker_integrity.high_pass import keep, passed
 from estimation.tracker_integrity.memory import RING_LENGTH
 from estimation.tracker_integrity.slopes import PLACE_RATE, fit
+from estimation.tracker_integrity.stuck_axis import follow_tracker
 from estimation.tracker_integrity.witnesses import agree, overrule, vote
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
@@ -140,6 +141,7 @@ def _take(m: Any, z: Any, since: float) -> bool:
     keep(m.place_felt_w, felt_w, vector(felt.velocity_w), since, PLACE_RATE)
     keep(m.place_driven_w, driven_w, vector(felt.driven_velocity_w), since, PLACE_RATE)
     keep(m.place_height_w, height_w, still, since, PLACE_RATE)
+    follow_tracker(m, turned_b, since)
     m.settled += since
     m.height = felt.height
     _note(m, z)

@@ -57,6 +57,9 @@ DECIDED = 4.0
 """Size from which on the vote of the witnesses counts: the odds are 55 to 1."""
 AGREED = 2.0
 """Agreement about one axis from which on it counts: the odds are 7 to 1."""
+DISAGREED, DISAGREED_ALL = 1.0, 0.5
+"""Disagreement about one axis, and about all, from which on a slow turn may be a lie and not a bias
+alone."""
 SLOWEST, FASTEST = 10.0, 250.0
 """Changes of the evidence, 1/s: smaller ones are noise on a mean that is not exact, and count as
 none; larger ones count as this, because one pose alone shows nothing."""
@@ -91,17 +94,26 @@ def agrees(m: Any) -> bool:
 
 
 @compiled(inner=True)
+def contradicts(m: Any) -> bool:
+    """Return whether quick turns disagree about one axis, or on the whole: a bias does not."""
+    a = m.agreement
+    return min(a[0], a[1], a[2]) < -DISAGREED or a[0] + a[1] + a[2] < -DISAGREED_ALL
+
+
+@compiled(inner=True)
 def strongest(m: Any) -> float:
     """Return the largest evidence against the tracker, without what the witnesses dismiss."""
     e = m.evidence
-    of_turn = 0.0 if agrees(m) else max(e[TURN], e[TILT])
+    of_turn = max(e[TURN], e[TILT])
+    if not contradicts(m):
+        of_turn = 0.0 if agrees(m) else min(of_turn, DOUBTED)
     return of_turn if m.vote > DECIDED else max(of_turn, e[PLACE], e[LEVEL])
 
 
 @compiled(inner=True)
 def is_doubted(m: Any) -> bool:
     """Return whether nothing may be learnt from the poses."""
-    return strongest(m) > DOUBTED
+    return strongest(m) >= DOUBTED
 
 
 @compiled(inner=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from estimation.tracker_integrity.memory import RING_LENGTH
+from estimation.tracker_integrity.stuck_axis import observe_rates
 from quadrotor.compiled import compiled
 from quadrotor.constants import GRAVITY
 from quadrotor.records import Record
@@ -36,7 +37,7 @@ def note_sample(
     """Store the witnesses of one tick in INTEGRITY_MEMORY (1,).
 
     Args:
-        imu: IMU_SAMPLE (1,).
+        imu: IMU_SAMPLE (1,); rates of stuck axes are replaced.
         actuators: ACTUATORS (1,), commanded in the last tick.
         model: MODEL (1,).
         pressure: Pa.
@@ -49,6 +50,7 @@ def note_sample(
     share = min(1.0, dt / model[0].motor_time_constant)
     m.lift += share * (actuators[0].wrench[0] / model[0].mass - m.lift)
     m.carried = m.carried + dt if m.lift > CARRIED * GRAVITY else 0.0
+    observe_rates(m, s, actuators[0], model[0], dt)
     kept.stamp_ns = s.stamp_ns
     for i in range(3):
         kept.specific_force_b[i] = s.specific_force_b[i]

@@ -54,6 +54,12 @@ INTEGRITY_MEMORY = np.dtype(
         ("lift", "f8"),  # m/s², that the motors give
         ("carried", "f8"),  # s for which they have carried the vehicle
         ("ground_pressure", "f8"),  # Pa
+        ("rate_b", "f8", 3),  # rad/s, by the motors' torques, and the gyroscope while it measures
+        ("push_b", "f8", 3),  # rad/s², angular acceleration by those torques
+        ("push_offset_b", "f8", 3),  # rad/s², by others
+        ("reading_b", "f8", 3),  # rad/s, the newest
+        ("unchanged", "f8", 3),  # s for which it has stayed the same
+        ("stuck", "i8", 3),  # 1: the axis is stuck
         ("felt", SINCE_POSE),
         ("stamp_ns", "i8"),  # of the newest pose compared, 0 before the first
         ("settled", "f8"),  # s since the start of the filters
@@ -80,7 +86,7 @@ INTEGRITY_MEMORY = np.dtype(
         ("motion", "f8", 4),  # rad² or m², mean of |g|², by the test
         ("evidence", "f8", 4),  # by the test
         ("vote", "f8"),  # for the tracker, below 0 for the accelerometer
-        ("agreement", "f8", 2),  # of quick turns about x and y, below 0 for a contradiction
+        ("agreement", "f8", 3),  # of quick turns about each axis, below 0 for a contradiction
         ("overruled", "i8", 2),  # number of alarms by turns and by displacements dismissed
         ("fitted", "f8"),  # s, for which the slopes were fitted
         ("late", "f8", 2),  # rad², means of (g - t)·rate, in s, and of |rate|², in 1/s²

@@ -36,8 +36,8 @@ from estimation.tracker_integrity.memory import LEVEL, PLACE, TILT, TURN
 from quadrotor.compiled import compiled
 from quadrotor.vectors import Vector, dot, subtract
 
-FADING = 1.0
-"""Time constant, in s, of the vote."""
+FADING, QUICK_FADING = 1.0, 0.7
+"""Time constants, in s, of the vote and of agreement."""
 GUST = 0.4
 """Time, in s, within which the errors of the motors' displacements are alike."""
 AIRBORNE = 1.0
@@ -75,8 +75,8 @@ def vote(m: Any, since: float, t: Vector, g: Vector, driven: Vector, height: flo
 def agree(m: Any, since: float, t: Vector, g: Vector) -> None:
     """Add whether quick turns (rad) of tracker and gyroscope agree, in which no bias shows."""
     uncertain = m.turn_variance + ERROR**2 * dot(g, g)
-    left, share = max(0.0, 1.0 - since / FADING), min(1.0, since / CORRELATION)
-    for i in range(2):
+    left, share = max(0.0, 1.0 - since / QUICK_FADING), min(1.0, since / CORRELATION)
+    for i in range(3):
         said = share * (t[i] * g[i] - 0.5 * g[i] * g[i]) / uncertain
         m.agreement[i] = min(MOST_AGREEMENT, max(-LARGEST, left * m.agreement[i] + said))
 

@@ -45,11 +45,19 @@ _WITNESS = (_TURNS, _TURNS, _MOVES, _MOVES)
 _VERTICAL = (
     "the tracker's frame or the body's axes are tilted, or the accelerometer is not calibrated"
 )
-GYROSCOPE, ACCELEROMETER = "gyroscope", "accelerometer"
-_SUSPICION = "the accelerometer contradicts the tracker and the motors"
+GYROSCOPE, ACCELEROMETER, AXIS = "gyroscope", "accelerometer", "gyroscope's axis"
+_SUSPICIONS = {
+    AXIS: "an axis of the gyroscope is stuck",
+    ACCELEROMETER: "the accelerometer contradicts the tracker and the motors",
+}
+"""Why the IMU is not to be flown on for long."""
 _ALONE = (
     (GYROSCOPE, "the gyroscope's bias has changed: the poses are used; calibrate it on the ground"),
-    (ACCELEROMETER, f"{_SUSPICION}: the poses are used; calibrate it, or find what shakes it"),
+    (
+        ACCELEROMETER,
+        f"{_SUSPICIONS[ACCELEROMETER]}: the poses are used; calibrate it, or find what shakes it",
+    ),
+    (AXIS, f"{_SUSPICIONS[AXIS]}: its rate is that of the motors' torques and of the tracker"),
 )
 """What is wrong with the IMU, by the alarm that was dismissed."""
 _CONTRADICTED, _TILTED = int(Flag.TRACKER_CONTRADICTED), int(Flag.TRACKER_TILTED)
@@ -80,6 +88,7 @@ class TrackerIntegrity:
         evidence = self._memory["evidence"][0]
         self._of_turns, self._of_moves = evidence[:2], evidence[2:]
         self._overruled = self._memory["overruled"][0]
+        self._stuck = self._memory["stuck"][0]
         self._newest_ns = 0
         self.begin()
 
@@ -88,7 +97,7 @@ class TrackerIntegrity:
         tracker sends.
         """
         self.contradiction, self.suspicion, self.flags = "", "", 0
-        self._dismissed, self._blamed_ns = [0, 0], [0, 0]
+        self._dismissed, self._blamed_ns = [0, 0, 0], [0, 0, 0]
         self._reported: set[str] = set()
         self._fitted_ns = 0
         if self._memory["stamp_ns"].item() == 0:
@@ -123,7 +132,7 @@ class TrackerIntegrity:
             evidence = float(self._of_turns.max())
         if evidence >= ALARM or self.contradiction:
             self._weigh(evidence)
-        if self._reported or self._overruled.any():
+        if self._reported or self._overruled.any() or self._stuck.any():
             self._blame(stamp_ns)
         if evidence >= 0.0 and abs(stamp_ns - self._fitted_ns) > FITTED_NS:
             self._fitted_ns = stamp_ns
@@ -158,7 +167,7 @@ class TrackerIntegrity:
 
     def _blame(self, stamp_ns: int) -> None:
         """Report what is wrong with the IMU, while alarms are dismissed."""
-        counts = self._overruled.tolist()
+        counts = [*self._overruled.tolist(), self._dismissed[2] + self._stuck.any()]
         for which, (instrument, line) in enumerate(_ALONE):
             if counts[which] != self._dismissed[which]:
                 self._blamed_ns[which] = stamp_ns
@@ -169,8 +178,8 @@ class TrackerIntegrity:
                 self._reported.discard(instrument)
                 self._say(f"the {instrument} agrees with the tracker again", mailbox.INFO)
         self._dismissed = counts
-        is_suspect = ACCELEROMETER in self._reported and self._parameters.tracker_check
-        self.suspicion = _SUSPICION if is_suspect else ""
+        found = [why for instrument, why in _SUSPICIONS.items() if instrument in self._reported]
+        self.suspicion = found[0] if found and self._parameters.tracker_check else ""
         self._flag()
 
     def _flag(self) -> None:
