@@ -43,7 +43,7 @@ from quadrotor.vectors import (
 
 LONGEST_GAP = 0.3
 """Longest time, in s, between two poses that are compared."""
-TURN_RATE, QUICK_RATE = 0.7, 2.0
+TURN_RATE, QUICK_RATE = 0.65, 2.0
 """Double poles, in rad/s, of the high-passes of turns: what is compared, and what a bias of the
 gyroscope is not seen in."""
 OUTLIERS = 0.15

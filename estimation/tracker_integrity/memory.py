@@ -97,6 +97,13 @@ INTEGRITY_MEMORY = np.dtype(
 )
 
 
+OF_TICKS = (
+    *("ring", "ring_next", "lift", "carried", "ground_pressure", "rate_b", "push_b"),
+    *("push_offset_b", "reading_b", "unchanged", "stuck"),
+)
+"""The fields that poses do not change, or only for a moment."""
+
+
 def new_integrity() -> Record:
     """Return INTEGRITY_MEMORY (1,) before the first sample."""
     m = np.zeros(1, INTEGRITY_MEMORY)

@@ -42,8 +42,8 @@ GUST = 0.4
 """Time, in s, within which the errors of the motors' displacements are alike."""
 AIRBORNE = 1.0
 """Time, in s, from which on the motors have carried the vehicle and not the ground."""
-LARGEST, MOST_AGREEMENT = 20.0, 3.0
-"""Largest size of the vote, and of an agreement, which a lie must soon undo."""
+LARGEST, LARGEST_AGREEMENT = 20.0, 3.0
+"""Largest sizes of the vote, and of an agreement, which a lie, or its end, must soon undo."""
 
 
 @compiled(inner=True)
@@ -78,7 +78,8 @@ def agree(m: Any, since: float, t: Vector, g: Vector) -> None:
     left, share = max(0.0, 1.0 - since / QUICK_FADING), min(1.0, since / CORRELATION)
     for i in range(3):
         said = share * (t[i] * g[i] - 0.5 * g[i] * g[i]) / uncertain
-        m.agreement[i] = min(MOST_AGREEMENT, max(-LARGEST, left * m.agreement[i] + said))
+        sum_ = left * m.agreement[i] + said
+        m.agreement[i] = min(LARGEST_AGREEMENT, max(-LARGEST_AGREEMENT, sum_))
 
 
 @compiled(inner=True)

@@ -16,7 +16,7 @@ import numpy as np
 from estimation.tracker_integrity.comparison import compare_pose
 from estimation.tracker_integrity.evidence import ALARM, DOUBTED
 from estimation.tracker_integrity.felt import note_sample
-from estimation.tracker_integrity.memory import new_integrity
+from estimation.tracker_integrity.memory import OF_TICKS, new_integrity
 from estimation.tracker_integrity.slopes import errors
 from quadrotor.compiled import direct
 from quadrotor.errors import RefusedError
@@ -102,9 +102,10 @@ class TrackerIntegrity:
         self._fitted_ns = 0
         if self._memory["stamp_ns"].item() == 0:
             return  # nothing is known
-        ring, count = self._memory["ring"].copy(), self._memory["ring_next"].copy()
-        self._memory[...] = new_integrity()
-        self._memory["ring"], self._memory["ring_next"] = ring, count
+        begun = new_integrity()
+        for name in OF_TICKS:
+            begun[name] = self._memory[name]
+        self._memory[...] = begun
 
     def note(self, imu: Record, actuators: Record, model: Record, pressure: float) -> None:
         """Store what the witnesses of a tick say: IMU_SAMPLE, ACTUATORS of the last tick, MODEL,

@@ -13,7 +13,16 @@ from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.constants import GRAVITY
 from quadrotor.errors import RefusedError
 from quadrotor.plain_rotations import matrix_of, turned
-from quadrotor.records import IMU_SAMPLE, NO_ATTITUDE, POSE_SAMPLE, Array, new_state, pose_sample
+from quadrotor.records import (
+    ACTUATORS,
+    IMU_SAMPLE,
+    NO_ATTITUDE,
+    POSE_SAMPLE,
+    Array,
+    new_state,
+    pose_sample,
+)
+from quadrotor.vehicle_model import VehicleModel
 from vehicle.estimators.tracker_integrity import TrackerIntegrity
 from vehicle.modes import Flag
 from vehicle.safety.parameters import SafetyParameters
@@ -91,6 +100,7 @@ class Moved:
         self._quaternion = np.array([1.0, 0.0, 0.0, 0.0])
         self._past: list[tuple[Array, Array]] = []
         self._state = new_state()
+        self._actuators, self._model = np.zeros(1, ACTUATORS), VehicleModel().record()
 
     def run(self, seconds: float, lie: Lie | None = None) -> list[bool]:
         """Advance; return which of the poses were taken."""
@@ -123,7 +133,7 @@ class Moved:
         imu["stamp_ns"] = START_NS + round(self.time * 1e9)
         imu["specific_force_b"][0] = felt + 0.05 * noise[:3] + (0.03, -0.02, 0.04)
         imu["angular_velocity_b"][0] = rate + math.radians(0.3) * noise[3:]
-        self.judge.note(imu)
+        self.judge.note(imu, self._actuators, self._model, 1e5)
 
     def _track(self) -> bool:
         self._past.append((self._position, self._quaternion))
@@ -189,7 +199,7 @@ def test_poses_that_are_true_again_are_used_again() -> None:
     moved.run(3.0, left_handed)
     taken = moved.run(3.0, truth)
     assert "the tracker agrees with the inertial sensors again" in moved.lines
-    assert all(taken[100:])
+    assert all(taken[105:])
 
 
 def test_poses_that_are_true_at_last_are_used() -> None:
