@@ -133,16 +133,20 @@ def _take(m: Any, z: Any, since: float) -> bool:
         rate_b = along(scale(1.0 / since, turn_b), -2.0 * TURN_RATE, g_b)
         rate_b = along(rate_b, 1.0, vector(m.turn_felt_b[3:]))
         fit(m, since, subtract(g_b, t_b), rate_b, t_w, felt_w)
+    m.settled += since
     keep(m.turn_shown_b, t_b, still, since, TURN_RATE)
     keep(m.turn_felt_b, g_b, still, since, TURN_RATE)
     keep(m.quick_shown_b, quick_t_b, still, since, QUICK_RATE)
     keep(m.quick_felt_b, quick_g_b, still, since, QUICK_RATE)
+    if m.settled < 0.5 / TURN_RATE:  # at first off the mean: the pose at the start has noise
+        left = 1.0 - since / m.settled
+        for i in range(3):
+            m.turn_shown_b[i], m.turn_felt_b[i] = left * t_b[i], left * g_b[i]
     keep(m.place_shown_w, t_w, still, since, PLACE_RATE)
     keep(m.place_felt_w, felt_w, vector(felt.velocity_w), since, PLACE_RATE)
     keep(m.place_driven_w, driven_w, vector(felt.driven_velocity_w), since, PLACE_RATE)
     keep(m.place_height_w, height_w, still, since, PLACE_RATE)
     follow_tracker(m, turned_b, since)
-    m.settled += since
     m.height = felt.height
     _note(m, z)
     return True

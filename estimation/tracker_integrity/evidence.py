@@ -90,14 +90,16 @@ def agrees(m: Any) -> bool:
     """Return whether quick turns agree about both axes: a lie may leave the third as it is, or two
     of the three.
     """
-    return min(m.agreement[0], m.agreement[1]) > AGREED
+    found: bool = min(m.agreement[0], m.agreement[1]) > AGREED
+    return found
 
 
 @compiled(inner=True)
 def contradicts(m: Any) -> bool:
     """Return whether quick turns disagree about one axis, or on the whole: a bias does not."""
     a = m.agreement
-    return min(a[0], a[1], a[2]) < -DISAGREED or a[0] + a[1] + a[2] < -DISAGREED_ALL
+    found: bool = min(a[0], a[1], a[2]) < -DISAGREED or a[0] + a[1] + a[2] < -DISAGREED_ALL
+    return found
 
 
 @compiled(inner=True)
@@ -107,7 +109,8 @@ def strongest(m: Any) -> float:
     of_turn = max(e[TURN], e[TILT])
     if not contradicts(m):
         of_turn = 0.0 if agrees(m) else min(of_turn, DOUBTED)
-    return of_turn if m.vote > DECIDED else max(of_turn, e[PLACE], e[LEVEL])
+    most: float = of_turn if m.vote > DECIDED else max(of_turn, e[PLACE], e[LEVEL])
+    return most
 
 
 @compiled(inner=True)

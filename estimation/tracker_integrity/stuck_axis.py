@@ -20,7 +20,7 @@ UNCHANGED = 0.02
 """Time, in s, from which on a reading that stays the same is no measurement."""
 AIRBORNE = 1.0
 """Time, in s, from which on the motors have carried the vehicle and their torques turn it."""
-STUCK_RATE = math.radians(4.0)
+STUCK_RATE = math.radians(6.0)
 """Difference, in rad/s, that noise and gusts do not make."""
 GYROSCOPE_POLE, TRACKER_POLE = 10.0, 4.0
 """Double poles, in rad/s, with which the observer follows the gyroscope and the tracker."""

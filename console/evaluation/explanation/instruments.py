@@ -18,8 +18,8 @@ from console.evaluation.explanation.finding import (
 LASTED = 0.1
 """Limit in s of the time for which a flag was set."""
 CLAIMS = {
-    "tracker_contradicted": "The tracker's poses contradicted gyroscope or accelerometer: check that "
-    "its frame is right-handed, and the axes of world and body",
+    "tracker_contradicted": "The tracker's poses contradicted gyroscope or accelerometer: check "
+    "that its frame is right-handed, and the axes of world and body",
     "inertial_suspect": "The IMU contradicted the tracker and the motors: an axis of the gyroscope "
     "was stuck, or the accelerometer is not calibrated, turned or shaken; the events say which",
     "tracker_tilted": "The verticals of tracker and accelerometer differed: the tracker's frame or "
