@@ -1,4 +1,4 @@
-"""What the IMU, the motors and the barometer say about the time between two poses."""
+"""The motion between two poses as the IMU, the motors and the barometer tell it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the comparison of poses with the inertial sensors remembers of one vehicle.
+"""The memory of the comparison of poses with the inertial sensors, for one vehicle.
 
 The functions of this folder take one INTEGRITY_MEMORY record m.
 """

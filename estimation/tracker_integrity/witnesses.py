@@ -1,4 +1,4 @@
-"""Which of two that contradict each other is wrong: the tracker, or the accelerometer.
+"""The vote on which of two that contradict each other is wrong: the tracker, or the IMU.
 
 Two more witnesses saw the displacement that is in dispute. The motors pull along z_B with a thrust
 that is commanded: turned by the tracker's attitude, with gravity, it gives a displacement as the

@@ -36,15 +36,15 @@ def instruments(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding
         if lasted < LASTED:
             continue
         yield Finding(
-            flag,
-            lasted / LASTED,
-            set_[0][0],
-            set_[-1][1],
-            f"{claim} ({lasted:.1f} s).",
-            (),
-            "reported",
-            "0 or 1",
-            0.5,
-            np.repeat(np.ravel(set_), 2),
-            np.tile([0.0, 1.0, 1.0, 0.0], len(set_)),
+            kind=flag,
+            weight=lasted / LASTED,
+            start=set_[0][0],
+            end=set_[-1][1],
+            claim=f"{claim} ({lasted:.1f} s).",
+            signals=(),
+            label="reported",
+            unit="0 or 1",
+            limit=0.5,
+            time=np.repeat(np.ravel(set_), 2),
+            values=np.tile([0.0, 1.0, 1.0, 0.0], len(set_)),
         )
