@@ -10,8 +10,8 @@ The evidence against the tracker is the logarithm of the likelihood that t has n
 over that it equals g, the sum of (|g|² - 2 t·g) / 2σ², kept between 0 and a limit (CUSUM: Page,
 Biometrika 1954). Axes that are reversed or permuted leave |t| as large as |g|, and add to it with
 every motion; a true pose takes away. A share of the motion counts as noise, because small errors of
-axes, scales and stamps are no reason to stop flying. A motion that the tracker alone shows is no
-evidence here: it is judged by the gate.
+axes, scales and stamps are no reason to stop flying; a turn that may be the gyroscope's noise alone
+is no evidence, nor is a motion that the tracker alone shows: it is judged by the gate.
 
 The mean of g - t for the displacement is an acceleration that the tracker does not show. Its
 horizontal part is the angle between the verticals of tracker and accelerometer, times g.
@@ -82,6 +82,9 @@ MOTION_TIME = 1.0
 """Time constant, in s, of the mean square motion."""
 LEAST_TURN, LEAST_PLACE = math.radians(0.1), 0.003
 """Least deviations of the differences, rad and m."""
+FELT_TURN = math.radians(0.3)
+"""Turn, rad rms, that may be the noise of the gyroscope alone, which adds up within `TURN_TIME`: at
+rest it is up to 0.1 deg."""
 START_TURN, START_PLACE = math.radians(1.0), 0.01
 """Deviations before any difference is known, rad and m."""
 ERROR = 0.2
@@ -399,6 +402,8 @@ def _weigh(m: Any, test: int, t: Vector, g: Vector, since: float) -> None:
     if not of_turn:
         uncertain = (uncertain + _unknown(m)) * max(1.0, CORRELATION / since)
     found = 0.5 * (felt * felt - 2.0 * dot(t, g)) / uncertain
+    if of_turn:
+        found *= max(0.0, 1.0 - FELT_TURN**2 / max(m.motion[test], FELT_TURN**2))
     if found > 0.0 and not (SMALLER * felt < shown < LARGER * felt + VISIBLE * math.sqrt(variance)):
         return
     size = min(max(0.0, abs(found) - SLOWEST * since), FASTEST * since)
