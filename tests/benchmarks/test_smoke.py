@@ -69,7 +69,7 @@ def groups() -> Iterator[object]:
 
 
 @pytest.mark.timeout(2 * LONGEST + 15.0)
-@pytest.mark.parametrize("names", groups())
+@pytest.mark.parametrize("names", list(groups()))
 def test_benchmarks_in_their_shortest_form_have_figures_in_every_row(names: list[str]) -> None:
     have_figures(names, run(*names, "--smoke"))
 
