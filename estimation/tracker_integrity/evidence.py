@@ -4,8 +4,9 @@ The evidence is the logarithm of the likelihood that t, the tracker's motion, ha
 g, that of the IMU, over that it equals g: the sum of (|g|² - 2 t·g) / 2σ², kept between 0 and a
 limit (CUSUM: Page, Biometrika 1954). Axes that are reversed or permuted leave |t| as large as |g|,
 and add to it with every motion; a true pose takes away. A share of the motion counts as noise,
-because small errors of axes, scales and stamps are no reason to stop flying. A motion that the
-tracker alone shows is no evidence here: it is judged by the gate.
+because small errors of axes, scales and stamps are no reason to stop flying; a turn that may be the
+gyroscope's noise alone is no evidence, nor is a motion that the tracker alone shows: it is judged
+by the gate.
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ MOTION_TIME = 1.0
 """Time constant, in s, of the mean square motion."""
 LEAST_TURN, LEAST_PLACE = math.radians(0.1), 0.003
 """Least deviations of the differences, rad and m."""
+FELT_TURN = math.radians(0.3)
+"""Turn, rad rms, that may be the noise of the gyroscope alone, which adds up for 1 s: at
+rest it is up to 0.1 deg."""
 ERROR = 0.2
 """Share of the motion that counts as noise."""
 SKEW = 0.25
@@ -166,6 +170,8 @@ def _weigh(m: Any, test: int, t: Vector, g: Vector, since: float) -> None:
     if not of_turn:
         uncertain = (uncertain + unknown(m)) * max(1.0, CORRELATION / since)
     found = 0.5 * (felt * felt - 2.0 * dot(t, g)) / uncertain
+    if of_turn:
+        found *= max(0.0, 1.0 - FELT_TURN**2 / max(m.motion[test], FELT_TURN**2))
     if found > 0.0 and not (SMALLER * felt < shown < LARGER * felt + VISIBLE * math.sqrt(variance)):
         return
     size = min(max(0.0, abs(found) - SLOWEST * since), FASTEST * since)

@@ -23,6 +23,7 @@ from quadrotor.records import (
     pose_sample,
 )
 from quadrotor.vehicle_model import VehicleModel
+from tests.support.lab import Lab, flight_parameters
 from vehicle.estimators.tracker_integrity import TrackerIntegrity
 from vehicle.modes import Flag
 from vehicle.safety.parameters import SafetyParameters
@@ -191,6 +192,16 @@ def test_at_rest_nothing_can_show() -> None:
     moved = Moved(motion=0.0)
     assert all(moved.run(10.0, left_handed))
     assert moved.lines == []
+
+
+@pytest.mark.parametrize("rate", [100, 250, 500])
+def test_a_vehicle_at_rest_is_taken_for_no_lie_at_any_rate_of_samples(rate: int) -> None:
+    parameters = flight_parameters()
+    parameters.simulator.imu_rate = rate
+    lab = Lab(parameters).ready()
+    lab.wait(20.0)
+    assert "contradicts" not in lab.said
+    assert not lab.flags & Flag.TRACKER_CONTRADICTED
 
 
 def test_poses_that_are_true_again_are_used_again() -> None:
