@@ -7,10 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from console.experiments.catalogue import find
+from console.experiments.catalogue import experiments, find
 from console.experiments.client import Calibrating
+from console.reports.experiment_figures import experiment_pictures
+from console.reports.flight import flight_of
+from console.reports.judgement import Judgement
+from console.reports.run_log import read_run
 from quadrotor.errors import LogFormatError
 from tests.support.laboratory import laboratory
+
+
+def test_they_are_listed_after_those_of_the_paper() -> None:
+    names = list(experiments())
+    mine = ["drag", "vibration", "tracker_delay", "tracker_body"]
+    assert [name for name in names if name in mine] == mine
+    assert names.index("inertia") < names.index("drag")
 
 
 # ---------------------------------------------------------------- drag
@@ -54,6 +65,10 @@ def test_the_noise_of_a_rough_vehicle_is_found_in_hover_and_proposed(tmp_path: P
         "estimation.error_state.gyroscope_noise": pytest.approx(0.029, rel=0.05),
         "estimation.rate_notch": pytest.approx(76.0, abs=1.0),
     }
+    run = read_run(log)
+    pictures, missing = experiment_pictures(run, flight_of(run), Judgement("vibration"))
+    assert [picture.title for picture in pictures] == ["Spectra", "Spectrograms"]
+    assert missing == []
 
 
 # ---------------------------------------------------------------- tracker
