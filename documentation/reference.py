@@ -160,7 +160,32 @@ def file_format() -> str:
     return "\n".join(parts)
 
 
+def extensions() -> str:
+    """Return the page of the built-in extensions: what each offers, and how it was tried."""
+    from quadrotor.extensions import BUILT_IN, registry
+
+    parts = [
+        "# Extensions\n",
+        "The folders of `extensions/`. Each can be left out; "
+        "[Extensions](../extending/extensions.md) says how one is made. **Tried with**: "
+        "*simulated*: with a simulator of ours; *peer*: with a program or data of others; "
+        "*firmware*: with the firmware of a board in a process; *hardware*: with the device "
+        "itself, where date and place stand.",
+    ]
+    for one in registry().extensions:
+        if one.name not in BUILT_IN:
+            continue
+        title = f"[{one.name}](../{one.docs})" if one.docs else one.name
+        parts.append(f"\n## {title}\n\n{one.summary}.\n")
+        offered = [(offer.kind, f"`{offer.name}`") for offer in one.offers]
+        tried = [("tried with", f"{judged.evidence}: {judged.by}") for judged in one.judged]
+        needs = [("needs", f"`{name}`: {how}") for name, how in one.libraries.items()]
+        parts.append(_table(("", ""), [*offered, *tried, *needs]))
+    return "\n".join(parts)
+
+
 PAGES: dict[str, Callable[[], str]] = {
+    "extensions": extensions,
     "command_line": command_line,
     "http": http_routes,
     "topics": topics,

@@ -23,6 +23,7 @@ class Doctor:
 
         from flight_log.provenance import provenance
         from quadlab.data_folder import FREE_SPACE_FLOOR
+        from quadrotor.extensions import registry
         from vehicle.realtime import PRIORITY
         from vehicle_link import machine_checks as machine
         from vehicle_link.serial.devices import candidates
@@ -36,6 +37,7 @@ class Doctor:
             "versions": found["versions"],
             "system": f"{platform.platform()}, {os.cpu_count()} processors, {memory / 1e9:.1f} GB",
             "data folder": str(folder),
+            "extensions": ", ".join(one.name for one in registry().extensions) or "none",
             "serial devices": ", ".join(candidates()) or "none",
         }
         for name, text in lines.items():

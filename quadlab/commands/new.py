@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from quadlab.data_folder import open_data_folder
 from quadlab.option_types import Folder
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError, UsageError
+from quadrotor.extensions import registry
 
 
 class Kind(NamedTuple):
@@ -92,17 +94,21 @@ KINDS = {
 }
 
 
+EXTENSION, EXAMPLE = "extension", "starlight"
+
+
 @dataclass
 class New:
-    """Write a control law, an estimator, a behavior, a sensor, an experiment or a trajectory to
-    start from; it runs as it is."""
+    """Write a control law, an estimator, a behavior, a sensor, an experiment, a trajectory or an
+    extension to start from; it runs as it is."""
 
     kind: Annotated[
-        Literal["law", "estimator", "behavior", "sensor", "experiment", "trajectory"],
+        Literal["law", "estimator", "behavior", "sensor", "experiment", "trajectory", "extension"],
         tyro.conf.Positional,
     ]
     """what to write: law, estimator, behavior, sensor (docs/extending/plugins.md; a test comes with
-    it), experiment (docs/experiments.md), trajectory (docs/trajectories.md)"""
+    it), experiment (docs/experiments.md), trajectory (docs/trajectories.md), extension, a package
+    (docs/extending/extensions.md)"""
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]
     """its name, by which it is chosen, as --set control.law=NAME: letters, digits and _"""
     out: Folder = None
@@ -111,12 +117,14 @@ class New:
     def run(self) -> int:
         from vehicle.plugins.plugins import TESTS
 
-        kind = KINDS[self.kind]
         if not self.name.isidentifier() or self.name.startswith(("_", TESTS)):
             raise UsageError(
                 f"NAME {self.name!r}: use letters, digits and _, and begin with a letter but not "
                 f"with {TESTS}"
             )
+        if self.kind == EXTENSION:
+            return self._write_extension()
+        kind = KINDS[self.kind]
         if self.name in kind.taken():
             raise UsageError(f"NAME {self.name!r} is a built-in {self.kind}; choose another")
         folder = self.out or open_data_folder(None) / kind.folder
@@ -132,6 +140,32 @@ class New:
         if tested.exists():
             print(f"test it: python -m pytest {test}")
         return 0
+
+    def _write_extension(self) -> int:
+        """Write a package with the example's tracking system, under another name."""
+        if importlib.util.find_spec(self.name) is not None or self.name in _extensions():
+            raise UsageError(
+                f"NAME {self.name!r} is that of a module or an extension that is there; choose "
+                "another"
+            )
+        folder = (self.out or Path.cwd()) / self.name
+        if folder.exists():
+            raise StorageError(f"{folder} exists already; choose another name or folder")
+        example = ROOT / "examples" / "extensions" / EXAMPLE
+        for source in sorted(example.rglob("*.*")):
+            if source.is_file() and source.suffix in (".py", ".toml"):
+                place = str(source.relative_to(example)).replace(EXAMPLE, self.name)
+                text = source.read_text().replace(EXAMPLE, self.name)
+                _write(folder / place, text.replace(EXAMPLE.title(), self.name.title()))
+                print(folder / place)
+        print(f"install it: python -m pip install -e {folder}")
+        print(f"use it:     quadlab tracker {self.name}")
+        print(f"test it:    python -m pytest {folder}")
+        return 0
+
+
+def _extensions() -> Collection[str]:
+    return [one.name for one in registry().extensions]
 
 
 def _write(path: Path, text: str) -> None:

@@ -114,13 +114,14 @@ _ROWS = (
     Row(
         name="new",
         group=Group.SET_UP,
-        summary="Write a control law, an estimator, a behavior, a sensor, an experiment or a "
-        "trajectory to start from; it runs as it is.",
+        summary="Write a control law, an estimator, a behavior, a sensor, an experiment, a "
+        "trajectory or an extension to start from; it runs as it is.",
         target=".new:New",
         examples={
             "quadlab new law mine": "write a control law and its test into the data folder",
             "quadlab new estimator mine": "write an estimator and its test",
             "quadlab new behavior mine": "write a behavior and its test",
+            "quadlab new extension mine": "write a package that adds a tracking system",
         },
     ),
     Row(

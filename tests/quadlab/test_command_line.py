@@ -62,14 +62,11 @@ CAMERAS = ("tracker", "camera", "--tags", "tags.toml", "--device")
         (["fly", "hover", "--set", "model.mass=nan"], "finite"),
         (["fly", "hover", "--set", "model.mass=heavy"], "a number"),
         (["fly", "hover", "--set", "model.mass"], "name=value"),
-        (["up", "--board", "betaflight", "--firmware", "c"], "for --board mikrokopter"),
         (["up", "--port", "99999"], "is out of range (1 to 65535)"),
         (["up", "--port", "http"], "--port"),
         (["up", "--name", "a b/../c"], "allowed are up to 32 lower-case letters"),
         (["fly", "hover", "--set", "behavior.volume_x_min=50"], "not below"),
         (["up", "--set", "simulator.mas=1"], "mass"),
-        (["up", "--tracker", "vrpm"], "did you mean vrpn"),
-        (["up", "--tracker", "vrpn --port 99999"], "1 to 65535"),
         ([*CAMERAS, "0", "1", "--intrinsics", "a.yaml"], "1 files, but there are 2 cameras (0, 1)"),
         ([*CAMERAS, "1", "1", "--intrinsics", "a.yaml", "b.yaml"], "camera 1 is given twice"),
         ([*CAMERAS, *"01234", "--intrinsics", *"abcde"], "5 cameras; camera reads at most 4"),
@@ -79,12 +76,6 @@ CAMERAS = ("tracker", "camera", "--tags", "tags.toml", "--device")
             "the system camera renders 1 to 4 cameras, and one vehicle",
         ),
         (["log", "inspect", "x.mcap"], "info"),
-        (
-            ["log", "import", "x.csv", "--out", "y"],
-            "quadlab log import has no --out: its options are --mapping, --truth, --name, --torn, "
-            "--data;",
-        ),
-        (["log", "import", "--out", "y"], "quadlab log import has no --out"),
     ],
 )
 def test_wrong_words_are_answered_in_one_line(
@@ -227,7 +218,7 @@ def test_help_and_wrong_words_need_no_large_library() -> None:
         "[one.load() for one in program.commands().values()]; print(*sys.modules)"
     )
     ran = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
-    assert {"quadlab.commands.fly", "extensions.mavlink.command"} <= set(ran.stdout.split())
+    assert "quadlab.commands.fly" in ran.stdout.split()
     assert not {"numpy", "numba", "pydantic", "pyarrow", "zenoh"} & set(ran.stdout.split())
 
 
@@ -411,7 +402,7 @@ def test_a_command_without_a_word_helps(
     ("words", "meant"),
     [
         (["lgo"], "log"),
-        (["replya", "x"], "replay"),
+        (["flyy", "x"], "fly"),
         (["log", "inof", "x"], "info"),
         (["link", "lits"], "list"),
         (["user", "ad"], "add"),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +15,8 @@ from console.experiments.user_file import load
 from control.trajectories.library import load_folder
 from estimation import registry
 from quadlab.__main__ import main
+from quadrotor.checkout import ROOT
+from tests.support.installed import install
 from tests.support.lab import Lab, flight_parameters
 from vehicle.estimators.estimators import Estimators
 from vehicle.laws.laws import Laws
@@ -94,3 +98,58 @@ def test_an_existing_file_is_never_written_over(
     assert main(["new", "law", "mine", "--out", str(tmp_path)]) == 1
     assert "exists already" in capsys.readouterr().err
     assert (tmp_path / "mine.py").read_text() == "kept"
+
+
+def test_a_new_extension_passes_its_tests_and_is_a_tracking_system_and_a_part_of_the_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "extension", "mine", "--out", str(tmp_path)]) == 0
+    assert "quadlab tracker mine" in capsys.readouterr().out
+    folder = tmp_path / "mine"
+    assert "starlight" not in "".join(one.read_text().lower() for one in folder.rglob("*.*"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder)]
+        tested = subprocess.run(
+            words,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+            env={**os.environ, "PYTHONPATH": str(folder)},
+        )
+        assert "6 passed" in tested.stdout, tested.stdout
+        declared = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+        (group,) = declared["entry-points"]
+        lines = [f"{name} = {value}" for name, value in declared["entry-points"][group].items()]
+        install(patch, folder, {group: "\n".join(lines)}, {})
+        shown = subprocess.run(
+            [sys.executable, "-c", INSTALLED, str(folder)],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    assert shown.stdout.split() == ["mine", "['mine']"]
+
+
+INSTALLED = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import quadlab
+from quadlab.commands.tracker import SYSTEMS
+from web.features import of_extensions
+print("mine" if "mine" in SYSTEMS else "")
+print([one.name for one in of_extensions(print) if one.name == "mine"])
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("mavlinkx-", "use letters"), ("json", "is that of a module"), ("test_a", "but not with")],
+)
+def test_a_name_that_an_extension_cannot_have_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, why: str
+) -> None:
+    assert main(["new", "extension", name, "--out", str(tmp_path)]) == 2
+    assert why in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

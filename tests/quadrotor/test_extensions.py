@@ -50,6 +50,12 @@ class Tunnel:
         print(f"wind {self.speed} m/s")
         return 0
 '''
+TAKEN, HOLDER = next(
+    (name, offered.extension.name)
+    for name, offered in registry().offers(Command).items()
+    if " " not in name and offered.extension is not None
+)
+"""A command of an extension of quadlab itself, and that extension."""
 ENTRY = {GROUP: "wind_tunnel = tunnels.extension:EXTENSION"}
 FILES = {"tunnels/__init__.py": "", "tunnels/extension.py": GOOD, "tunnels/command.py": COMMAND}
 
@@ -125,8 +131,8 @@ def test_a_packages_command_is_in_the_overview_and_runs(
             "its command up is left out, because quadlab itself has one of this name; rename it",
         ),
         (
-            GOOD.replace('name="tunnel"', 'name="mavlink"'),
-            "its command mavlink is left out, because the extension mavlink has one of this name",
+            GOOD.replace('name="tunnel"', f'name="{TAKEN}"'),
+            f"its command {TAKEN} is left out, because the extension {HOLDER} has one of this name",
         ),
         (GOOD.replace("group=Group.SET_UP,", ""), "the command 'tunnel' needs a group"),
     ],

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from extensions.betaflight.board.options import BetaflightOptions
-from extensions.crazyflie.board.options import CrazyflieOptions
 from quadrotor.errors import OutOfBoundsError, UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle.boards.board import CommandKind
@@ -34,24 +32,10 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
 
 
-def test_ours_are_there_with_what_they_take() -> None:
-    assert find_kind("mikrokopter").traits.takes[0] is CommandKind.MOTORS
-    betaflight = find_kind("betaflight")
-    assert betaflight.traits.takes[0] is CommandKind.RATES
-    assert (betaflight.options, betaflight.rate) == (BetaflightOptions, 250)
-    crazyflie = find_kind("crazyflie")
-    assert crazyflie.traits.takes[0] is CommandKind.RATES
-    assert (crazyflie.options, crazyflie.rate, crazyflie.is_asked) == (CrazyflieOptions, 100, True)
-
-
-def test_the_option_level_moves_where_the_law_ends() -> None:
-    kind = find_kind("betaflight")
-    rates = kind.traits_with(kind.configured({}))
-    assert rates == kind.traits
-    angles = kind.traits_with(kind.configured({"level": "angles", "angle_gain": 6.0}))
-    assert angles.takes == (CommandKind.ANGLES, CommandKind.RATES)
-    assert angles.angle_gain == 6.0
-    assert find_kind("mikrokopter").traits_with(None).takes[0] is CommandKind.MOTORS
+def test_the_papers_board_is_there_with_what_it_takes() -> None:
+    kind = find_kind("mikrokopter")
+    assert kind.traits.takes[0] is CommandKind.MOTORS
+    assert kind.traits_with(None).takes[0] is CommandKind.MOTORS
 
 
 @pytest.mark.usefixtures("package")
@@ -64,12 +48,10 @@ def test_a_package_brings_its_own() -> None:
         find_kind("wrong")
 
 
-@pytest.mark.parametrize("board", ["mikrokopter", "betaflight", "crazyflie"])
-def test_each_boards_model_can_hover_and_a_mass_that_cannot_is_refused(board: str) -> None:
+def test_its_model_can_hover_and_a_mass_that_cannot_is_refused() -> None:
     store = ParameterStore(new_parameters())
-    store.preset(find_kind(board).traits.parameters)
+    store.preset(find_kind("mikrokopter").traits.parameters)
     check_pairs(store.values())
     check_hover(store.values())
-    wrong = 0.03 if board != "crazyflie" else 0.5
-    with pytest.raises(OutOfBoundsError, match=rf"model\.mass = {wrong:g} kg cannot hover: "):
-        check_hover(store.values() | {"model.mass": wrong})
+    with pytest.raises(OutOfBoundsError, match=r"model\.mass = 0.03 kg cannot hover: "):
+        check_hover(store.values() | {"model.mass": 0.03})

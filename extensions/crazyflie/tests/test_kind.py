@@ -1,4 +1,4 @@
-"""Options of the board in use as parameters of the vehicle."""
+"""The kind of board that a Crazyflie is, and its options as parameters of the vehicle."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from extensions.betaflight import NAME as BETAFLIGHT
 from extensions.crazyflie import NAME as CRAZYFLIE
-from quadrotor.errors import OutOfBoundsError, ReadOnlyError, UnknownParameterError
+from extensions.crazyflie.board.options import CrazyflieOptions
+from quadrotor.errors import OutOfBoundsError, UnknownParameterError
 from quadrotor.parameters import ParameterStore
+from vehicle.boards.board import CommandKind
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.boards.offered import offer
-from vehicle.parameters import VehicleParameters, new_parameters
+from vehicle.parameters import VehicleParameters, check_hover, check_pairs, new_parameters
 
 
 @pytest.fixture(autouse=True)
@@ -25,6 +26,12 @@ def tree(board: str, **values: float) -> VehicleParameters:
     kind = find_kind(board)
     offer(kind.configured(values), live=kind.live)
     return new_parameters()
+
+
+def test_it_takes_rates_at_100_hz_and_is_asked() -> None:
+    kind = find_kind(CRAZYFLIE)
+    assert kind.traits.takes[0] is CommandKind.RATES
+    assert (kind.options, kind.rate, kind.is_asked) == (CrazyflieOptions, 100, True)
 
 
 def test_options_that_apply_at_once_change_in_the_tree_that_the_board_reads() -> None:
@@ -40,15 +47,16 @@ def test_options_that_apply_at_once_change_in_the_tree_that_the_board_reads() ->
     assert "stabilizer" in str(store.get("board.parameters"))
 
 
-def test_options_that_describe_the_boards_settings_can_only_be_read() -> None:
-    store = ParameterStore(tree(BETAFLIGHT, rate_max=300.0))
-    assert store.get("board.rate_max") == 300.0
-    assert store.description("board.rate_max").unit == "deg/s"
-    with pytest.raises(ReadOnlyError, match=r"set it at the start with --set board\.rate_max="):
-        store.set({"board.rate_max": 400.0})
-
-
 def test_a_board_without_options_adds_no_parameters() -> None:
     tree(CRAZYFLIE)
     with pytest.raises(UnknownParameterError):
         ParameterStore(tree(MIKROKOPTER)).get("board.pose_rate")
+
+
+def test_its_model_can_hover_and_a_mass_that_cannot_is_refused() -> None:
+    store = ParameterStore(new_parameters())
+    store.preset(find_kind(CRAZYFLIE).traits.parameters)
+    check_pairs(store.values())
+    check_hover(store.values())
+    with pytest.raises(OutOfBoundsError, match=r"model\.mass = 0.5 kg cannot hover: "):
+        check_hover(store.values() | {"model.mass": 0.5})

@@ -1,0 +1,1 @@
+"""An extension of quadlab: the tracking system starlight."""

@@ -1,0 +1,47 @@
+"""The extension is found, and its client reads frames of a server."""
+
+import socket
+import threading
+
+import numpy as np
+import pytest
+from quadlab.console.trackers.source import Connection
+from quadlab.quadrotor.errors import MeasurementError, UnreachableError
+from quadlab.quadrotor.extensions import Registry
+from starlight.extension import EXTENSION
+from starlight.tracker import SYSTEM, parse
+
+import quadlab  # noqa: F401 - for the names quadlab.…
+
+LINE = b'{"t": 12.5, "bodies": {"cf7": [1, 2, 3, 1, 0, 0, 0]}}\n'
+
+
+def test_all_that_it_offers_can_be_loaded():
+    registry = Registry([("starlight", "starlight", lambda: EXTENSION)])
+    assert registry.problems == {}
+    for kind in {type(offer) for offer in EXTENSION.offers}:
+        assert all(offered.load() is not None for offered in registry.offers(kind).values())
+
+
+def test_frames_of_a_server_arrive_as_bodies():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=lambda: server.accept()[0].sendall(2 * LINE), daemon=True).start()
+        port = server.getsockname()[1]
+        source = SYSTEM.open(Connection("127.0.0.1", port, None, {"quad1": "cf7"}))
+        frames = source.frames()
+        (body,) = next(frames).bodies
+        assert body.name == "cf7"
+        np.testing.assert_array_equal(body.position_w, (1.0, 2.0, 3.0))
+        assert next(frames).stamp_ns == 12_500_000_000
+        source.close()
+
+
+@pytest.mark.parametrize("line", [b"{}", b"x", b'{"t": 1, "bodies": {"cf7": [1, 2]}}'])
+def test_what_is_no_frame_is_refused(line):
+    with pytest.raises(MeasurementError):
+        parse(line, 0)
+
+
+def test_a_server_that_is_not_there_is_named():
+    with pytest.raises(UnreachableError, match="no starlight server at"):
+        SYSTEM.open(Connection("127.0.0.1", 1, None, {}))

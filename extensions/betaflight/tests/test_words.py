@@ -1,0 +1,17 @@
+"""Wrong words for the commands of this extension are answered in one line."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.quadlab.test_command_line import complaint
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["up", "--board", "betaflight", "--firmware", "c"], "for --board mikrokopter")],
+)
+def test_wrong_words_are_answered_in_one_line(
+    capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert said in complaint(capsys, words, 2)

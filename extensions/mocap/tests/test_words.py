@@ -1,0 +1,20 @@
+"""Wrong words for the commands of this extension are answered in one line."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.quadlab.test_command_line import complaint
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["up", "--tracker", "vrpm"], "did you mean vrpn"),
+        (["up", "--tracker", "vrpn --port 99999"], "1 to 65535"),
+    ],
+)
+def test_wrong_words_are_answered_in_one_line(
+    capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert said in complaint(capsys, words, 2)
