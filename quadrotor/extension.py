@@ -195,6 +195,31 @@ class LayoutSurvey(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment(Offer):
+    """An experiment, for `quadlab fly NAME` and the page; a calibration also for `calibrate`.
+
+    The target is a function of the vehicle's name that returns a
+    `console.experiments.client.Experiment` of the same name.
+
+    Attributes:
+        calibration: the name of the calibration that it proposes; "" for none.
+    """
+
+    kind: ClassVar[str] = "experiment"
+    calibration: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportFigures(Offer):
+    """The figures of an experiment in the report of a flight; the name is the experiment's.
+
+    The target is a `console.reports.experiment_figures.Maker`.
+    """
+
+    kind: ClassVar[str] = "figures of the report"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Extension:
     """The declaration of an extension.
 

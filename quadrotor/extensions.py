@@ -26,6 +26,7 @@ BUILT_IN = (
     "crazyflie",
     "fmu",
     "foxglove",
+    "identification",
     "importers",
     "mavlink",
     "mocap",

@@ -1,19 +1,17 @@
-"""Spectra of evenly sampled readings, and the lines that the rotors cause in them.
+"""Spectra of evenly sampled readings.
 
-A rotor's turns per second follow from its thrust by the propeller's static coefficient; a line
-within NEAR of a rotor's frequency, or of its blades' (twice as high), is named after it.
+A rotor's turns per second follow from its thrust by the propeller's static coefficient.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.constants import MOTORS, THRUST_PER_TURN
+from quadrotor.constants import THRUST_PER_TURN
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
 
@@ -24,21 +22,6 @@ LOST_MAX = 0.1
 SEGMENT = 1.0
 """Seconds of samples in one window: the resolution is about its inverse."""
 SEGMENTS_MIN = 4
-BLADES = 2
-"""Number of blades of a propeller."""
-NEAR = 0.06
-"""Share by which a line may differ from a rotor's frequency, because propellers differ."""
-HEIGHT = 8.0
-"""Multiple of the floor above which a peak is a line: the floor itself hardly ever reaches it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A peak: frequency in Hz, rms in the reading's unit, and the rotors it may come from."""
-
-    frequency: float
-    rms: float
-    source: str
 
 
 def evenly(time: Array, values: Values) -> tuple[float, Array]:
@@ -132,32 +115,3 @@ def rotor_frequency(thrusts: Values) -> Array:
     """Return the turns per second of rotors with these thrusts (N)."""
     turns: Array = np.sqrt(np.maximum(thrusts, 0.0) / THRUST_PER_TURN)
     return turns
-
-
-def lines_of(frequency: Array, density: Array, rotors: Array, lowest: float) -> list[Line]:
-    """Return the lines of a spectrum (M,) above `lowest` (Hz), strongest first.
-
-    Args:
-        rotors: (4,) Hz, turns per second.
-    """
-    floor = float(np.median(density[frequency >= lowest]))
-    high = (density > HEIGHT * floor) & (frequency >= lowest)
-    edges = np.flatnonzero(np.diff(high.astype(int), prepend=0, append=0))
-    step = float(frequency[1])
-    found = []
-    for first, last in edges.reshape(-1, 2):
-        part = density[first:last]
-        peak = float(np.sum(frequency[first:last] * part) / part.sum())
-        rms = float(np.sqrt(part.sum() * step))
-        found.append(Line(peak, rms, _source(peak, rotors)))
-    return sorted(found, key=lambda line: -line.rms)
-
-
-def _source(frequency: float, rotors: Array) -> str:
-    """Return the source of a line as text: all rotors that are about as near as the nearest."""
-    for order, name in ((1, "rotor"), (BLADES, "blades")):
-        off = np.abs(frequency / (order * np.maximum(rotors, 1e-9)) - 1.0)
-        if off.min() <= NEAR:
-            near = [MOTORS[k] for k in range(4) if off[k] <= off.min() + 0.01]
-            return f"{name} {' or '.join(near)}" if len(near) < len(MOTORS) else f"{name}"
-    return "unknown"

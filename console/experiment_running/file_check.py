@@ -14,8 +14,6 @@ from vehicle_link.jobs import run
 
 SECONDS = 30.0
 """s, enough for imports that compile; a file that takes longer counts as hanging."""
-RECORDS = {"motor_bench": "motor"}
-"""Calibrations whose name differs from that of their experiment."""
 
 
 @dataclass(frozen=True)
@@ -63,5 +61,5 @@ def described(experiment: Experiment, text: str = "") -> Described:
         name,
         lines[0],
         () if options is None else ParameterStore(options).descriptions(),
-        RECORDS.get(name, name) if isinstance(experiment, Calibrating) else "",
+        name if isinstance(experiment, Calibrating) else "",
     )

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from console.experiment_running.file_check import Described, described
-from console.experiments.catalogue import EXPERIMENTS, find
+from console.experiments.catalogue import experiments, find
 from console.experiments.client import Experiment
 from console.experiments.user_file import errors_with_line
 from quadrotor.errors import UsageError
@@ -70,7 +70,7 @@ class ExperimentService:
 
     def _prepared(self, name: str, options: dict[str, Any]) -> Experiment:
         """Return the experiment with these options. Raises QuadlabError with the reason."""
-        own = None if name in EXPERIMENTS else self._files.find(name)
+        own = None if name in experiments() else self._files.find(name)
         experiment = own or find(name, self._vehicle)
         if experiment.parameters is not None:
             ParameterStore(experiment.parameters).set(options)
@@ -85,7 +85,7 @@ def describe(vehicle: str, own: Sequence[Described]) -> Any:
     """Return the experiments' names, a line about each, and the options of all as
     <name>.<option>.
     """
-    built_in = [described(find(name, vehicle)) for name in EXPERIMENTS]
+    built_in = [_described(name, vehicle) for name in experiments()]
     listed = [*built_in, *own]
     descriptors = [
         to_descriptor(replace(option, name=f"{one.name}.{option.name}"))
@@ -101,3 +101,12 @@ def describe(vehicle: str, own: Sequence[Described]) -> Any:
         calibrations=[one.calibration for one in listed],
         problems=[one.problem for one in listed],
     )
+
+
+def _described(name: str, vehicle: str) -> Described:
+    """Describe an experiment, or say why it cannot run: the others are listed all the same."""
+    try:
+        found = described(find(name, vehicle))
+        return replace(found, calibration=experiments()[name].offer.calibration)
+    except UsageError as error:
+        return Described(name, problem=str(error))

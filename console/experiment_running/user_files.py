@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from console.experiment_running.file_check import Described, check
-from console.experiments.catalogue import EXPERIMENTS
+from console.experiments.catalogue import experiments
 from console.experiments.client import Experiment
 from console.experiments.user_file import GROUP, load
 from quadrotor.errors import QuadlabError, RefusedError, StorageError
@@ -51,7 +51,7 @@ class UserFiles:
         with self._lock:
             known = {path: found for path, (_, found) in sorted(self._known.items())}
             waiting = self._waiting
-        listed, taken = [], set(EXPERIMENTS)
+        listed, taken = [], set(experiments())
         for path, found in known.items():
             if not found.problem and found.name in taken:
                 problem = f"{path.name}: there is an experiment {found.name} already; rename it"

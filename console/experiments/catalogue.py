@@ -1,43 +1,44 @@
-"""The built-in experiments by name."""
+"""The experiments by name: those of quadlab itself, then those of extensions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-from console.experiments.accelerometer import Accelerometer
-from console.experiments.bearings import BearingsExperiment
-from console.experiments.client import Experiment
-from console.experiments.drag import DragExperiment
-from console.experiments.figure_eight import FigureEight
-from console.experiments.gyroscope import Gyroscope
-from console.experiments.hover import Hover
-from console.experiments.inertia import InertiaExperiment
-from console.experiments.mass import MassExperiment
-from console.experiments.motor_bench import MotorBench
-from console.experiments.own_behavior import OwnBehavior
-from console.experiments.tracked_body import TrackerBody, TrackerDelay
-from console.experiments.vibration import VibrationExperiment
 from quadrotor.errors import UsageError
+from quadrotor.extension import Experiment as Offer
+from quadrotor.extensions import Offered, registry
 
-EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
-    "figure_eight": FigureEight,
-    "hover": Hover,
-    "own_behavior": OwnBehavior,
-    "bearings": BearingsExperiment,
-    "gyroscope": Gyroscope,
-    "accelerometer": Accelerometer,
-    "motor_bench": MotorBench,
-    "mass": MassExperiment,
-    "inertia": InertiaExperiment,
-    "drag": DragExperiment,
-    "vibration": VibrationExperiment,
-    "tracker_delay": TrackerDelay,
-    "tracker_body": TrackerBody,
-}
+if TYPE_CHECKING:
+    from console.experiments.client import Experiment
+
+_OWN = (
+    Offer(name="figure_eight", target=".figure_eight:FigureEight"),
+    Offer(name="hover", target=".hover:Hover"),
+    Offer(name="own_behavior", target=".own_behavior:OwnBehavior"),
+    Offer(name="bearings", target=".bearings:BearingsExperiment"),
+    Offer(name="gyroscope", target=".gyroscope:Gyroscope", calibration="gyroscope"),
+    Offer(name="accelerometer", target=".accelerometer:Accelerometer", calibration="accelerometer"),
+    Offer(name="motor_bench", target=".motor_bench:MotorBench", calibration="motor"),
+    Offer(name="mass", target=".mass:MassExperiment", calibration="mass"),
+    Offer(name="inertia", target=".inertia:InertiaExperiment", calibration="inertia"),
+)
+
+
+@lru_cache(maxsize=1)
+def experiments() -> dict[str, Offered[Offer]]:
+    """Return all experiments by name, without importing any."""
+    own = {offer.name: Offered(offer, __package__) for offer in _OWN}
+    return own | registry().offers(Offer, own)
 
 
 def find(name: str, vehicle: str = "quad1") -> Experiment:
-    """Return the experiment with this name. Raises UsageError, which lists the existing ones."""
-    if name not in EXPERIMENTS:
-        raise UsageError(f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}")
-    return EXPERIMENTS[name](vehicle)
+    """Return the experiment with this name.
+
+    Raises UsageError, which lists the existing ones, or says why its code cannot be imported.
+    """
+    known = experiments()
+    if name not in known:
+        raise UsageError(f"unknown experiment {name!r}; there are {', '.join(known)}")
+    experiment: Experiment = known[name].load()(vehicle)
+    return experiment

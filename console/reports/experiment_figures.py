@@ -10,10 +10,13 @@ from console.reports.flight import Flight
 from console.reports.judgement import Judgement
 from console.reports.paper_figures import bearings, figure_eight, mass, motor_bench
 from console.reports.run_log import RunLog
-from console.reports.vibration_figures import vibration
 from quadrotor.errors import QuadlabError
+from quadrotor.extension import ReportFigures
+from quadrotor.extensions import registry
 
-MAKERS: dict[str, Callable[[RunLog, Flight, Judgement], list[Picture]]] = {
+Maker = Callable[[RunLog, Flight, Judgement], list[Picture]]
+
+MAKERS: dict[str, Maker] = {
     "motor_bench": motor_bench,
     "mass": mass,
     "figure_eight": figure_eight,
@@ -21,7 +24,6 @@ MAKERS: dict[str, Callable[[RunLog, Flight, Judgement], list[Picture]]] = {
     "inertia": inertia,
     "accelerometer": residuals,
     "gyroscope": gyroscope,
-    "vibration": vibration,
 }
 
 
@@ -29,10 +31,14 @@ def experiment_pictures(
     log: RunLog, flight: Flight, judged: Judgement
 ) -> tuple[list[Picture], list[str]]:
     """Return the figures, and why any are missing."""
-    maker = MAKERS.get(judged.experiment)
-    if maker is None:
-        return [], []
     try:
-        return maker(log, flight, judged), []
+        maker = _maker(judged.experiment)
+        return ([] if maker is None else maker(log, flight, judged)), []
     except QuadlabError as error:
         return [], [f"No figures of {judged.experiment}: {error}"]
+
+
+def _maker(experiment: str) -> Maker | None:
+    """Return the maker of an experiment's figures. Raises UsageError if it cannot be imported."""
+    offered = registry().offers(ReportFigures, taken=MAKERS).get(experiment)
+    return MAKERS.get(experiment) if offered is None else offered.load()

@@ -13,7 +13,7 @@ import numpy as np
 from console.evaluation.explanation.finding import AT_BOUND, flagged, within
 from console.evaluation.result import NOT_JUDGED, VERDICTS, Result
 from console.evaluation.verdict import evaluated, judged
-from console.experiments.catalogue import EXPERIMENTS, find
+from console.experiments.catalogue import experiments, find
 from console.experiments.client import Calibrating, Experiment
 from console.experiments.figure_eight import LIMITS as EIGHT_LIMITS
 from console.experiments.figure_eight import REST_TO_REST, STEADY
@@ -24,7 +24,7 @@ from console.reports.run_log import RunLog
 from console.runs.report_folders import has_report, read_result
 from flight_log.fields import MOTOR_REFERENCES
 from quadrotor.calibration_record import CalibrationRecord, parse_record
-from quadrotor.errors import QuadlabError
+from quadrotor.errors import QuadlabError, UsageError
 
 Spans = list[tuple[float, float]]
 
@@ -120,7 +120,7 @@ def judge(
     elif experiment is not None:
         _evaluated(log, out, experiment)
     elif out.experiment:
-        out.source = f"{out.experiment} is not an experiment of quadlab"
+        out.source = f"{out.experiment} is not an experiment of this installation"
     else:
         out.source = "the log is not of an experiment"
     out.proposal = proposal or out.proposal
@@ -185,10 +185,14 @@ def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, flo
 
 
 def _made(log: RunLog, out: Judgement) -> Experiment | None:
-    """Return the experiment with the options in the log, None for an unknown one."""
-    if out.experiment not in EXPERIMENTS:
+    """Return the experiment with the options in the log, None for one that is not here."""
+    if out.experiment not in experiments():
         return None
-    experiment = find(out.experiment, log.vehicle or "quad1")
+    try:
+        experiment = find(out.experiment, log.vehicle or "quad1")
+    except UsageError as error:
+        out.source = out.source or str(error)
+        return None
     if experiment.parameters is not None:
         for name, value in out.options.items():
             if name in type(experiment.parameters).model_fields:

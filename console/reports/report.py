@@ -31,18 +31,7 @@ from quadrotor.errors import StorageError
 
 MARK = html.GENERATOR.encode()
 """Marker in every file written here, so that no other file is overwritten."""
-NAMES = {
-    "mass": "Mass estimation",
-    "figure_eight": "Figure 8",
-    "bearings": "Flight on bearings",
-    "hover": "Hover",
-    "inertia": "Inertia",
-    "accelerometer": "Accelerometer",
-    "motor_bench": "Motor bench",
-    "drag": "Drag",
-    "vibration": "Vibration",
-    "gyroscope": "Gyroscope",
-}
+NAMES = {"mass": "Mass estimation", "figure_eight": "Figure 8", "bearings": "Flight on bearings"}
 
 
 def write_report(

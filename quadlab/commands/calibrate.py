@@ -7,21 +7,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.option_types import Flag, Settings, optional
+from console.experiments.catalogue import experiments
+from quadlab.option_types import Flag, Settings
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import ParameterError, UsageError
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient
 
+_CALIBRATIONS = [name for name, one in experiments().items() if one.offer.calibration]
+CALIBRATION = f"{', '.join(_CALIBRATIONS)}, or one from your own file"
+
 
 @dataclass
 class Calibrate:
     """Calibrate the vehicle of the running station; without a name, print what is in force."""
 
-    calibration: Annotated[str | None, tyro.conf.Positional, optional("NAME")] = None
-    """gyroscope, accelerometer, motor_bench, mass, inertia, drag, vibration, tracker_delay,
-    tracker_body, or one from your own file"""
+    calibration: Annotated[
+        str | None,
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="NAME", help=CALIBRATION, help_behavior_hint=""),
+    ] = None
     set: Settings = ()
     """an option of the calibration"""
     yes: Flag = False

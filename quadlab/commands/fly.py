@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from console.experiments.catalogue import experiments
 from quadlab.option_types import File, Flag, Folder, Settings
 from quadlab.settings import beacon_words
 
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from console.experiments.client import Experiment, Result
     from quadrotor.calibration_record import CalibrationRecord
 
+EXPERIMENT = (
+    f"{', '.join(experiments())}; or FILE.py, an experiment of your own (docs/experiments.md)"
+)
 STATUS = {"passed": 0, "failed": 1, "not_judged": 3}
 """Exit status by verdict; 2 means wrong usage."""
 
@@ -24,10 +28,9 @@ STATUS = {"passed": 0, "failed": 1, "not_judged": 3}
 class Fly:
     """Fly an experiment on the simulated vehicle, as fast as the processor goes."""
 
-    experiment: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="EXPERIMENT")]
-    """figure_eight, hover, own_behavior, bearings, gyroscope, accelerometer, motor_bench, mass,
-    inertia, drag, vibration, tracker_delay, tracker_body; or FILE.py, an experiment of your
-    own (docs/experiments.md)"""
+    experiment: Annotated[
+        str, tyro.conf.Positional, tyro.conf.arg(metavar="EXPERIMENT", help=EXPERIMENT)
+    ]
     out: Folder = None
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1

@@ -53,9 +53,9 @@ def _behaviors() -> Collection[str]:
 
 
 def _experiments() -> Collection[str]:
-    from console.experiments.catalogue import EXPERIMENTS
+    from console.experiments.catalogue import experiments
 
-    return EXPERIMENTS.keys()
+    return experiments().keys()
 
 
 KINDS = {

@@ -132,18 +132,18 @@ def fly(
 
 def chosen(name: str) -> Experiment:
     """Return a built-in experiment, or one from a file. Raises UsageError or StorageError."""
-    from console.experiments.catalogue import EXPERIMENTS, find
+    from console.experiments.catalogue import experiments, find
     from console.experiments.user_file import GROUP, is_file, load
     from quadrotor.packaged_files import packaged_files
 
     if is_file(name):
         return load(Path(name))
-    if name not in EXPERIMENTS:
+    if name not in experiments():
         packaged = packaged_files(GROUP)
         if name in packaged:
             return load(packaged[name])
         raise UsageError(
-            f"unknown experiment {name!r}; known are {', '.join((*EXPERIMENTS, *packaged))}, and "
+            f"unknown experiment {name!r}; known are {', '.join((*experiments(), *packaged))}, and "
             "your own files: quadlab fly FILE.py"
         )
     return find(name)

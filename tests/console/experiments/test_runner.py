@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 from console.experiment_running import stick_takeover
-from console.experiments import catalogue as experiments
+from console.experiments.catalogue import experiments
 from console.experiments.client import Client, Result
 from quadlab.station_client import station
 from quadrotor.errors import RefusedError
+from quadrotor.extension import Experiment, Extension
+from quadrotor.extensions import Offered
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import TICK
@@ -218,6 +220,19 @@ class Small:
         raise NotImplementedError
 
 
+class Vain(Small):
+    """Experiment that waits in vain."""
+
+    def fly(self, client: Client) -> None:
+        client.arm()
+        client.start("velocity")
+        client.wait_until(lambda v: False, what="rain", timeout=0.3)
+
+
+def offered(target: str, calibration: str = "") -> Offered[Experiment]:
+    return Offered(Experiment(name="small", target=target, calibration=calibration), "")
+
+
 class Bench(LinkedStation):
     """Vehicle, station and page, connected."""
 
@@ -298,7 +313,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 
 @pytest.fixture
 def bench(running: Bench, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.setitem(experiments.EXPERIMENTS, "small", Small)
+    monkeypatch.setitem(experiments(), "small", offered(f"{__name__}:Small"))
     running.vehicle.reset()
     assert until(lambda: running.station.experiments.feed.mode == "ready")
     running.deflect(0.0, False)  # the dead-man of the test before
@@ -325,6 +340,26 @@ def test_what_there_is_comes_with_bounds_choices_and_units(bench: Bench) -> None
     assert (duration.minimum, duration.maximum, duration.unit) == (5.0, 3600.0, "s")
     assert "manual" in manoeuvre.choices
     assert all(answer.descriptions)
+
+
+def test_an_experiment_that_cannot_be_imported_is_listed_with_the_reason(bench: Bench) -> None:
+    """The others can be flown all the same."""
+    broken = Experiment(name="small", target="nowhere.small:Small", calibration="small")
+    of = Extension(name="tunnel", summary="", protocol=1, offers=(broken,))
+    experiments()["small"] = Offered(broken, "", of)
+    answer = bench.do("describe")
+    listed = {
+        name: (problem, calibration)
+        for name, problem, calibration in zip(
+            answer.names, answer.problems, answer.calibrations, strict=True
+        )
+    }
+    problem, calibration = listed["small"]
+    assert "extension tunnel: experiment small cannot be imported: ModuleNotFoundError" in problem
+    assert calibration == ""
+    assert listed["hover"] == ("", "")
+    assert listed["motor_bench"] == ("", "motor")
+    assert bench.start("small").reason == problem
 
 
 @pytest.mark.parametrize(
@@ -639,13 +674,7 @@ def test_motors_that_are_cut_end_it_at_once_and_nothing_more_is_sent(bench: Benc
 
 
 def test_a_wait_in_vain_ends_hovering_with_the_reason(bench: Bench) -> None:
-    class Vain(Small):
-        def fly(self, client: Client) -> None:
-            client.arm()
-            client.start("velocity")
-            client.wait_until(lambda v: False, what="rain", timeout=0.3)
-
-    experiments.EXPERIMENTS["small"] = Vain
+    experiments()["small"] = offered(f"{__name__}:Vain")
     assert bench.start().accepted
     done = bench.ended()
     assert done.phase == "failed"

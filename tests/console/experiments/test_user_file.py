@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from console.experiments.catalogue import EXPERIMENTS
+from console.experiments.catalogue import experiments, find
 from console.experiments.client import Calibrating, Experiment, Reporting
 from console.experiments.user_file import UserFileError, errors_with_line, is_file, load
 from console.experiments.watched import Abortable, Conditional
@@ -49,7 +49,7 @@ def written(folder: Path, source: str) -> Path:
 def test_a_file_is_told_from_a_name() -> None:
     assert is_file("mine.py")
     assert is_file("./folder/mine")
-    assert not any(map(is_file, EXPERIMENTS))
+    assert not any(map(is_file, experiments()))
 
 
 def test_the_file_s_class_becomes_an_experiment(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_an_exception_of_the_file_is_told_with_its_line(tmp_path: Path) -> None:
 def test_errors_made_for_users_pass_and_built_in_defects_are_not_hidden(tmp_path: Path) -> None:
     with pytest.raises(RefusedError, match="no"), errors_with_line(load(written(tmp_path, GOOD))):
         raise RefusedError("no")
-    with pytest.raises(ZeroDivisionError), errors_with_line(EXPERIMENTS["hover"]("quad1")):
+    with pytest.raises(ZeroDivisionError), errors_with_line(find("hover")):
         print(1 / 0)
 
 
@@ -151,6 +151,6 @@ def test_another_process_gets_the_source_that_was_flown(tmp_path: Path) -> None:
 
 def test_the_example_is_a_whole_one() -> None:
     example: Experiment = load(EXAMPLE)
-    assert example.name not in EXPERIMENTS
+    assert example.name not in experiments()
     assert isinstance(example, Abortable)
     assert isinstance(example, Conditional)

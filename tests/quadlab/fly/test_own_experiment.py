@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from console.experiments.catalogue import EXPERIMENTS
+from console.experiments.catalogue import experiments
 from flight_log import read_log
 from quadlab.__main__ import main
 from quadrotor.checkout import ROOT
@@ -119,7 +119,7 @@ def test_a_wrong_name_lists_what_there_is_and_how_to_give_a_file(
 ) -> None:
     assert main(["fly", "hoover"]) == 2
     said = capsys.readouterr().err
-    assert all(name in said for name in EXPERIMENTS)
+    assert all(name in said for name in experiments())
     assert "quadlab fly FILE.py" in said
     assert main(["fly", "absent.py"]) == 1
     assert "absent.py cannot be read: No such file" in capsys.readouterr().err
@@ -129,5 +129,5 @@ def test_help_names_every_built_in_experiment(capsys: pytest.CaptureFixture[str]
     with pytest.raises(SystemExit):
         main(["fly", "--help"])
     said = capsys.readouterr().out
-    assert all(name in said for name in EXPERIMENTS)
+    assert all(name in said for name in experiments())
     assert "FILE.py" in said

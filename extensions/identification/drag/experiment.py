@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from console.evaluation.drag import RAMP, read_drag
 from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, fly_laps, landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
+from extensions.identification.drag.evaluation import RAMP, read_drag
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, parameter
 

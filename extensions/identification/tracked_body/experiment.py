@@ -10,13 +10,13 @@ import math
 from contextlib import suppress
 from pathlib import Path
 
-from console.evaluation.tracked_body import TrackedBodyFound, read_tracked_body
 from console.evaluation.verdict import judged
 from console.experiments.calibration_flight import CLEAR, CalibrationFlight
 from console.experiments.client import Client, Result
 from console.experiments.manoeuvres import arm, fly_laps, landing_afterwards, take_off, wait_ready
 from console.experiments.pose_guide import attitude_of, spread_poses, words_of
 from console.experiments.readings import Progress
+from extensions.identification.tracked_body.evaluation import TrackedBodyFound, read_tracked_body
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.parameter_description import ParameterValue

@@ -16,7 +16,7 @@ from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterStore
 
 if TYPE_CHECKING:
-    from estimation.calibration.tracked_body import TrackedBody
+    from extensions.identification.tracked_body.fit import TrackedBody
 
 WANTED = {"imu": FORCE + RATE, "tracker_pose": TRACKED + TRACKED_ATTITUDE}
 PARAMETER = "estimation.tracker."
@@ -173,7 +173,7 @@ def read_tracked_body(log: Path, vehicle: str) -> TrackedBodyFound:
     fresh &= np.diff(imu.time, prepend=-np.inf) > 0.0
     known &= rising
     inertial, seen = inertial[fresh], seen[known]
-    from estimation.calibration.tracked_body import Motion, identify_tracked_body  # slow
+    from extensions.identification.tracked_body.fit import Motion, identify_tracked_body  # slow
 
     motion = Motion(
         imu.time[fresh],

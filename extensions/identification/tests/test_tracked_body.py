@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.calibration.tracked_body import Motion, identify_tracked_body
 from estimation.parameters import TrackerCalibration
+from extensions.identification.tracked_body.fit import Motion, identify_tracked_body
 from quadrotor.errors import MeasurementError
 from quadrotor.records import NO_ATTITUDE, has_attitude, pose_sample
 from quadrotor.vehicle_model import GRAVITY

@@ -14,9 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from console.evaluation.figures import allan_variance, rms
+from console.evaluation.figures import rms
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
-from console.evaluation.spectrum import Line, evenly, lines_of, rotor_frequency, spectrum
+from console.evaluation.spectrum import evenly, rotor_frequency, spectrum
+from extensions.identification.vibration.allan import allan_variance
+from extensions.identification.vibration.lines import Line, lines_of
 from flight_log.fields import FORCE, RATE, THRUSTS
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from console.evaluation.drag import PIECES, RAMP, estimate_drag
 from console.evaluation.log_columns import FlownParameters
+from extensions.identification.drag.evaluation import PIECES, RAMP, estimate_drag
 from quadrotor.errors import MeasurementError
 from quadrotor.vehicle_model import GRAVITY
 from tests.support.arrays import Array

@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from console.evaluation.log_columns import FlownParameters
-from console.evaluation.spectrum import evenly, lines_of, rotor_frequency, spectrum
-from console.evaluation.vibration import Vibration, estimate_vibration, read_vibration
+from console.evaluation.spectrum import evenly, rotor_frequency, spectrum
+from extensions.identification.vibration.evaluation import (
+    Vibration,
+    estimate_vibration,
+    read_vibration,
+)
+from extensions.identification.vibration.lines import lines_of
 from flight_log import LogWriter
 from quadrotor.constants import THRUST_PER_TURN
 from quadrotor.errors import LogFormatError, MeasurementError

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from console.evaluation.vibration import HOVER_MIN, REST_MIN, SETTLE, read_vibration
 from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client
 from console.experiments.manoeuvres import landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
+from extensions.identification.vibration.evaluation import (
+    HOVER_MIN,
+    REST_MIN,
+    SETTLE,
+    read_vibration,
+)
 from quadrotor.parameters import Parameters, parameter
 
 STEPS = 4

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from console.evaluation.spectrum import BLADES, evenly, rotor_frequency, spectrogram
-from console.evaluation.vibration import LOWEST, UNITS, read_vibration
+from console.evaluation.spectrum import evenly, rotor_frequency, spectrogram
 from console.plots import AXES, COLORS, DASHED, finish, grid, line, styled
 from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
 from console.reports.run_log import RunLog
+from extensions.identification.vibration.evaluation import LOWEST, UNITS, read_vibration
+from extensions.identification.vibration.lines import BLADES
 from flight_log.fields import FORCE, RATE, THRUSTS
 from quadrotor.constants import MOTORS
 

@@ -1,0 +1,1 @@
+"""Identifications beyond the paper: drag, vibration, and the tracked body."""

@@ -1,0 +1,1 @@
+"""The drag of the whole vehicle, from circles."""

@@ -1,0 +1,30 @@
+"""The declaration of the extension `identification`."""
+
+from quadrotor.extension import Evidence, Experiment, Extension, Judged, ReportFigures
+
+EXTENSION = Extension(
+    name="identification",
+    summary="Drag, noise of the inertial sensors, delay and body of the tracker, as experiments",
+    protocol=1,
+    offers=(
+        Experiment(name="drag", target=".drag.experiment:DragExperiment", calibration="drag"),
+        Experiment(
+            name="vibration",
+            target=".vibration.experiment:VibrationExperiment",
+            calibration="vibration",
+        ),
+        Experiment(
+            name="tracker_delay",
+            target=".tracked_body.experiment:TrackerDelay",
+            calibration="tracker_delay",
+        ),
+        Experiment(
+            name="tracker_body",
+            target=".tracked_body.experiment:TrackerBody",
+            calibration="tracker_body",
+        ),
+        ReportFigures(name="vibration", target=".vibration.figures:vibration"),
+    ),
+    judged=(Judged(Evidence.SIMULATED, "flights whose truth is known"),),
+    docs="calibration.md",
+)

@@ -1,0 +1,1 @@
+"""The noise of the inertial sensors, at rest and in hover."""
