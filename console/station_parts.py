@@ -64,7 +64,7 @@ LOG_TIMEOUT = 1.0
 
 @dataclass(frozen=True)
 class StationOptions:
-    """How one vehicle's station runs.
+    """The options of one vehicle's station.
 
     Attributes:
         vehicle: name of the vehicle, which is the namespace of its topics.

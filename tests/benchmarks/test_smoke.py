@@ -69,8 +69,8 @@ def groups() -> Iterator[object]:
         for name in names:
             if name not in IN_REAL_TIME and name != "real_flights":
                 together.setdefault((folder, *NEEDS.get(name, ("gcc",))), []).append(name)
-    for (_, *needs), names in together.items():
-        yield pytest.param(names, marks=pytest.mark.needs(*needs), id=" ".join(names))
+    for (_, *needs), alike in together.items():
+        yield pytest.param(alike, marks=pytest.mark.needs(*needs), id=" ".join(alike))
 
 
 @pytest.mark.timeout(2 * LONGEST + 15.0)
