@@ -25,7 +25,7 @@ from estimation.tracker_integrity.felt import feel
 from estimation.tracker_integrity.high_pass import keep, passed
 from estimation.tracker_integrity.memory import RING_LENGTH
 from estimation.tracker_integrity.slopes import PLACE_RATE, fit
-from estimation.tracker_integrity.stuck_axis import follow_tracker
+from estimation.tracker_integrity.stuck_axis import follow_tracker, note_turn
 from estimation.tracker_integrity.witnesses import agree, overrule, vote
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
@@ -112,6 +112,7 @@ def _take(m: Any, z: Any, since: float) -> bool:
     turn_b, place_w = vector(felt.turn_b), vector(felt.place_w)
     turned_b = _turn(quaternion(m.quaternion_wb), quaternion(z.quaternion_wb))
     moved_w = subtract(vector(z.position_w), vector(m.position_w))
+    note_turn(m, turned_b, since)
     t_b, g_b = passed(m.turn_shown_b, turned_b, since), passed(m.turn_felt_b, turn_b, since)
     t_w, felt_w = passed(m.place_shown_w, moved_w, since), passed(m.place_felt_w, place_w, since)
     g_w = subtract(felt_w, vector(m.place_offset_w))

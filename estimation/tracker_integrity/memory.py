@@ -60,6 +60,7 @@ INTEGRITY_MEMORY = np.dtype(
         ("reading_b", "f8", 3),  # rad/s, the newest
         ("unchanged", "f8", 3),  # s for which it has stayed the same
         ("stuck", "i8", 3),  # 1: the axis is stuck
+        ("turn_rate_b", "f8", 3),  # rad/s, by the tracker
         ("felt", SINCE_POSE),
         ("stamp_ns", "i8"),  # of the newest pose compared, 0 before the first
         ("settled", "f8"),  # s since the start of the filters
