@@ -16,6 +16,7 @@ from pathlib import Path
 from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.link.known_vehicles import write_station_vehicles
+from console.station_parts import StationOptions
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.defects import end_at_defect
 from vehicle_link.process_instance import new_instance
@@ -68,11 +69,9 @@ def run_station(
     stations: list[BaseStation] = []
     radios: list[Radio] = []
     for name, endpoint in vehicles.items():
-        station = BaseStation(
-            hub,
-            catalogue,
+        options = StationOptions(
             name,
-            settings=settings,
+            settings=settings or {},
             housekeeping=not stations,
             vehicles=len(vehicles),
             host=parse_endpoint(endpoint)[0],
@@ -83,6 +82,7 @@ def run_station(
             ),
             follows_process=follows_process,
         )
+        station = BaseStation(hub, catalogue, options)
         stations.append(station)
         radio = Radio(
             endpoint,

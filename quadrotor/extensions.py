@@ -53,18 +53,17 @@ class Offered(NamedTuple, Generic[Kind]):
         its own error.
         """
         module, _, name = self.offer.target.partition(":")
-        if self.extension is None:
-            return attrgetter(name)(import_module(module, self.package))
         try:
             return attrgetter(name)(import_module(module, self.package))
         except Exception as error:
-            raise UsageError(self._reason(error)) from error
+            if self.extension is None:
+                raise
+            raise UsageError(self._reason(self.extension, error)) from error
 
-    def _reason(self, error: Exception) -> str:
-        assert self.extension is not None
-        one = f"extension {self.extension.name}: {self.offer.kind} {self.offer.name}"
+    def _reason(self, extension: Extension, error: Exception) -> str:
+        one = f"extension {extension.name}: {self.offer.kind} {self.offer.name}"
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
-        libraries = self.extension.libraries
+        libraries = extension.libraries
         if missing is not None and (top := missing.partition(".")[0]) in libraries:
             return f"{one} needs the package {top}; install it with {libraries[top]}"
         return f"{one} cannot be imported: {_told(error)}; mend it, or remove the extension"

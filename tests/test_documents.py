@@ -47,6 +47,22 @@ def test_every_relative_link_of_a_document_leads_somewhere() -> None:
     assert wrong == []
 
 
+PATH = re.compile(r"`([\w.-]+/[\w./-]*)`")
+"""A path in back ticks. Where it begins with a folder of the repository, it has to be there."""
+MADE = {"firmware/build/image.hex", "extensions/NAME"}
+
+
+def test_every_path_of_the_repository_in_a_document_is_there() -> None:
+    folders = {path.name for path in ROOT.iterdir() if path.is_dir()}
+    wrong = [
+        f"{document.relative_to(ROOT)}: {path}"
+        for document in (*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md")
+        for path in PATH.findall(re.sub(r"(?m)^    .*$", "", document.read_text()))
+        if path.partition("/")[0] in folders and not (ROOT / path).exists() and path not in MADE
+    ]
+    assert wrong == []
+
+
 def test_the_parameters_page_is_what_the_models_say() -> None:
     # In a process of its own: flights of other tests in this one offer names of plugins.
     code = "from documentation.parameters import page; print(page(), end='')"

@@ -98,3 +98,4 @@ class Flag(IntFlag):
     TRACKER_CONTRADICTED = 65536  # its poses contradict the inertial sensors and count as missing
     TRACKER_TILTED = 131072  # its vertical is off that of the accelerometer
     AT_BOUND = 262144  # a bias, an integral or an estimate has been at its bound for a second
+    INERTIAL_SUSPECT = 524288  # the IMU contradicts witnesses that agree with each other

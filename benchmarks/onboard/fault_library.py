@@ -28,8 +28,9 @@ WORDS = {"tracker.clock": " step=0.2 drift=1000", "world.wall": " at=0.5"}
 """Words of faults that do nothing as they are declared, or nothing at the hover's place."""
 HARD = 1.0
 """Speed at the ground, in m/s, beyond which a landing is a crash."""
-Outcome = tuple[float, float, str]
-"""Largest distance from the reference in m, largest tilt in deg, and how the flight ended."""
+Outcome = tuple[float, float, float, str]
+"""Largest distance from the reference in m, horizontal one from the hover at the end in m, largest
+tilt in deg, and how the flight ended."""
 
 
 def fly(seed: int, name: str, home: str, size: Size) -> Outcome:
@@ -46,7 +47,8 @@ def fly(seed: int, name: str, home: str, size: Size) -> Outcome:
     away = float(np.linalg.norm(places - wanted, axis=1).max())
     crashed = flight.hardest > HARD or flight.most_tilted > math.radians(80.0)
     ended = "crashed" if crashed else "flies on" if flight.airborne else "landed"
-    return away, math.degrees(flight.most_tilted), ended
+    aside = float(np.hypot(*(places[-1] - wanted[0])[:2]))
+    return away, aside, math.degrees(flight.most_tilted), ended
 
 
 def run(size: Size = Size.FULL) -> Report:
@@ -64,10 +66,11 @@ def run(size: Size = Size.FULL) -> Report:
     names = list(homes)[: size.of(len(homes), len(homes), 2)]
     for name in names:
         found = [fly(seed, name, homes[name], size) for seed in seeds]
-        ended = [end for _, _, end in found]
+        ended = [end for *_, end in found]
         figures: dict[str, float | str] = {
-            "largest distance, m": max(away for away, _, _ in found),
-            "largest tilt, °": max(tilt for _, tilt, _ in found),
+            "largest distance, m": max(away for away, *_ in found),
+            "aside at the end, m": max(aside for _, aside, *_ in found),
+            "largest tilt, °": max(tilt for _, _, tilt, _ in found),
             "ended": ", ".join(f"{ended.count(end)} {end}" for end in dict.fromkeys(ended)),
         }
         report.rows.append(Row(name, figures))

@@ -30,19 +30,16 @@ from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight, figure_eight_at
 from estimation.complementary_filter import correct_one, predict_one
 from estimation.parameters import EstimationParameters
-from estimation.tracker_integrity import (
-    INTEGRITY_MEMORY,
-    compare_pose,
-    errors_of,
-    new_integrity,
-    note_sample,
-)
+from estimation.tracker_integrity.comparison import compare_pose
+from estimation.tracker_integrity.evidence import ALARM, strongest
+from estimation.tracker_integrity.felt import note_sample
+from estimation.tracker_integrity.memory import INTEGRITY_MEMORY, new_integrity
+from estimation.tracker_integrity.slopes import errors_of
 from quadrotor.compiled import compiled
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle.boards.reference_rounding import _round as whole_references
 from vehicle.closed_loop.noise import normals, seeded
 from vehicle.closed_loop.onboard import ONBOARD, SETTINGS, new_onboard, new_settings
-from vehicle.estimators.tracker_integrity import ALARM
 from vehicle.safety.parameters import SafetyParameters
 from vehicle.simulator.air import blow
 from vehicle.simulator.parameters import SimulatorParameters
@@ -59,7 +56,7 @@ from vehicle.simulator.sensors import (
     new_sensors,
     sample,
 )
-from vehicle_link.serial.ids import Id
+from vehicle_link.serial.ids import PRESSURE_OFFSET, Id
 
 PERIOD_NS = 2_000_000
 STILL, REST, CLIMB, HOVER, EIGHT, SINK, AFTER = 1.0, 3.0, 4.0, 6.0, 27.0, 5.0, 2.0
@@ -81,6 +78,7 @@ SHARE = 0.2
 ALLOWED = {"clean": 0.01, "rough": 0.1}
 """False alarms an hour to stay below, lines in the log included."""
 _ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
+_PRESSURE = int(Id.PRESSURE)
 
 FLIGHT = np.dtype(
     [
@@ -104,6 +102,7 @@ FLIGHT = np.dtype(
         ("told", "f8", 3),  # s, when each error was, NaN when it was not
         ("height", "f8"),  # m, true, at the alarm
         ("tilt", "f8"),  # rad, true, the largest until the alarm
+        ("overruled", "i8", 2),  # number of alarms dismissed, by turns and by displacements
         ("crashed", "i8"),
     ],
     align=True,
@@ -177,9 +176,10 @@ def _watch(f: Any, m: Any, t: float) -> None:
         f.error[i] = max(f.error[i], abs(found[i]))
         if abs(found[i]) > f.bound[i] and not f.told[i] >= 0.0:
             f.told[i] = t
+    f.overruled[0], f.overruled[1] = m.overruled[0], m.overruled[1]
     for i in range(4):
         f.evidence[i] = max(f.evidence[i], m.evidence[i])
-        if m.evidence[i] >= ALARM and not f.alarm >= 0.0:
+        if m.evidence[i] >= ALARM and strongest(m) >= ALARM and not f.alarm >= 0.0:
             f.alarm, f.test, f.height = t, i, f.plant.x[2]
 
 
@@ -192,6 +192,8 @@ def fly(
     imu: Record,
     pose: Record,
     state: Record,
+    actuators: Record,
+    model: Record,
     noise: npt.NDArray[np.float64],
     registers: npt.NDArray[np.int16],
     wanted: npt.NDArray[np.float64],
@@ -225,7 +227,8 @@ def fly(
         for i in range(3):
             copied.specific_force_b[i] = v.imu.specific_force_b[i]
             copied.angular_velocity_b[i] = v.imu.angular_velocity_b[i]
-        note_sample(memory, imu)
+        pressure = float(registers[_PRESSURE]) + PRESSURE_OFFSET
+        note_sample(memory, imu, actuators, model, pressure)
         observe(f.tracker, p.x, stamp_ns, f.random, drawn)
         _receive(f, memory, pose, state, stamp_ns, True)
         for i in range(3):
@@ -246,6 +249,7 @@ def fly(
         step_one(v.controller, v.state, v.reference, s.control, s.model, airborne, dt, v.actuators)
         for i in range(4):
             wanted[i] = v.actuators.motor_references[i] if motors_on else 0.0
+        actuators[0].wrench[0] = v.actuators.wrench[0] if motors_on else 0.0
         whole_references(wanted, carry)
 
 
@@ -305,6 +309,8 @@ def fly_all(flights: Sequence[Record]) -> Record:
             each["onboard"]["imu"].copy(),
             np.zeros(1, POSE_SAMPLE),
             state,
+            each["onboard"]["actuators"].copy(),
+            each["settings"]["model"].copy(),
             np.zeros((1, CHANNELS)),
             np.zeros(256, np.int16),
             np.zeros(4),
@@ -346,6 +352,7 @@ def run(size: Size = Size.FULL, hours: float | None = None) -> Report:
         figures: dict[str, float | str] = {
             "hours": honest,
             "alarms": alarms,
+            "overruled": int(flown["overruled"].sum()),
             "evidence": float(flown["evidence"].max()),
             "vertical told": told[VERTICAL],
             "off, deg": math.degrees(tilt),
@@ -420,10 +427,12 @@ def _figures(flown: Record, number: int, from_s: float) -> dict[str, float | str
     begun = max(from_s, REST)
     noticed = (flown["told"][:, TOLD[number]] if number in TOLD else flown["alarm"]) - begun
     known = noticed[np.isfinite(noticed)]
+    overruled = int((flown["overruled"] > 0).any(axis=1).sum())
     if not len(known):
-        return {"noticed": 0.0}
+        return {"noticed": 0.0, "overruled": overruled}
     return {
         "noticed": len(known) / len(flown),
+        "overruled": overruled,
         "s, median": float(np.median(known)),
         "s, 95 %": float(np.quantile(known, 0.95)),
         "height, m, median": float(np.median(flown["height"])),

@@ -50,7 +50,7 @@ class CommandGateway:
         permit: Callable[[str, str], None],
         on_asked: Callable[[str, str], None],
     ) -> None:
-        self._store = store
+        self._node, self._store = node, store
         self._refusal = refusal
         self._deadline_ns = deadline_ns
         self._record = record
@@ -58,14 +58,17 @@ class CommandGateway:
         self._on_asked = on_asked
         change = "change_parameters"
         self._simulator = node.client(f"simulator/{change}", SERVICES[change])
-        forwarded = [command for command in COMMANDS.values() if command.is_forwarded]
-        self._clients = {c.name: node.client(c.address, c.service) for c in forwarded}
-        for command in forwarded:
-            is_change = command.name == change
+        self._forwarded = [command for command in COMMANDS.values() if command.is_forwarded]
+        self._clients = {c.name: node.client(c.address, c.service) for c in self._forwarded}
+
+    def serve(self) -> None:
+        """Answer commands from now on."""
+        for command in self._forwarded:
+            is_change = command.name == "change_parameters"
             handler = self._change_parameters if is_change else partial(self._forward, command.name)
-            node.serve(f"station/{command.name}", command.service, handler, at_once=AT_ONCE)
+            self._node.serve(f"station/{command.name}", command.service, handler, at_once=AT_ONCE)
         # Only here: a repeated command must reach the vehicle when the first one did not.
-        node.serve("station/record", SERVICES["record"], Idempotent(self._start_or_stop))
+        self._node.serve("station/record", SERVICES["record"], Idempotent(self._start_or_stop))
 
     def _forward(self, name: str, request: Any) -> Any:
         # Sent into a lost link it may be carried out late, by surprise.

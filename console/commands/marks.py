@@ -35,7 +35,11 @@ class MarkService:
         self._recorder, self._outbox = context.recorder, context.outbox
         self._catalogue = catalogue
         self._lock = threading.Lock()
-        context.node.serve("station/mark", SERVICES["mark"], Idempotent(self._answer))
+        self._node = context.node
+
+    def serve(self) -> None:
+        """Answer requests from now on."""
+        self._node.serve("station/mark", SERVICES["mark"], Idempotent(self._answer))
 
     def _answer(self, request: Any) -> Any:
         with self._lock:

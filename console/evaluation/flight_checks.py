@@ -23,16 +23,19 @@ IMPACT, TILT, EMERGENCIES = "impact_m_s", "tilt_max_deg", "emergencies"
 FLAGS = {
     "tracker_contradicted": "tracker_contradicted_s",
     "tracker_tilted": "tracker_tilted_s",
+    "inertial_suspect": "inertial_suspect_s",
     AT_BOUND: "at_bound_s",
 }
 """Flags of the vehicle, and the figures of the time, in s, for which each was set, if it was: poses
-contradicted the inertial sensors, or a bias, an integral or an estimate was at its bound."""
+contradicted the inertial sensors, the IMU contradicted other witnesses, or a bias, an integral or
+an estimate was at its bound."""
 LIMITS: Mapping[str, float] = {
     IMPACT: 1.0,
     TILT: 75.0,
     EMERGENCIES: 0.0,
     "tracker_contradicted_s": 0.0,
     "tracker_tilted_s": 0.0,
+    "inertial_suspect_s": 0.0,
 }
 """Speed, in m/s, at which a touch-down may damage the vehicle; tilt that no manoeuvre needs, 5°
 more than the supervisor allows for 0.2 s; number of emergency landings and cuts."""

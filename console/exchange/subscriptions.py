@@ -44,7 +44,8 @@ class Subscriptions:
         self._vehicle, self._link = context.vehicle, context.link
         self._alarms, self._recorder = context.alarms, context.recorder
         self._observed, self._closing = observed, closing
-        callbacks = {
+        self._node = context.node
+        self._callbacks = callbacks = {
             name: partial(self._received, name, handlers.get(name))
             for name in {*handlers, *RECORDED_AS_RECEIVED}
         }
@@ -56,8 +57,11 @@ class Subscriptions:
             callbacks.pop("vehicle_heartbeat"),
             context.outbox.heartbeats,
         )
-        for name, callback in callbacks.items():
-            context.node.subscribe(
+
+    def begin(self) -> None:
+        """Receive messages from now on; those of the lane arrived before, too."""
+        for name, callback in self._callbacks.items():
+            self._node.subscribe(
                 name,
                 TOPICS[name].type_name,
                 callback,

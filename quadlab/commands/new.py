@@ -107,8 +107,8 @@ class New:
         tyro.conf.Positional,
     ]
     """what to write: law, estimator, behavior, sensor (docs/extending/plugins.md; a test comes with
-    it), experiment (docs/experiments.md), trajectory (docs/trajectories.md), extension, a package
-    (docs/extending/extensions.md)"""
+    it), experiment (docs/experiments.md), trajectory (docs/trajectories.md), extension, which is a
+    package (docs/extending/extensions.md)"""
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]
     """its name, by which it is chosen, as --set control.law=NAME: letters, digits and _"""
     out: Folder = None

@@ -41,6 +41,8 @@ def _parsed(words: list[str]) -> Command | str:
     """Return the command, or what is wrong with the words. Raises SystemExit(0) after --help."""
     import tyro
 
+    if words[0] not in commands() and not words[0].startswith("-"):
+        return _no_command(words[0])
     complaint = io.StringIO()
     known, config = commands().get(words[0]), (tyro.conf.FlagCreatePairsOff,)
     try:
@@ -61,6 +63,13 @@ def _parsed(words: list[str]) -> Command | str:
             raise
         return _one_line(complaint.getvalue())
     return command
+
+
+def _no_command(word: str) -> str:
+    near = difflib.get_close_matches(word.lower(), commands(), n=2, cutoff=0.5)
+    meant = f"; did you mean {' or '.join(near)}?" if near else ""
+    there_are = ", ".join(commands())
+    return f"there is no command {word!r}; there are {there_are}{meant}; --help explains them"
 
 
 def _one_setting_each(words: Sequence[str]) -> list[str]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from benchmarks.__main__ import NAMES
+from benchmarks.__main__ import FOLDERS, NAMES
 from extensions.importers.tests.foreign_flight import (
     columns_of,
     make_flight,
@@ -24,7 +25,7 @@ IN_REAL_TIME = {"late_ticks", "link", "starved", "up_cost", "view_rate"}
 Run them by hand after a change of what they measure: `python -m benchmarks NAME --smoke`.
 """
 LONGEST = 280.0
-"""Bound, in s, of one run, which takes some 20 s on an idle computer."""
+"""Half the bound, in s, of one run, which takes up to 100 s on an idle computer."""
 NEEDS: dict[str, tuple[str, ...]] = {
     "board_flights": ("betaflight",),
     "firmware": ("gcc", "simavr"),
@@ -47,7 +48,7 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
         cwd=ROOT,
         capture_output=True,
         text=True,
-        timeout=LONGEST,
+        timeout=2 * LONGEST,
         check=False,
     )
 
@@ -58,26 +59,44 @@ def tables(printed: str) -> list[list[list[str]]]:
     return [[line.strip("|").split("|") for line in rows.splitlines()] for rows in found]
 
 
-def smoke(name: str) -> object:
-    """Return the parameter of a benchmark; those without needs are part of the complete run too."""
-    return pytest.param(name, marks=pytest.mark.needs(*NEEDS.get(name, ("gcc",))))
+def groups() -> Iterator[object]:
+    """Yield parameters of benchmarks that run in one process, which shares imports and kernels.
+
+    They are of one folder and have the same needs; those without are part of the complete run too.
+    """
+    together: dict[tuple[str, ...], list[str]] = {}
+    for folder, names in FOLDERS.items():
+        for name in names:
+            if name not in IN_REAL_TIME and name != "real_flights":
+                together.setdefault((folder, *NEEDS.get(name, ("gcc",))), []).append(name)
+    for (_, *needs), alike in together.items():
+        yield pytest.param(alike, marks=pytest.mark.needs(*needs), id=" ".join(alike))
+
+
+@pytest.mark.timeout(2 * LONGEST + 15.0)
+@pytest.mark.parametrize("names", list(groups()))
+def test_benchmarks_in_their_shortest_form_have_figures_in_every_row(names: list[str]) -> None:
+    have_figures(names, run(*names, "--smoke"))
 
 
 @pytest.mark.timeout(LONGEST + 15.0)
-@pytest.mark.parametrize("name", [smoke(name) for name in NAMES if name not in IN_REAL_TIME])
-def test_a_benchmark_in_its_shortest_form_has_figures_in_every_row(
-    name: str, tmp_path: Path
-) -> None:
-    words = [name, "--smoke"]
-    if name == "real_flights":  # which has no data of its own
-        write_csv(tmp_path / "flight.csv", columns_of(make_flight(seconds=10.0)))
-        write_mapping(tmp_path / "flight.csv.toml")
-        words += ["--data", str(tmp_path)]
-    done = run(*words)
+@pytest.mark.needs("gcc")
+def test_the_benchmark_of_recorded_flights_has_figures_of_those_given(tmp_path: Path) -> None:
+    write_csv(tmp_path / "flight.csv", columns_of(make_flight(seconds=10.0)))
+    write_mapping(tmp_path / "flight.csv.toml")
+    have_figures(["real_flights"], run("real_flights", "--smoke", "--data", str(tmp_path)))
+
+
+def have_figures(names: list[str], done: subprocess.CompletedProcess[str]) -> None:
+    """Check that each of these benchmarks has reported, with a figure in every row."""
     assert done.returncode == 0, done.stderr[-3000:]
     assert "Traceback" not in done.stderr, done.stderr[-3000:]
+    begun = re.split(r"^(\w+) …$", done.stderr, flags=re.MULTILINE)[1:]
+    assert begun[::2] == names
+    for name, told in zip(names, begun[1::2], strict=True):
+        assert re.search(r"^\w+: \d+ s$", told, re.MULTILINE), f"{name} has no report: {told}"
     found = tables(done.stdout)
-    assert found, done.stdout
+    assert len(found) >= len(names), done.stdout
     for rows in found:
         assert rows, done.stdout
         for method, *cells in rows:

@@ -17,6 +17,7 @@ import pytest
 from console.base_station import BaseStation
 from console.beacon_layout import VEHICLE_LAYOUT
 from console.catalogue.catalogue import Catalogue
+from console.station_parts import StationOptions
 from quadrotor.parameter_description import ParameterValue
 from tests.waiting import free_port, until
 from vehicle.boards.board import Command, RawSample
@@ -162,7 +163,9 @@ class LinkedBench:
         self._hub, instance = hub_session(loopback), new_instance()
         self.catalogue = Catalogue(data)
         settings = {"station.recorder.keep_free": 10.0}
-        self.station = BaseStation(self._hub, self.catalogue, settings=settings, instance=instance)
+        self.station = BaseStation(
+            self._hub, self.catalogue, StationOptions(settings=settings, instance=instance)
+        )
         self._radio = Radio(
             f"127.0.0.1:{self._relay.port}", files, loopback, self.station.link.session_silence
         )
@@ -173,7 +176,7 @@ class LinkedBench:
 
     @property
     def layout(self) -> str:
-        return self.station._store.parameters.bearings.layout
+        return self.station.parts.store.parameters.bearings.layout
 
     def connect(self) -> Vehicle:
         if self.vehicle is not None:  # of a failed test; two at a time would be refused
@@ -182,7 +185,7 @@ class LinkedBench:
         self._relay.lead_to(port)
         self.vehicle = Vehicle(self._data, port)
         assert until(lambda: self.station.link.state() is LinkState.GOOD)
-        known = self.station._vehicle_parameters.known
+        known = self.station.parts.vehicle_parameters.known
         assert until(lambda: known(VEHICLE_LAYOUT) == self.layout), "they did not come to agree"
         return self.vehicle
 

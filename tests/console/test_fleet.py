@@ -17,6 +17,7 @@ from console.base_station import BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.comparison import feed
 from console.comparison.parameters import ComparisonParameters
+from console.station_parts import StationOptions
 from flight_log import is_closed, summarize
 from quadrotor.records import TICK
 from tests.waiting import free_port, until
@@ -98,11 +99,13 @@ class Laboratory:
             name: BaseStation(
                 self._hub,
                 self.catalogue,
-                name,
-                settings=settings,
-                housekeeping=name == NAMES[0],
-                vehicles=2,
-                instance=instance,
+                StationOptions(
+                    name,
+                    settings=settings,
+                    housekeeping=name == NAMES[0],
+                    vehicles=2,
+                    instance=instance,
+                ),
             )
             for name in NAMES
         }
@@ -242,9 +245,13 @@ def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
         listener.subscribe(
             topic.name, topic.type_name, lambda received: beats.append(received.sequence)
         )
-        station = BaseStation(session, catalogue, name, vehicles=count, housekeeping=False)
+        station = BaseStation(
+            session, catalogue, StationOptions(name, vehicles=count, housekeeping=False)
+        )
         try:
-            station._outbox.heartbeats.also_send = lambda received: True  # as by a lane that is up
+            station.parts.outbox.heartbeats.also_send = lambda received: (
+                True
+            )  # as by a lane that is up
             enough = len(beats) + 12
             until(lambda: len(beats) >= enough)
         finally:

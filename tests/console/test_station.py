@@ -454,7 +454,7 @@ def test_a_late_answer_is_the_answer(bench: Bench) -> None:
 
 
 def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Bench) -> None:
-    assert until(bench.station._vehicle_parameters.defaults)
+    assert until(bench.station.parts.vehicle_parameters.defaults)
     assert bench.call("arm", requester="grace").accepted
     run_id = until(bench.recording)
     assert run_id

@@ -253,12 +253,24 @@ if {moment!r} == "exit":
 """
 
 
+AS_MODULE, AS_PROGRAM = ("-m", "quadlab"), (Path(sys.executable).with_name("quadlab"),)
+
+
 @pytest.mark.parametrize(
-    "moment", ["quadlab.two_names", "quadlab.commands.table", "tyro", "control.margins", "exit"]
+    ("start", "moment"),
+    [
+        (AS_MODULE, "quadlab.two_names"),
+        (AS_MODULE, "quadlab.commands.table"),
+        (AS_MODULE, "tyro"),
+        (AS_MODULE, "control.margins"),
+        (AS_MODULE, "exit"),
+        (AS_PROGRAM, "quadlab.two_names"),
+        (AS_PROGRAM, "quadlab.commands.table"),  # from main() on both are the same
+        (AS_PROGRAM, "exit"),
+    ],
 )
-@pytest.mark.parametrize("start", [("-m", "quadlab"), (Path(sys.executable).with_name("quadlab"),)])
 def test_ctrl_c_ends_quietly_at_every_moment(
-    tmp_path: Path, moment: str, start: tuple[str, ...]
+    tmp_path: Path, start: tuple[str, ...], moment: str
 ) -> None:
     """`control.margins` is imported by the command `gains`, all others before it."""
     (tmp_path / "sitecustomize.py").write_text(INTERRUPT_AT.format(moment=moment))

@@ -9,6 +9,7 @@ from typing import Any
 
 from console.base_station import BaseStation
 from console.catalogue.catalogue import Catalogue
+from console.station_parts import StationOptions
 from tests.waiting import free_port
 from vehicle_link.messages import new
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
@@ -58,7 +59,7 @@ class LinkedStation:
         self.loopback = self._link.loopback_port
         self.catalogue = Catalogue(data)
         self.station = BaseStation(
-            self._link.session, self.catalogue, settings=settings, **arguments
+            self._link.session, self.catalogue, StationOptions(settings=settings, **arguments)
         )
         self.station.link.follow(self._link.radio)
         self._page_session = loopback_session(self.loopback)

@@ -53,8 +53,10 @@ def test_a_service_of_one_vehicle_ends_with_its_context(monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("path", ["/api/extra/x", "/api/extra", "/extra"])
 def test_an_extensions_routes_are_below_its_name(path: str) -> None:
-    feature = Feature(lambda app, _: app.get(path)(lambda: ""), name="extra")
-    app = create_app(MagicMock(), MagicMock(), [feature])
+    def routes(app: FastAPI, _: VehicleContext) -> None:
+        app.get(path)(lambda: "")
+
+    app = create_app(MagicMock(), MagicMock(), [Feature(routes, name="extra")])
     assert path in addresses(app)
 
 

@@ -13,18 +13,23 @@ from collections.abc import Callable
 
 import numpy as np
 
-from estimation.tracker_integrity import DOUBTED, compare_pose, errors, new_integrity, note_sample
+from estimation.tracker_integrity.comparison import compare_pose
+from estimation.tracker_integrity.evidence import ALARM, DOUBTED
+from estimation.tracker_integrity.felt import note_sample
+from estimation.tracker_integrity.memory import OF_TICKS, new_integrity
+from estimation.tracker_integrity.slopes import errors
 from quadrotor.compiled import direct
 from quadrotor.errors import RefusedError
-from quadrotor.records import IMU_SAMPLE, Record, has_attitude, new_state, pose_sample
+from quadrotor.records import ACTUATORS, IMU_SAMPLE, Record, has_attitude, new_state, pose_sample
+from quadrotor.vehicle_model import MODEL
 from vehicle import mailbox
 from vehicle.modes import Flag
 from vehicle.safety.parameters import SafetyParameters
 
-ALARM = 15.0
-"""Evidence with which the poses count as missing; without any they are used again."""
 FORGOTTEN_NS = 2_000_000_000
 """Time, in ns, without poses after which they count as those of another tracker."""
+BLAMED_NS = 2_000_000_000
+"""Time, in ns, for which the IMU is blamed after an alarm was dismissed."""
 FITTED_NS = 200_000_000
 """Time, in ns, between two checks of what is only reported."""
 AGREEING = 0.8
@@ -40,7 +45,23 @@ _WITNESS = (_TURNS, _TURNS, _MOVES, _MOVES)
 _VERTICAL = (
     "the tracker's frame or the body's axes are tilted, or the accelerometer is not calibrated"
 )
+GYROSCOPE, ACCELEROMETER, AXIS = "gyroscope", "accelerometer", "gyroscope's axis"
+_SUSPICIONS = {
+    AXIS: "an axis of the gyroscope is stuck",
+    ACCELEROMETER: "the accelerometer contradicts the tracker and the motors",
+}
+"""Why the IMU is not to be flown on for long."""
+_ALONE = (
+    (GYROSCOPE, "the gyroscope's bias has changed: the poses are used; calibrate it on the ground"),
+    (
+        ACCELEROMETER,
+        f"{_SUSPICIONS[ACCELEROMETER]}: the poses are used; calibrate it, or find what shakes it",
+    ),
+    (AXIS, f"{_SUSPICIONS[AXIS]}: its rate is that of the motors' torques and of the tracker"),
+)
+"""What is wrong with the IMU, by the alarm that was dismissed."""
 _CONTRADICTED, _TILTED = int(Flag.TRACKER_CONTRADICTED), int(Flag.TRACKER_TILTED)
+_SUSPECT = int(Flag.INERTIAL_SUSPECT)
 
 
 class TrackerIntegrity:
@@ -52,6 +73,7 @@ class TrackerIntegrity:
 
     Attributes:
         contradiction: why poses count as missing, "" while they do not.
+        suspicion: why the IMU is not to be flown on for long, "" while it may.
         flags: bits of vehicle.modes.Flag.
     """
 
@@ -59,11 +81,14 @@ class TrackerIntegrity:
         self._parameters, self._say = parameters, say
         self._memory = new_integrity()
         pose = pose_sample(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-        self._note = direct(note_sample, self._memory, np.zeros(1, IMU_SAMPLE))
+        witnesses = np.zeros(1, IMU_SAMPLE), np.zeros(1, ACTUATORS), np.zeros(1, MODEL)
+        self._note = direct(note_sample, self._memory, *witnesses, 0.0)
         self._compare = direct(compare_pose, self._memory, pose, new_state())
         self._errors = direct(errors, self._memory)
         evidence = self._memory["evidence"][0]
         self._of_turns, self._of_moves = evidence[:2], evidence[2:]
+        self._overruled = self._memory["overruled"][0]
+        self._stuck = self._memory["stuck"][0]
         self._newest_ns = 0
         self.begin()
 
@@ -71,18 +96,22 @@ class TrackerIntegrity:
         """Forget what is known: the vehicle is moved, the gyroscope has no bias yet, or another
         tracker sends.
         """
-        self.contradiction, self.flags = "", 0
+        self.contradiction, self.suspicion, self.flags = "", "", 0
+        self._dismissed, self._blamed_ns = [0, 0, 0], [0, 0, 0]
         self._reported: set[str] = set()
         self._fitted_ns = 0
         if self._memory["stamp_ns"].item() == 0:
             return  # nothing is known
-        ring, count = self._memory["ring"].copy(), self._memory["ring_next"].copy()
-        self._memory[...] = new_integrity()
-        self._memory["ring"], self._memory["ring_next"] = ring, count
+        begun = new_integrity()
+        for name in OF_TICKS:
+            begun[name] = self._memory[name]
+        self._memory[...] = begun
 
-    def note(self, imu: Record) -> None:
-        """Store the IMU_SAMPLE (1,) of a tick."""
-        self._note(self._memory, imu)
+    def note(self, imu: Record, actuators: Record, model: Record, pressure: float) -> None:
+        """Store what the witnesses of a tick say: IMU_SAMPLE, ACTUATORS of the last tick, MODEL,
+        (1,) each, and the pressure (Pa).
+        """
+        self._note(self._memory, imu, actuators, model, pressure)
 
     def takes(self, pose: Record, state: Record, armed: bool) -> bool:
         """Return whether a POSE_SAMPLE (1,) of the vehicle is a measurement.
@@ -104,6 +133,8 @@ class TrackerIntegrity:
             evidence = float(self._of_turns.max())
         if evidence >= ALARM or self.contradiction:
             self._weigh(evidence)
+        if self._reported or self._overruled.any() or self._stuck.any():
+            self._blame(stamp_ns)
         if evidence >= 0.0 and abs(stamp_ns - self._fitted_ns) > FITTED_NS:
             self._fitted_ns = stamp_ns
             self._report(evidence)
@@ -135,13 +166,31 @@ class TrackerIntegrity:
             self._say("the tracker agrees with the inertial sensors again", mailbox.INFO)
         self._flag()
 
+    def _blame(self, stamp_ns: int) -> None:
+        """Report what is wrong with the IMU, while alarms are dismissed."""
+        counts = [*self._overruled.tolist(), self._dismissed[2] + self._stuck.any()]
+        for which, (instrument, line) in enumerate(_ALONE):
+            if counts[which] != self._dismissed[which]:
+                self._blamed_ns[which] = stamp_ns
+                if instrument not in self._reported:
+                    self._reported.add(instrument)
+                    self._say(line, mailbox.WARN)
+            elif instrument in self._reported and stamp_ns - self._blamed_ns[which] > BLAMED_NS:
+                self._reported.discard(instrument)
+                self._say(f"the {instrument} agrees with the tracker again", mailbox.INFO)
+        self._dismissed = counts
+        found = [why for instrument, why in _SUSPICIONS.items() if instrument in self._reported]
+        self.suspicion = found[0] if found and self._parameters.tracker_check else ""
+        self._flag()
+
     def _flag(self) -> None:
         tilted = _TILTED if "vertical" in self._reported else 0
-        self.flags = tilted | (_CONTRADICTED if self.contradiction else 0)
+        wrong = _CONTRADICTED if self.contradiction else 0
+        self.flags = tilted | wrong | (_SUSPECT if self.suspicion else 0)
 
     def _report(self, evidence: float) -> None:
         """Report errors that the vehicle can fly with."""
-        if evidence > DOUBTED or self.contradiction:
+        if evidence > DOUBTED or self.contradiction or self.suspicion:
             return  # they may be those of a lie
         p, (tilt, late, size) = self._parameters, self._errors(self._memory)
         tilt, size = math.degrees(tilt), 100.0 * size

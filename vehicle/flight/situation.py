@@ -8,6 +8,7 @@ from control.behaviors.parameters import BehaviorParameters
 from estimation.outcome import Agreement
 from quadrotor.compiled import direct
 from vehicle.boards.board import RawSample
+from vehicle.estimators.tracker_integrity import TrackerIntegrity
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.tick_record import TickRecord
 from vehicle.modes import DIRECT
@@ -30,6 +31,7 @@ class SituationReader:
     tick: TickRecord
     modes: ModeMachine
     ground: GroundContact
+    integrity: TrackerIntegrity
     _situation: Situation = field(default_factory=Situation)
 
     def __post_init__(self) -> None:
@@ -56,5 +58,6 @@ class SituationReader:
             near = [box for box in boxes if box.gap((x, y, z)) < 0.5 * p.keep_out_margin]
             now.box = near[0].name if near else ""
         now.saturated = tick.saturated
+        now.inertial = self.integrity.suspicion
         now.lost_ports = self.modes.lost_ports
         return now

@@ -200,7 +200,11 @@ class FlightStack:
         self.handle = commands.handle
         self._make_command = command_maker(board, self._tick, self.law)
         self._situation = SituationReader(
-            volume=p.behavior, tick=tick, modes=self.modes, ground=self.ground
+            volume=p.behavior,
+            tick=tick,
+            modes=self.modes,
+            ground=self.ground,
+            integrity=self.integrity,
         )
         self._bounds = BoundsWatch(p, tick, self.law, outbox.say)
         self._status_writer = StatusWriter(
@@ -230,7 +234,7 @@ class FlightStack:
         dt = min(since, LONGEST_STEP)
         modes, tick = self.modes, self._tick
         self.imu_calibrator.calibrate(sample, tick.imu)
-        self.integrity.note(tick.imu)
+        self.integrity.note(tick.imu, tick.actuators, self.law.model, sample.pressure)
         if modes.mode is STARTING:
             self.gyroscope.step(sample)
 
@@ -365,7 +369,7 @@ class FlightStack:
             return
         tick, lift = self._tick, self._tick.specific_force_b.item(2)
         altitude.step(sample.pressure, lift, dt)
-        if self.integrity.contradiction:
+        if self.integrity.contradiction or self.integrity.suspicion:
             descent.distrust_accelerometer()
         if self.behaviors.name is _DESCENT:
             descent.watch(lift, self.parameters.behavior.emergency_landing_speed, dt)

@@ -40,6 +40,9 @@ class SafetyParameters(Parameters):
     tracker_check: bool = parameter(True)
     """poses that contradict gyroscope or accelerometer (reversed or permuted axes) count as
     missing"""
+    inertial_reaction: str = _reaction(
+        "land", "reaction to an IMU that tracker and motors contradict"
+    )
     tracker_tilt_told: float = parameter(1.2, unit="deg", ge=0.5, le=45.0, step=0.1)
     """angle between the verticals of tracker and accelerometer that is reported"""
     tracker_tilt_max: float = parameter(5.0, unit="deg", ge=1.0, le=45.0, step=0.5)

@@ -50,6 +50,7 @@ class Situation:
     outside: float = 0.0  # m beyond the flight volume
     box: str = ""  # a keep-out box nearer than half of its margin
     saturated: bool = False
+    inertial: str = ""  # why the IMU is suspect
     lost_ports: int = 0
 
 
@@ -103,6 +104,8 @@ class Supervisor:
             verdict = self._on_the_place(stamp_ns, now)
         if verdict is None and not now.by_microcontroller:
             verdict = self._on_the_motors(stamp_ns, now.saturated)
+        if verdict is None and now.inertial:
+            verdict = self._once("inertial", p.inertial_reaction, now.inertial)
         if verdict is None and now.lost_ports:
             verdict = self._once("port", p.port_reaction, "a serial port is lost")
         if verdict is None and link_age > p.link_timeout:

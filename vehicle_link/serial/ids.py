@@ -1,6 +1,6 @@
 """Numbers of the microcontroller's values and of its states, and its identity.
 
-Source: facts of TeleKyb's MikroKopter interface, listed in docs/microcontroller.md.
+Source: facts of TeleKyb's MikroKopter interface, listed in docs/boards/microcontroller.md.
 """
 
 from __future__ import annotations

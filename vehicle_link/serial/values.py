@@ -1,7 +1,7 @@
 """The meaning of each value of the microcontroller: unit, counts per unit, bounds; counts <-> SI.
 
 The source defines the ids and only some of the units; the others are quadlab's choice, marked so
-in docs/microcontroller.md. Inertial readings stay in counts here: their scale comes from the
+in docs/boards/microcontroller.md. Inertial readings stay in counts here: their scale comes from the
 calibration.
 """
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from console.evaluation.explanation import bearings, causes, consequences
+from console.evaluation.explanation import bearings, causes, consequences, instruments
 from console.evaluation.explanation.finding import Finding, Parameters, Spans, Topics, airborne
 from flight_log.attached import parameters_of
 from flight_log.run import read_run
 
 DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] = (
+    instruments.instruments,
     causes.weak_motor,
     causes.vibration,
     causes.tracker_late,

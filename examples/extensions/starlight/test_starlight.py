@@ -5,25 +5,24 @@ import threading
 
 import numpy as np
 import pytest
-from quadlab.console.trackers.source import Connection
-from quadlab.quadrotor.errors import MeasurementError, UnreachableError
-from quadlab.quadrotor.extensions import Registry
 from starlight.extension import EXTENSION
 from starlight.tracker import SYSTEM, parse
 
-import quadlab  # noqa: F401 - for the names quadlab.…
+from console.trackers.source import Connection
+from quadrotor.errors import MeasurementError, UnreachableError
+from quadrotor.extensions import Registry
 
 LINE = b'{"t": 12.5, "bodies": {"cf7": [1, 2, 3, 1, 0, 0, 0]}}\n'
 
 
-def test_all_that_it_offers_can_be_loaded():
+def test_all_that_it_offers_can_be_loaded() -> None:
     registry = Registry([("starlight", "starlight", lambda: EXTENSION)])
     assert registry.problems == {}
     for kind in {type(offer) for offer in EXTENSION.offers}:
         assert all(offered.load() is not None for offered in registry.offers(kind).values())
 
 
-def test_frames_of_a_server_arrive_as_bodies():
+def test_frames_of_a_server_arrive_as_bodies() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         threading.Thread(target=lambda: server.accept()[0].sendall(2 * LINE), daemon=True).start()
         port = server.getsockname()[1]
@@ -37,11 +36,11 @@ def test_frames_of_a_server_arrive_as_bodies():
 
 
 @pytest.mark.parametrize("line", [b"{}", b"x", b'{"t": 1, "bodies": {"cf7": [1, 2]}}'])
-def test_what_is_no_frame_is_refused(line):
+def test_what_is_no_frame_is_refused(line: bytes) -> None:
     with pytest.raises(MeasurementError):
         parse(line, 0)
 
 
-def test_a_server_that_is_not_there_is_named():
+def test_a_server_that_is_not_there_is_named() -> None:
     with pytest.raises(UnreachableError, match="no starlight server at"):
         SYSTEM.open(Connection("127.0.0.1", 1, None, {}))

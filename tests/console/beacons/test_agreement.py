@@ -52,7 +52,7 @@ def test_what_one_of_them_refuses_neither_has(linked: Any) -> None:
     assert "bearings" in refused.reason
     assert (linked.layout, vehicle.layout) == ("paper", "paper")
     with pytest.raises(ParameterError):
-        linked.station._store.change({STATION_LAYOUT: "1 0 0 0"}, "ada")
+        linked.station.parts.store.change({STATION_LAYOUT: "1 0 0 0"}, "ada")
     assert (linked.layout, vehicle.layout) == ("paper", "paper")
 
 

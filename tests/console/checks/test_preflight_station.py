@@ -212,7 +212,7 @@ class Bench(LinkedStation):
         """Make everything fit again, and wait until the station sees it."""
         self.vehicle.reset()
         self.tracked, self._deflection = True, 0.0
-        self.station._alarms.set("defect", None)
+        self.station.parts.alarms.set("defect", None)
         assert until(self.ready), self.newest
 
     def close(self) -> None:
@@ -248,7 +248,7 @@ UNFIT: list[tuple[str, Callable[[Bench], Any]]] = [
     ("tracked body", lambda b: b.vehicle.state.update(body_off=1.5)),
     ("flight volume", lambda b: b.vehicle.state.update(x=4.0)),
     ("parameters", lambda b: b.vehicle.state.update(revision=2)),
-    ("alarms", lambda b: b.station._alarms.set("defect", "a defect of the station")),
+    ("alarms", lambda b: b.station.parts.alarms.set("defect", "a defect of the station")),
     ("sticks", lambda b: b.deflect(0.5)),
 ]
 
@@ -374,7 +374,7 @@ def test_while_an_armed_vehicle_is_not_heard_the_disk_is_left_alone(bench: Bench
     assert bench.call("arm").accepted
     assert until(lambda: bench.newest.armed)
     bench.vehicle.state.update(silent=True)
-    assert until(lambda: bench.station._preflight._facts().mode is None)
+    assert until(lambda: bench.station.parts.preflight._facts().mode is None)
     answer = bench.call("checks", again=True)
     assert answer.accepted
     found = {one.name: one for one in from_messages(answer.checks) if one.place == "station"}
@@ -384,7 +384,7 @@ def test_while_an_armed_vehicle_is_not_heard_the_disk_is_left_alone(bench: Bench
     assert found["runs' disk"].state != "unknown"
     bench.vehicle.state.update(silent=False)
     assert until(lambda: bench.call("disarm").accepted)  # once the link is good again
-    assert until(lambda: bench.station._preflight._facts().mode == "ready")
+    assert until(lambda: bench.station.parts.preflight._facts().mode == "ready")
     again = from_messages(bench.call("checks", again=True).checks)
     assert next(one for one in again if one.name == "disk's speed").found.endswith("MB/s")
 

@@ -50,7 +50,7 @@ def test_a_reset_is_announced_first_and_done_without_an_answer_too(
     node.absent = absent
     CommandGateway(
         node, MagicMock(), lambda _: refusal, lambda _: 0, MagicMock(), MagicMock(), MagicMock()
-    )
+    ).serve()
     service = COMMANDS["simulation"].service
     request = new(f"{service}_Request", request_id="1", requester="anna", action=action)
     assert node.handlers["station/simulation"](request).accepted

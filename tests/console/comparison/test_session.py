@@ -135,7 +135,7 @@ def test_a_process_that_dies_is_said_and_started_again(
     if linked.vehicle is None:
         linked.connect()
     heard = Heard(linked.page)
-    feed = linked.station._comparison
+    feed = linked.station.parts.comparison
     assert until(lambda: heard.count() > 2)
     monkeypatch.setattr(comparison_feed, "RESTART_PERIOD", 0.0)
     said: list[str] = []

@@ -185,6 +185,15 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
         5.0,
         "5.0 s",
     ),
+    **{
+        flag: (
+            {"status": {"flags": [(0.0, ""), (15.0, flag), (17.0, "")]}},
+            {"status": {"flags": [(0.0, flag), (3.0, "")]}},
+            20.0,
+            "2.0 s",
+        )
+        for flag in ("tracker_contradicted", "inertial_suspect", "tracker_tilted")
+    },
     "tilted": (
         {"state": {"pose.pose.orientation.x": during(500, 33.0, 34.0, np.sqrt(0.5))}},
         {"state": {"pose.pose.orientation.x": 0.5}},

@@ -32,10 +32,10 @@ def test_a_run_has_its_pictures_at_the_rate_that_is_set_and_none_are_made_withou
     wait_for(lambda: camera.has_subscribers)
     for k in range(20):  # 2 s at 10 Hz; wait for each, because the station holds only two
         stamp_ns = START_NS + k * PERIOD_NS
-        before = station._pictures._last.get("camera_picture")
+        before = station.parts.pictures._last.get("camera_picture")
         camera.put(encode_picture(stamp_ns, JPEG + bytes([k]), "quad1"), stamp_ns)
         if k % 2 == 0:
-            wait_for(lambda: station._pictures._last.get("camera_picture") != before)  # noqa: B023
+            wait_for(lambda: station.parts.pictures._last.get("camera_picture") != before)  # noqa: B023
     run_id = station.runs.by_hand(False, "ada")
     wait_for(lambda: not camera.has_subscribers)
     assert station.runs.recorder.wait_idle(10.0)
@@ -49,5 +49,5 @@ def test_pictures_that_are_switched_off_are_not_recorded(linked: LinkedStation) 
     station, camera = linked.station, linked.page.advertise(TOPICS["tracker_picture"])
     station.runs.by_hand(True, "ada")
     wait_for(lambda: camera.has_subscribers)
-    station._store.change({"station.recorder.pictures": 0.0}, "ada")
+    station.parts.store.change({"station.recorder.pictures": 0.0}, "ada")
     wait_for(lambda: not camera.has_subscribers)

@@ -252,7 +252,7 @@ class Bench(LinkedStation):
         )
 
     def ready(self) -> bool:
-        known = self.station._vehicle_parameters._values
+        known = self.station.parts.vehicle_parameters._values
         return bool(known and self.station.experiments.feed.mode == "ready" and self.told)
 
     def close(self) -> None:

@@ -223,7 +223,9 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_end_frees_the_station(
     ending.set()
     thread.join(20)
     wait_for(lambda: bench.told("camera on board: its process was ended"))
-    assert bench.station._tracker.camera_alarm, "while it is not known that the vehicle is disarmed"
+    assert bench.station.parts.tracker.camera_alarm, (
+        "while it is not known that the vehicle is disarmed"
+    )
     disarmed = encode(new("quadlab_msgs/VehicleStatus", armed=False))
     publisher = bench.at_vehicle.advertise(TOPICS["status"])
 
@@ -232,7 +234,7 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_end_frees_the_station(
         return bench.told("bearings are emulated again")
 
     wait_for(is_freed)
-    wait_for(lambda: "camera" not in bench.station._alarms.keyed())
+    wait_for(lambda: "camera" not in bench.station.parts.alarms.keyed())
 
 
 def test_the_process_prints_how_well_the_camera_sees_once_nothing_is_wrong(

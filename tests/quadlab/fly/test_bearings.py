@@ -15,7 +15,7 @@ from quadlab.__main__ import main
 from tests.support.flown import flown, sets
 from vehicle_link.messages import decode
 
-EIGHT = ("experiment.manoeuvre=figure_eight", "experiment.duration=8")
+EIGHT = ("experiment.manoeuvre=figure_eight", "experiment.duration=5")
 
 
 def estimators(log: Path) -> list[str]:

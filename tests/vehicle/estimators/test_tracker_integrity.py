@@ -13,7 +13,17 @@ from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.constants import GRAVITY
 from quadrotor.errors import RefusedError
 from quadrotor.plain_rotations import matrix_of, turned
-from quadrotor.records import IMU_SAMPLE, NO_ATTITUDE, POSE_SAMPLE, Array, new_state, pose_sample
+from quadrotor.records import (
+    ACTUATORS,
+    IMU_SAMPLE,
+    NO_ATTITUDE,
+    POSE_SAMPLE,
+    Array,
+    new_state,
+    pose_sample,
+)
+from quadrotor.vehicle_model import VehicleModel
+from tests.support.lab import Lab, flight_parameters
 from vehicle.estimators.tracker_integrity import TrackerIntegrity
 from vehicle.modes import Flag
 from vehicle.safety.parameters import SafetyParameters
@@ -91,6 +101,7 @@ class Moved:
         self._quaternion = np.array([1.0, 0.0, 0.0, 0.0])
         self._past: list[tuple[Array, Array]] = []
         self._state = new_state()
+        self._actuators, self._model = np.zeros(1, ACTUATORS), VehicleModel().record()
 
     def run(self, seconds: float, lie: Lie | None = None) -> list[bool]:
         """Advance; return which of the poses were taken."""
@@ -123,7 +134,7 @@ class Moved:
         imu["stamp_ns"] = START_NS + round(self.time * 1e9)
         imu["specific_force_b"][0] = felt + 0.05 * noise[:3] + (0.03, -0.02, 0.04)
         imu["angular_velocity_b"][0] = rate + math.radians(0.3) * noise[3:]
-        self.judge.note(imu)
+        self.judge.note(imu, self._actuators, self._model, 1e5)
 
     def _track(self) -> bool:
         self._past.append((self._position, self._quaternion))
@@ -183,13 +194,23 @@ def test_at_rest_nothing_can_show() -> None:
     assert moved.lines == []
 
 
+@pytest.mark.parametrize("rate", [100, 250, 500])
+def test_a_vehicle_at_rest_is_taken_for_no_lie_at_any_rate_of_samples(rate: int) -> None:
+    parameters = flight_parameters()
+    parameters.simulator.imu_rate = rate
+    lab = Lab(parameters).ready()
+    lab.wait(20.0)
+    assert "contradicts" not in lab.said
+    assert not lab.flags & Flag.TRACKER_CONTRADICTED
+
+
 def test_poses_that_are_true_again_are_used_again() -> None:
     moved = Moved()
     moved.run(4.0)
     moved.run(3.0, left_handed)
     taken = moved.run(3.0, truth)
     assert "the tracker agrees with the inertial sensors again" in moved.lines
-    assert all(taken[100:])
+    assert all(taken[105:])
 
 
 def test_poses_that_are_true_at_last_are_used() -> None:
@@ -344,3 +365,50 @@ def test_a_vehicle_is_not_armed_on_a_tilted_tracker() -> None:
     flight = ready(tilted(8.0))
     with pytest.raises(RefusedError, match=r"vertical of the tracker is [78]\.\d deg off"):
         flight.arm()
+
+
+def with_fault(text: str) -> WatchedFlight:
+    """Return a flight that hovered at 1 m, 8 s after this fault of the simulator began."""
+    flight = WatchedFlight(2).hover(settling=3.0)
+    flight.forget()
+    flight.change({"simulator.faults": f"{text} for=3"})
+    flight.run(8.0)
+    return flight
+
+
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        ("imu.misalignment", "the accelerometer contradicts the tracker and the motors"),
+        ("imu.scale", "the accelerometer contradicts the tracker and the motors"),
+        ("imu.stuck axis=x", "an axis of the gyroscope is stuck"),
+        ("imu.stuck axis=y", "an axis of the gyroscope is stuck"),
+    ],
+)
+def test_a_wrong_imu_lands_the_vehicle_softly_on_the_tracker(fault: str, why: str) -> None:
+    flight = with_fault(fault)
+    assert f"emergency land: {why}" in flight.events.texts
+    assert not any("poses count as missing" in text for text in flight.events.texts)
+    assert flight.down()
+    places = flight.trace()[1]
+    assert np.hypot(places[:, 0], places[:, 1]).max() < 0.25
+    assert flight.hardest < 0.4
+    assert flight.most_tilted < math.radians(4.0)
+
+
+def test_a_gyroscope_whose_bias_grows_is_flown_on() -> None:
+    flight = with_fault("imu.gyroscope_ramp")
+    assert flight.view().behavior == "hover"
+    assert not any("contradicts" in text for text in flight.events.texts)
+
+
+def test_a_lie_about_the_positions_is_not_laid_on_the_accelerometer() -> None:
+    flight = WatchedFlight(3).hover(1.0)
+    flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
+    flight.wait(5.0)
+    y = flight.robot.truth["position_w"][0, 1:2]
+    flight.wait_until(lambda v: bool(abs(y[0]) < 0.02), what="the mirror's plane", timeout=4)
+    lying(flight, mirrored)
+    flight.wait(1.0)
+    assert flight.stack.integrity.contradiction
+    assert not flight.stack.integrity.suspicion

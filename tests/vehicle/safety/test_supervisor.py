@@ -244,3 +244,11 @@ def test_every_move_between_modes_is_the_tables(current: Mode, wanted: Mode) -> 
     else:
         with pytest.raises(RefusedError, match=current.name.lower()):
             check_move(current, wanted)
+
+
+def test_an_imu_that_is_suspect_is_landed_with_once() -> None:
+    flight = Flight()
+    why = "an axis of the gyroscope is stuck"
+    found = flight.fly(2.0, inertial=why)
+    assert [verdict for _, verdict in found] == [Verdict(Reaction.LAND, why)]
+    assert Flight(inertial_reaction="none").fly(2.0, inertial=why) == []

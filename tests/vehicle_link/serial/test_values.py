@@ -25,7 +25,7 @@ from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import Id
 from vehicle_link.serial.values import QUANTITIES, Quantity, quantity_of, to_si
 
-PAGE = ROOT / "docs/microcontroller.md"
+PAGE = ROOT / "docs/boards/microcontroller.md"
 byte = st.integers(0, 255)
 
 

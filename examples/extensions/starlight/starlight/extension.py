@@ -1,6 +1,6 @@
 """The declaration: what the extension adds, by name; nothing else of it is imported until then."""
 
-from quadlab.quadrotor.extension import Evidence, Extension, Judged, PageFeature, TrackingSystem
+from quadrotor.extension import Evidence, Extension, Judged, PageFeature, TrackingSystem
 
 EXTENSION = Extension(
     name="starlight",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from fastapi import FastAPI
-from quadlab.web.feature import Feature
-from quadlab.web.vehicle_context import VehicleContext
+
+from web.feature import Feature
+from web.vehicle_context import VehicleContext
 
 
 def add_routes(app: FastAPI, context: VehicleContext) -> None:

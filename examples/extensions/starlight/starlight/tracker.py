@@ -1,6 +1,5 @@
-"""The client of the tracking system starlight.
-
-A frame is a line, as `{"t": 12.5, "bodies": {"cf7": [x, y, z, qw, qx, qy, qz]}}`, in s and m, z up.
+"""The client of the tracking system starlight, which sends a line for each frame, in s and m, as
+`{"t": 12.5, "bodies": {"cf7": [x, y, z, qw, qx, qy, qz]}}`, z up.
 """
 
 import json
@@ -8,9 +7,10 @@ import socket
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from quadlab.console.trackers.source import Body, Connection, Frame
-from quadlab.quadrotor.errors import MeasurementError, UnreachableError
-from quadlab.vehicle_link.clock import monotonic_ns
+
+from console.trackers.source import Body, Connection, Frame
+from quadrotor.errors import MeasurementError, UnreachableError
+from vehicle_link.clock import monotonic_ns
 
 
 class StarlightSource:
