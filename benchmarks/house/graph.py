@@ -1,6 +1,6 @@
 """The graph of imports: the book of a process, loops of folders, imports of extensions.
 
-An import counts wherever it stands, also inside a function.
+An import counts wherever it stands, also inside a function, and so does the target of an offer.
 """
 
 from __future__ import annotations
@@ -29,7 +29,12 @@ def import_graph(sources: Sequence[Source]) -> Graph:
     """Return which of these files each of them imports."""
     by_name = {source.module: source for source in sources}
     return {
-        source: {by_name[name] for name in _imported(source.tree, by_name)} - {source}
+        source: {
+            by_name[name]
+            for name in (*_imported(source.tree, by_name), *_offered(source))
+            if name in by_name
+        }
+        - {source}
         for source in sources
     }
 
@@ -45,6 +50,16 @@ def _imported(tree: ast.Module, known: Mapping[str, Source]) -> Iterator[str]:
                     yield inner
                 elif node.module in known:
                     yield node.module
+
+
+def _offered(source: Source) -> Iterator[str]:
+    """Yield the modules of the package that offers of this file name by `target=".module:name"`."""
+    package = source.module.rpartition(".")[0]
+    for node in ast.walk(source.tree):
+        if isinstance(node, ast.keyword) and node.arg == "target":
+            text = node.value.value if isinstance(node.value, ast.Constant) else None
+            if isinstance(text, str) and text.startswith("."):
+                yield package + text.partition(":")[0]
 
 
 def book(graph: Graph, start: PurePosixPath) -> set[Source]:

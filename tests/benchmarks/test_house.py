@@ -38,6 +38,12 @@ def test_a_book_is_all_that_is_imported_also_lazily() -> None:
     assert book(graph, start.path) == {start, near, far}
 
 
+def test_a_book_has_what_the_offers_of_its_modules_name() -> None:
+    start = source("a/start.py", 'OWN = Offer(name="x", target=".near:X"), Offer(target=".gone:X")')
+    near, other = source("a/near.py"), source("b/near.py")
+    assert book(import_graph([start, near, other]), start.path) == {start, near}
+
+
 def test_folders_that_import_each_other_are_a_knot() -> None:
     graph = import_graph(
         [
