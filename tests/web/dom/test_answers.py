@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -83,6 +84,23 @@ def test_a_command_of_what_is_flown_already_is_not_taken_for_done(
     seen.text("#behavior", "^follow trajectory$")
     kept.click(FIGURE_8)
     seen.text("#answer", "^Figure 8: not known whether.* shows armed, follow trajectory")
+
+
+def test_what_a_vehicle_did_unheard_is_not_taken_for_done(
+    page: Any, look: Any, station: Any, flying: Callable[[bool], None]
+) -> None:
+    """Without a status at the press, it may have flown this before."""
+    station.silence = NoAnswerError("the vehicle has not answered")
+    station.away = True
+    page.click("[data-tab=fly]")
+    look.text("#behavior", "^hover$")
+    flying(False)
+    page.evaluate(LATER, 2000)
+    page.click(FIGURE_8)
+    station.said = FLIES
+    flying(True)
+    look.text("#behavior", "^follow trajectory$")
+    look.text("#answer", "^Figure 8: not known whether.* shows armed, follow trajectory")
 
 
 def test_a_refusal_goes_with_the_state_that_it_was_about(

@@ -38,8 +38,8 @@ export class CommandNotice {
    */
   async run(label, act, shows = null) {
     this.clear();
-    const status = this.status, asked = { label, shows: status && shows?.(status) ? null : shows, pressed: performance.now(), problem: "" };
-    this.asked = asked;
+    const status = this.status; // without it, what the vehicle shows later may have been so before
+    const asked = this.asked = { label, shows: !status || shows?.(status) ? null : shows, pressed: performance.now(), problem: "" };
     this.show(`${label || "Command"}: sent`, "pending", Infinity); // at once: the press was heard
     try {
       await act();
