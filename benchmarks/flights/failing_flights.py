@@ -23,8 +23,6 @@ import numpy as np
 
 from benchmarks.flights.touch_down import Outcome, TouchDown
 from benchmarks.flights.watched_flight import WatchedFlight
-from extensions.betaflight import NAME as BETAFLIGHT
-from extensions.crazyflie import NAME as CRAZYFLIE
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER
@@ -46,6 +44,7 @@ CORRUPTED_FOR = 15.0
 """Time, in s, flown with corrupted bytes before the landing, during which they continue."""
 LONGEST = 45.0
 """Longest time, in s, from the failure to its end."""
+BETAFLIGHT, CRAZYFLIE = "betaflight", "crazyflie"
 DRAG, DRAG_OF_CRAZYFLIE = 0.25, 0.006
 """N s/m; relative to the mass they are equal, and so is what the wind does."""
 LANDING_TIME = 12
