@@ -12,6 +12,7 @@ EXTENSION = Extension(
             summary="Import a flight that another system recorded, as a run, after a check of "
             "units, frames and clocks against gravity and motion (docs/importing.md).",
             target=".command:Import",
+            examples={"quadlab log import FLIGHT.ulg": "import a flight that PX4 recorded"},
         ),
         Importer(name="hdf5", starts=(b"\x89HDF\r\n\x1a\n",), target=".tables:Hdf5Table.opened"),
         Importer(name="npy", starts=(b"\x93NUMPY",), target=".tables:NumpyTable.opened"),

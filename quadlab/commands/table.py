@@ -64,7 +64,6 @@ _ROWS = (
         target=".log:LogCommand",
         examples={
             "quadlab log info --explain LOG": "print what happened in a flight",
-            "quadlab log import FLIGHT.ulg": "import a flight that PX4 recorded",
             "quadlab log export LOG --format parquet": "convert a log for pandas",
         },
     ),
@@ -253,8 +252,9 @@ def _listed() -> Iterator[str]:
 
 def examples_of(command: str) -> str:
     """Return what `quadlab COMMAND --help` prints below the options."""
-    offered = commands().get(command)
-    shown = offered.offer.examples if offered is not None else {}
+    rows = [one.offer for name, one in commands().items() if name == command]
+    rows += [one.offer for name, one in registry().offers(Row).items() if _is_of(name, command)]
+    shown = {words: what for row in rows for words, what in row.examples.items()}
     width = max(map(len, shown), default=0)
     lines = [f"  {words:{width}}  {what}" for words, what in shown.items()]
     return "\n".join(["Examples:", *lines, ""]) if lines else ""
