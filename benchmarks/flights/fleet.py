@@ -30,6 +30,8 @@ HOVER = 60.0, 10.0, 1.0  # s
 PATIENCE = 120.0  # s
 HEIGHT, NEAR = 1.0, 0.1  # m
 TOPICS = ("status", "truth", "station_status", "link_status")
+TOLD = 6
+"""The number of a vehicle's newest events that an error tells."""
 SETTLED = 5.0, 5.0, 0.5  # s of each size, after the last one has reached its height
 LOOK = 0.25  # s
 
@@ -44,6 +46,12 @@ class Pilot:
         self.looks = 0
         self.lowest, self.highest = float("inf"), -float("inf")
         self._newest = {topic: client.newest(topic) for topic in TOPICS}
+        self._events = client.listen("events")
+
+    def __str__(self) -> str:
+        texts = [self._events.get().msg for _ in range(self._events.qsize())]
+        status, told = self.newest("status"), ", ".join(texts[-TOLD:])
+        return f"{status.mode} {status.behavior} at {self.height:.2f} m ({told})"
 
     def newest(self, topic: str) -> Any:
         return self._newest[topic]()
@@ -111,7 +119,11 @@ def run(size: Size = Size.FULL) -> Report:
         pilots = [Pilot(stack.enter_context(closing(StationClient(session, n)))) for n in names]
         for pilot in pilots:
             pilot.rise()
-        until(lambda: all(pilot.is_up for pilot in pilots), "all at their height")
+        until(
+            lambda: all(pilot.is_up for pilot in pilots),
+            "all at their height",
+            lambda: "; ".join(f"{name} {pilot}" for name, pilot in zip(names, pilots, strict=True)),
+        )
         time.sleep(size.of(*SETTLED))
         costs, stolen = hovering(up, pilots, hover)
         report.rows = [
