@@ -61,6 +61,7 @@ INTEGRITY_MEMORY = np.dtype(
         ("unchanged", "f8", 3),  # s for which it has stayed the same
         ("stuck", "i8", 3),  # 1: the axis is stuck
         ("turn_rate_b", "f8", 3),  # rad/s, by the tracker
+        ("driven_b", "f8", 3),  # rad/s, by the torques since it last followed the gyroscope
         ("felt", SINCE_POSE),
         ("stamp_ns", "i8"),  # of the newest pose compared, 0 before the first
         ("settled", "f8"),  # s since the start of the filters
@@ -100,7 +101,7 @@ INTEGRITY_MEMORY = np.dtype(
 
 OF_TICKS = (
     *("ring", "ring_next", "lift", "carried", "ground_pressure", "rate_b", "push_b"),
-    *("push_offset_b", "reading_b", "unchanged", "stuck"),
+    *("push_offset_b", "reading_b", "unchanged", "stuck", "driven_b"),
 )
 """The fields that poses do not change, or only for a moment."""
 

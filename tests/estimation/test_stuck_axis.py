@@ -9,7 +9,7 @@ import pytest
 
 from estimation.tracker_integrity.felt import note_sample
 from estimation.tracker_integrity.memory import new_integrity
-from estimation.tracker_integrity.stuck_axis import STUCK_RATE, note_turn
+from estimation.tracker_integrity.stuck_axis import STUCK_RATE, follow_tracker, note_turn
 from quadrotor.records import ACTUATORS, IMU_SAMPLE, Array
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 
@@ -23,8 +23,9 @@ DISTURBANCE = 1.5
 class Turning:
     """A vehicle in the air whose motors turn it about x, and its gyroscope with seeded noise."""
 
-    def __init__(self, lift: float = 1.0) -> None:
+    def __init__(self, lift: float = 1.0, pose_noise: float = 0.15) -> None:
         model = VehicleModel()
+        self._pose_noise = math.radians(pose_noise)
         self.memory, self.model = new_integrity(), model.record()
         self.time, self.rate, self.calm = 0.0, 0.0, False
         self._turned = self._shown = 0.0
@@ -61,9 +62,11 @@ class Turning:
             actuators["wrench"][0, :2] = self._lift, self._inertia * (wanted + wrong)
             self._turned += dt * self.rate
             if round(self.time / dt) % POSES_EVERY == 0:
-                turn = self._turned + math.radians(0.15) * self._chance.standard_normal()
+                turn = self._turned + self._pose_noise * self._chance.standard_normal()
                 since = POSES_EVERY * dt
-                note_turn(self.memory[0], (turn - self._shown, 0.0, 0.0), since)
+                turned_b = (turn - self._shown, 0.0, 0.0)
+                note_turn(self.memory[0], turned_b, since)
+                follow_tracker(self.memory[0], turned_b, since)
                 self._shown = turn
             note_sample(self.memory, imu, actuators, self.model, 1e5)
             found.append((imu["angular_velocity_b"][0, 0], self.rate))
@@ -107,7 +110,18 @@ def test_a_calm_reading_that_stays_the_same_is_not_stuck_where_the_torques_are_w
     vehicle = Turning()
     vehicle.calm = True
     vehicle.run(2.0)
-    vehicle.run(1.0, reading=vehicle.rate, wrong=2.0)
+    vehicle.run(1.0, reading=vehicle.rate, wrong=6.0)
     observed = vehicle.memory["rate_b"][0, 0]
     assert abs(observed - vehicle.rate) > STUCK_RATE, "the observer alone would be wrong"
     assert not vehicle.is_stuck()
+
+
+def test_a_steady_turn_is_not_stuck_where_poses_are_noisy() -> None:
+    """The observer follows the poses while a reading in whole counts stays the same."""
+    vehicle = Turning(pose_noise=0.4)
+    vehicle.calm, vehicle.rate = True, math.radians(28.0)
+    vehicle.run(2.0)
+    for _ in range(200):  # the reading stays for 0.05 s, and changes by less than noise
+        vehicle.run(0.05, reading=vehicle.rate)
+        assert not vehicle.is_stuck()
+        vehicle.run(0.01)
