@@ -55,6 +55,7 @@ FOLDERS = {
         "identification",
         "disturbances",
         "explanations",
+        "diagnosis",
         "rough_world",
         "hostile_flights",
         "hostile_plugins",

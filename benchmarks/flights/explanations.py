@@ -135,7 +135,7 @@ def fly(fault: str, seed: int, world: str, manoeuvre: str) -> list[Finding]:
         log = FlightLog(path, "quad1", store, {"run_id": "flight"})
         flight = FaultyFlight(parameters, robot, log)
         try:
-            _take_off(flight, manoeuvre, on_bearings=fault in ON_BEARINGS)
+            take_off(flight, manoeuvre, on_bearings=fault in ON_BEARINGS)
         except RefusedError:
             log.close()
             raise
@@ -152,7 +152,7 @@ def fly(fault: str, seed: int, world: str, manoeuvre: str) -> list[Finding]:
         return explain_log(path)
 
 
-def _take_off(flight: SimulatedFlight, manoeuvre: str, *, on_bearings: bool) -> None:
+def take_off(flight: SimulatedFlight, manoeuvre: str, *, on_bearings: bool) -> None:
     flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20.0)
     flight.wait(0.5)
     flight.arm()

@@ -61,13 +61,19 @@ class Info:
         for name, size in sorted(found.attachments.items()):
             print(f"  attached: {name}, {size} bytes")
         if self.explain:
-            claims = [f"{one.start:.1f} s: {one.claim}" for one in findings]
+            claims = [f"{one.start:.1f} s: {one.claim}{_share(one)}" for one in findings]
             print(
                 "what happened:",
                 *claims or ["No anomalies found in what was recorded."],
                 sep="\n  ",
             )
         return 0
+
+
+def _share(finding: Finding) -> str:
+    """Return the confidence of a cause among several; nothing for the only one."""
+    share = finding.confidence
+    return f" ({100 * share:.0f} % of the evidence)" if 0.0 < share < 0.995 else ""
 
 
 def _described(found: LogSummary) -> dict[str, Any]:

@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from math import log2
 from pathlib import Path
 
-from console.evaluation.explanation import bearings, causes, consequences, instruments
+from console.evaluation.explanation import (
+    bearings,
+    causes,
+    consequences,
+    instruments,
+    motion,
+    repetitions,
+    sightings,
+    tracker,
+)
 from console.evaluation.explanation.finding import Finding, Parameters, Spans, Topics, airborne
 from flight_log.attached import parameters_of
 from flight_log.run import read_run
 
 DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] = (
     instruments.instruments,
+    repetitions.tracker_frozen,
+    repetitions.imu_stuck,
+    repetitions.imu_gaps,
+    repetitions.barometer_stuck,
+    repetitions.barometer_off,
+    repetitions.battery_stuck,
+    tracker.tracker_stamped_wrong,
+    tracker.tracker_slow,
+    tracker.tracker_moved,
+    motion.motion,
+    motion.centre,
     causes.weak_motor,
     causes.vibration,
     causes.tracker_late,
     causes.tracker_gaps,
     causes.tracker_outliers,
+    sightings.sightings,
     bearings.beacon_off,
     bearings.bearings_disagree,
     bearings.fell_back,
@@ -30,15 +53,61 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
 )
 
 
+_CONTRADICTED = ("tracker_contradicted", "inertial_suspect")
+_JUDGED_ON_BOARD = (*_CONTRADICTED, "tracker_tilted")
+_OF_THE_IMU = ("gyroscope_off", "accelerometer_off")
+_OF_THE_POSES = ("tracker_outliers", "tracker_moved", "tracker_scale", "tracker_stamps")
+_OF_BEARINGS = ("fell_back", "bearings_disagree", *_OF_THE_POSES)
+_SEEN = ("bearings_swapped", "bearings_distorted", "bearings_scattered")
+_SEEN_APART = ("tracker_against_bearings", *_SEEN)
+_OF_FORCES = ("thrust_off", "outside_force", "drag_off")
+CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
+    "tracker_clock": ("tracker_gaps", "tracker_late", *_OF_THE_POSES, *_JUDGED_ON_BOARD),
+    "tracker_frozen": (*_OF_THE_POSES, *_JUDGED_ON_BOARD, *_SEEN_APART, *_OF_THE_IMU),
+    "imu_stuck": (*_OF_THE_POSES, *_JUDGED_ON_BOARD, *_OF_THE_IMU),
+    "imu_clipped": (*_OF_THE_POSES, *_JUDGED_ON_BOARD, *_OF_THE_IMU),
+    "imu_gaps": ("tracker_late",),
+    "accelerometer_off": (*_JUDGED_ON_BOARD, "tracker_scale", "tracker_stamps", "gyroscope_off"),
+    "tracker_moved": (*_SEEN_APART, *_OF_THE_IMU, "tracker_outliers", "tracker_tilted"),
+    "tracker_tilted": (*_SEEN_APART, *_CONTRADICTED, "tracker_outliers", "tracker_stamps"),
+    "tracker_contradicted": _SEEN_APART,
+    "tracker_scale": (*_SEEN_APART, "tracker_stamps"),
+    "gyroscope_off": _CONTRADICTED,
+    "bearings_swapped": (*_OF_BEARINGS, "beacon_off"),
+    "bearings_distorted": (*_OF_BEARINGS, "beacon_off"),
+    "beacon_off": _OF_BEARINGS,
+    "tracker_outliers": _SEEN_APART,
+    "bearings_scattered": _OF_BEARINGS,
+    "motor_weak": ("centre_off", *_OF_FORCES),
+    "vibration": ("inertial_suspect", "tracker_scale", "tracker_stamps"),
+    "outside_force": ("drag_off",),
+}
+"""Kinds of finding that another one can bring about: those come after it, not beside it."""
+
+
 def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
     """Return the events of a run, heaviest first, consequences after causes.
 
-    A detector ignores a run without the topics that it needs.
+    Of each kind it is the heaviest. A detector ignores a run without the topics that it needs.
     """
     topics = {name: one for name, one in topics.items() if len(one)}
     spans = airborne(topics)
-    found = [one for detector in DETECTORS for one in detector(topics, parameters, spans)]
-    return sorted(found, key=lambda one: (one.follows, -one.weight))
+    found: dict[str, Finding] = {}
+    for one in (one for detector in DETECTORS for one in detector(topics, parameters, spans)):
+        if one.kind not in found or one.weight > found[one.kind].weight:
+            found[one.kind] = one
+    for cause, kinds in CONSEQUENCES.items():
+        if cause in found and not found[cause].follows:
+            found |= {k: replace(found[k], follows=True) for k in kinds if k in found}
+    return sorted(_with_confidence(found.values()), key=lambda one: (one.follows, -one.weight))
+
+
+def _with_confidence(found: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield the findings, the causes with their share of the evidence for any cause."""
+    evidence = {one.kind: log2(1.0 + one.weight) for one in found if not one.follows}
+    for one in found:
+        share = evidence.get(one.kind, 0.0) / max(sum(evidence.values()), 1e-9)
+        yield replace(one, confidence=share)
 
 
 def explain_log(path: Path) -> list[Finding]:

@@ -39,6 +39,7 @@ class Finding:
     Attributes:
         weight: the figure relative to its limit.
         follows: whether it can be the consequence of another finding.
+        confidence: share of the evidence for any cause, 0 to 1; 0 for a consequence.
         signals: names of the page's signals that show it.
         label, unit, limit, time, values: the evidence, to be plotted.
     """
@@ -55,12 +56,14 @@ class Finding:
     time: Array
     values: Array
     follows: bool = False
+    confidence: float = 0.0
 
     def as_json(self) -> dict[str, Any]:
         """Return the finding for the page, without the columns of the evidence."""
         return {
             "kind": self.kind,
             "weight": round(self.weight, 2),
+            "confidence": round(self.confidence, 2),
             "from": round(self.start, 3),
             "to": round(self.end, 3),
             "text": self.claim,

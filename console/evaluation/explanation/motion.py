@@ -1,0 +1,288 @@
+"""Findings from poses that IMU or motors do not explain: what is wrong, and by how much.
+
+The accelerometer, the motors and the poses are three witnesses of one motion: the two that agree
+say which one is wrong (`residuals`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from console.evaluation.explanation.finding import (
+    Array,
+    Finding,
+    Parameters,
+    Spans,
+    Topics,
+    blocks,
+    has,
+    longest,
+    means,
+)
+from console.evaluation.explanation.residuals import STEADY, STEP, WINDOW, Window, windows
+from flight_log.fields import TORQUE_B, TRACKED, axes
+from quadrotor.constants import GRAVITY
+
+ACCELEROMETER = 0.2
+"""Limit in m/s² of what the accelerometer reads besides what poses and motors show."""
+TILTED = 0.3
+"""Limit in m/s² of a horizontal acceleration that both IMU and motors miss: 1.8° of tilt."""
+THRUST = 0.25
+"""Limit in m/s² of the thrust over the mass that flies without an effect, or lacks."""
+SIDEWAYS = 0.3
+"""Limit in m/s² of a horizontal force over the mass."""
+GYROSCOPE = 0.8
+"""Limit in deg/s between gyroscope and poses."""
+DELAY = 0.02
+"""Limit in s between the poses and their stamps."""
+SCALE = 0.04
+"""Limit of the scale of the poses, minus 1."""
+DRAG = 0.4
+"""Limit in 1/s of a force against the velocity, over the mass, beyond the model's drag."""
+PUSHED = 0.1
+"""The same of a fit by the motors, which gusts disturb."""
+PRECISE = 0.006
+"""Largest rms in m of what a fit leaves that shows a delay or a scale."""
+MOVING = 0.3
+"""Least rms of the places in m for a delay, a scale or drag to show."""
+CENTRE = 0.005
+"""Limit in m of the lever that the mean torque makes of the thrust."""
+
+
+def motion(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find what the residuals of poses against IMU and motors show."""
+    found = [one for one in windows(topics, parameters, spans) if one.imu.rms < STEADY]
+    if not found:
+        return
+    yield from _accelerometer(found)
+    yield from _tracker(found)
+    yield from _forces(found)
+    turning = [float(np.degrees(np.abs(one.turning_b).max())) for one in found]
+    yield from _of(
+        "gyroscope_off",
+        found,
+        turning,
+        GYROSCOPE,
+        lambda most, _: (
+            f"The gyroscope turned {most:.1f}°/s faster or slower than the poses: its "
+            "bias has changed, or its scale is wrong."
+        ),
+        ("imu/angular_velocity.x", "imu/angular_velocity.y", "imu/angular_velocity.z"),
+        ("rate of the gyroscope besides that of the poses", "°/s"),
+    )
+
+
+def _accelerometer(found: Sequence[Window]) -> Iterator[Finding]:
+    """Find readings of the accelerometer that neither poses nor motors have."""
+    off = [
+        _own(one.imu.acceleration_w, one.motors.acceleration_w) if one.motors else 0.0
+        for one in found
+    ]
+
+    def claim(most: float, heaviest: Window) -> str:
+        x, y, z = -heaviest.imu.acceleration_b
+        grew = off[-1] - off[0] > 0.5 * most
+        return (
+            f"The accelerometer read {x:+.2f}, {y:+.2f}, {z:+.2f} m/s² (body axes) more than poses "
+            f"and motors show{', and it grew' if grew else ''}: a bias, a wrong scale "
+            f"({100 * z / GRAVITY:+.0f} % on z), or a sensor that is turned by "
+            f"{np.degrees(np.hypot(x, y) / GRAVITY):.1f}°; a hover cannot tell which."
+        )
+
+    yield from _of(
+        "accelerometer_off",
+        found,
+        off,
+        ACCELEROMETER,
+        claim,
+        axes("imu/linear_acceleration"),
+        ("acceleration read besides that of poses and motors", "m/s²"),
+    )
+
+
+def _own(one: Array, other: Array) -> float:
+    """Return how much one source lacks that the other does not lack as well."""
+    return float(min(np.linalg.norm(one), np.linalg.norm(one - other)))
+
+
+def _tracker(found: Sequence[Window]) -> Iterator[Finding]:
+    """Find poses that are turned, too large or too small, or not of their time."""
+    level = [
+        float(min(np.hypot(*one.imu.acceleration_w[:2]), np.hypot(*one.motors.acceleration_w[:2])))
+        if one.motors
+        and np.linalg.norm((one.imu.acceleration_w - one.motors.acceleration_w)[:2])
+        < 0.5 * TILTED + 0.3 * np.hypot(*one.imu.acceleration_w[:2])
+        else 0.0
+        for one in found
+    ]
+    yield from _of(
+        "tracker_tilted",
+        found,
+        level,
+        TILTED,
+        lambda most, _: (
+            f"The tracker's vertical was {np.degrees(most / GRAVITY):.1f}° off: IMU and "
+            "motors agree with each other and not with its poses."
+        ),
+        axes("imu/linear_acceleration"),
+        ("horizontal acceleration that neither IMU nor motors have", "m/s²"),
+    )
+    trusted = [
+        one.spread > MOVING
+        and one.imu.rms < PRECISE
+        and np.linalg.norm(one.imu.acceleration_w[2:]) < ACCELEROMETER
+        for one in found
+    ]
+    scale = [one.imu.scale if ok else 0.0 for one, ok in zip(found, trusted, strict=True)]
+    yield from _of(
+        "tracker_scale",
+        found,
+        np.abs(scale),
+        SCALE,
+        lambda _, one: (
+            f"The tracker's distances were {100 * one.imu.scale:+.1f} % off against the "
+            "accelerometer: its calibration has a wrong length, or the accelerometer a wrong scale "
+            "on x and y."
+        ),
+        tuple(f"tracker_pose/{name}" for name in TRACKED),
+        ("scale of the poses minus 1", ""),
+    )
+    delay = [
+        one.imu.delay if ok and abs(one.imu.scale) < SCALE else 0.0
+        for one, ok in zip(found, trusted, strict=True)
+    ]
+    yield from _of(
+        "tracker_stamps",
+        found,
+        np.abs(delay),
+        DELAY,
+        lambda _, one: (
+            f"The poses were of a time {1e3 * abs(one.imu.delay):.0f} ms "
+            f"{'before' if one.imu.delay > 0.0 else 'after'} their stamps: the tracker's delay is "
+            "another than its stamps say."
+        ),
+        tuple(f"tracker_pose/{name}" for name in TRACKED),
+        ("time of the stamps minus that of the motion", "s"),
+    )
+
+
+def _forces(found: Sequence[Window]) -> Iterator[Finding]:
+    """Find forces that poses and IMU show and the commanded thrust does not."""
+    known = [one for one in found if one.motors is not None and one.motors.rms < PUSHED]
+    if not known:
+        return
+    lacking = np.array([one.motors.acceleration_w for one in known if one.motors])
+    felt = np.array([one.imu.acceleration_w for one in known])
+    up = np.array([_own(one[2:], two[2:]) for one, two in zip(lacking, felt, strict=True)])
+    aside = [_own(one[:2], two[:2]) for one, two in zip(lacking, felt, strict=True)]
+    yield from _of(
+        "thrust_off",
+        known,
+        up,
+        THRUST,
+        lambda _, one: _thrust_claim(-float(lacking[known.index(one), 2])),
+        ("thrust", "mass"),
+        ("acceleration that the thrust lacks or has too much", "m/s²"),
+    )
+    yield from _of(
+        "outside_force",
+        known,
+        aside,
+        SIDEWAYS,
+        lambda most, _: (
+            f"A sideways force of {most:.1f} m/s² times the mass acted besides the "
+            "thrust: wind, a wall or a cable; or the thrust is not along z_B."
+        ),
+        axes("disturbance"),
+        ("horizontal acceleration besides thrust", "m/s²"),
+    )
+    drags = [one.motors.drag if one.motors and one.spread > MOVING else 0.0 for one in known]
+    yield from _of(
+        "drag_off",
+        known,
+        np.abs(drags),
+        DRAG,
+        lambda most, _: (
+            f"A force of {most:.2f}/s times mass and velocity acted against the motion "
+            "besides the drag of the model (`model.drag`)."
+        ),
+        axes("state.velocity"),
+        ("force over mass and velocity", "1/s"),
+    )
+
+
+def _thrust_claim(excess: float) -> str:
+    share = 100.0 * excess / GRAVITY
+    if excess > 0.0:
+        return (
+            f"The vehicle needed {share:.0f} % more thrust than its mass and motors' model say: it "
+            "is heavier (a payload, a slung load), all its motors are weaker, or the air sinks; a "
+            "hover cannot tell which."
+        )
+    return (
+        f"The vehicle needed {-share:.0f} % less thrust than its mass and motors' model say: it is "
+        "lighter, its motors are stronger, or the air rises; a hover cannot tell which."
+    )
+
+
+def centre(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find a mean torque that holds a centre of mass beside the rotors' middle."""
+    if not has(topics, "actuators", "thrust", *TORQUE_B[:2]):
+        return
+    series = topics["actuators"]
+    time, mean = blocks(series.time, series.rows(("thrust", *TORQUE_B[:2])), spans, means)
+    lever = np.hypot(mean[:, 1], mean[:, 2]) / np.maximum(mean[:, 0], 1e-3)
+    lever = np.where(mean[:, 0] > 0.0, lever, 0.0)
+    for start, end in longest(time, lever, CENTRE, 3):
+        inside = (time >= start) & (time < end)
+        most = float(np.median(lever[inside]))
+        torque = np.median(mean[inside, 1:], axis=0)
+        thrust = float(np.median(mean[inside, 0]))
+        yield Finding(
+            "centre_off",
+            most / CENTRE,
+            start,
+            end,
+            f"A steady torque held the vehicle level: its centre of mass is about "
+            f"{1e3 * -torque[1] / thrust:+.0f} mm along x_B and {1e3 * torque[0] / thrust:+.0f} mm "
+            "along y_B from the rotors' middle, or two motors are weaker than the others.",
+            ("torque.x", "torque.y"),
+            "mean torque over thrust",
+            "m",
+            CENTRE,
+            time,
+            lever,
+        )
+
+
+def _of(
+    kind: str,
+    found: Sequence[Window],
+    values: Sequence[float] | Array,
+    limit: float,
+    claim: Callable[[float, Window], str],
+    signals: tuple[str, ...],
+    evidence: tuple[str, str],
+) -> Iterator[Finding]:
+    """Yield the heaviest stretch of windows beyond a limit, if there is one."""
+    starts = np.array([one.start for one in found])
+    size = np.asarray(values, np.float64)
+    for start, _ in longest(starts, size, limit, 2, STEP):
+        over = [k for k in range(len(found)) if starts[k] >= start and size[k] > limit]
+        heaviest = max(over, key=lambda k: size[k])
+        most = float(size[heaviest])
+        yield Finding(
+            kind=kind,
+            weight=float(np.median(size[over])) / limit,
+            start=start,
+            end=float(starts[over[-1]]) + WINDOW,
+            claim=claim(most, found[heaviest]),
+            signals=signals,
+            label=evidence[0],
+            unit=evidence[1],
+            limit=limit,
+            time=starts + WINDOW / 2,
+            values=size,
+        )
