@@ -10,7 +10,7 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.alarms import Alarms
@@ -56,6 +56,8 @@ from vehicle_link.process_instance import new_instance
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 LOCKSTEP_HEARTBEATS = 5
 """In lockstep so many more heartbeats go over the lane, and the link needs none of them."""
 LOG_TIMEOUT = 1.0
@@ -125,7 +127,7 @@ class StationParts:
         catalogue: of the runs.
     """
 
-    def __init__(self, session: Any, catalogue: Catalogue, options: StationOptions) -> None:
+    def __init__(self, session: Session, catalogue: Catalogue, options: StationOptions) -> None:
         self.catalogue, self.options = catalogue, options
         self.closing = threading.Event()
         self.node = Node(session, f"/{options.vehicle}", "station")

@@ -46,7 +46,7 @@ from vehicle.comms.publish import PROBE_NS, LinkRadio
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link import telemetry, topics
 from vehicle_link.lane.datagram import LARGEST, LARGEST_PAYLOAD
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.termination_signal import EndSignal
@@ -210,7 +210,7 @@ class _FileServer:
     def __init__(self) -> None:
         self._data = os.urandom(1 << 20)
 
-    def answer(self, request: Message) -> Message:
+    def answer(self, request: Any) -> Any:
         length = int(request.length)
         begin = int(request.offset) % (len(self._data) - length)
         data = self._data[begin : begin + length]

@@ -18,7 +18,8 @@ from vehicle_link import topics
 from vehicle_link.lane.datagram import HELLO, TO_VEHICLE
 from vehicle_link.lane.replay_window import ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
+from vehicle_link.messages.records import LaneResponse
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
@@ -35,9 +36,11 @@ class LaneClient:
 
     def __init__(self, node: Node, instance: int) -> None:
         self._pilot, self._observer = node.client(PILOT_LANE, TYPE), node.client(LANE, TYPE)
-        self._request = new(f"{TYPE}_Request", requester=node.full_name, instance=instance)
+        self._request = new(
+            "quadlab_msgs/srv/Lane_Request", requester=node.full_name, instance=instance
+        )
 
-    def request_keys(self) -> Message:
+    def request_keys(self) -> LaneResponse:
         """Request keys for a lane from the vehicle. Raises LinkError."""
         client = self._pilot if self._pilot.wait(DISCOVERY_TIMEOUT) else self._observer
         return client.call(self._request)

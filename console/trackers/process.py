@@ -11,7 +11,7 @@ import queue
 import re
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +32,8 @@ from vehicle_link.messages import encode, header, new
 from vehicle_link.termination_signal import Ending
 from vehicle_link.topics import TRACKER_PICTURES
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
@@ -71,7 +73,7 @@ class Tracker:
         name: str,
         open_source: Callable[[], Source],
         bodies: Mapping[str, str],
-        session: Any,
+        session: Session,
         unit: Unit = "m",
         up: Up = "z",
         views: Sequence[CameraView] = (),

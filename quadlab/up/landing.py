@@ -7,12 +7,14 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link import clock
 from vehicle_link.termination_signal import EndSignal
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
 """Seconds to wait for the vehicles' statuses."""
@@ -40,7 +42,7 @@ class _Landing:
     since.
     """
 
-    def __init__(self, session: Any, name: str, shown: str) -> None:
+    def __init__(self, session: Session, name: str, shown: str) -> None:
         from vehicle_link.transport.node import Node
 
         self.was_received = threading.Event()
@@ -109,7 +111,7 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSign
     from vehicle_link.transport.session import loopback_session
 
     try:
-        session: Any = loopback_session(loopback_port)
+        session = loopback_session(loopback_port)
     except LinkError as error:
         print(f"quadlab: not landed, the station does not answer ({error})", flush=True)
         return

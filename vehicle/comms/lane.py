@@ -22,6 +22,7 @@ from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.lane.replay_window import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
+from vehicle_link.messages.records import LaneRequest
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
@@ -126,7 +127,7 @@ class CommsLane:
                 self._subscribe(node, topic)
             self._over_zenoh = node
 
-    def _granting(self, topics: tuple[str, ...]) -> Callable[[Message], Message]:
+    def _granting(self, topics: tuple[str, ...]) -> Callable[[LaneRequest], Message]:
         """Return a service that grants new keys on each request, to send only `topics` with."""
         return lambda request: self._lane.grant(int(request.instance), topics)
 

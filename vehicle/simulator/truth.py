@@ -152,6 +152,7 @@ def connect_to_station(
 
     def connect() -> tuple[Put, Callable[[], None]]:
         from vehicle_link.messages import Message, new
+        from vehicle_link.messages.records import ChangeParametersRequest, SimulationRequest
         from vehicle_link.parameters.change import ParameterChange
         from vehicle_link.parameters.messages import from_parameters, to_parameters
         from vehicle_link.process_instance import new_instance
@@ -171,7 +172,7 @@ def connect_to_station(
             change = ParameterChange(stamp_ns, name, old, value, requester, revision, instance)
             changes.put(encode_parameter_change(change), stamp_ns)
 
-        def change(request: Message) -> Message:
+        def change(request: ChangeParametersRequest) -> Message:
             applied, revision = live.change(from_parameters(request.parameters), request.requester)
             return new(
                 f"{service}_Response",
@@ -180,7 +181,7 @@ def connect_to_station(
                 revision=revision,
             )
 
-        def attend(request: Message) -> Message:
+        def attend(request: SimulationRequest) -> Message:
             attendant.ask(str(request.action))
             return new(f"{SERVICES['simulation']}_Response", accepted=True)
 

@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import zenoh
 from zenoh.handlers import Callback, RingChannel
@@ -44,9 +44,12 @@ from vehicle_link.transport.misrouted import PublisherTopics
 from vehicle_link.transport.publisher import Publisher, Received
 
 if TYPE_CHECKING:
+    from vehicle_link.messages.records import Answer, ServiceName
     from vehicle_link.topics.table import Priority, Topic
 
 log = logging.getLogger(__name__)
+A = TypeVar("A", bound=Message)
+Q = TypeVar("Q", bound=Message)
 
 # One counter for each session numbers nodes and endpoints (rmw_zenoh).
 _counters: dict[str, itertools.count[int]] = {}
@@ -182,7 +185,7 @@ class Node:
         self,
         name: str,
         srv_type: str,
-        handler: Callable[[Message], Message],
+        handler: Callable[[Q], Message],
         *,
         direct: bool = False,
         at_once: int = 1,
@@ -231,9 +234,19 @@ class Node:
         called_back = Callback(answer if direct else hand_over, indirect=False)
         self._entities.append(self.session.declare_queryable(key, called_back, complete=True))
 
+    @overload
+    def client(  # type: ignore[overload-overlap]  # two services of the table cannot refuse
+        self, name: str, srv_type: ServiceName[A], *, priority: Priority = ...
+    ) -> ServiceClient[A]: ...
+
+    @overload
+    def client(
+        self, name: str, srv_type: str, *, priority: Priority = ...
+    ) -> ServiceClient[Answer]: ...
+
     def client(
         self, name: str, srv_type: str, *, priority: Priority = "interactive_high"
-    ) -> ServiceClient:
+    ) -> ServiceClient[Message]:
         """Make a client; `priority` applies to its requests and to their answers."""
         key, gid = self._announce("SC", name, srv_type, RELIABLE)
         return ServiceClient(

@@ -200,13 +200,15 @@ class Scene:
         if self.options.color == "speed":
             velocity = point_of(state.twist.twist.linear)
             return ramp("speed", math.hypot(*velocity))
-        source = "reference" if self.options.color == "error" else "actuators"
-        message = self._live.current(source)
-        if message is None or (source == "actuators" and self.mass <= 0.0):
+        if self.options.color == "error":
+            reference = self._live.current("reference")
+            if reference is None:
+                return DROP
+            return ramp("error", math.dist(point, point_of(reference.position)))
+        actuators = self._live.current("actuators")
+        if actuators is None or self.mass <= 0.0:
             return DROP
-        if source == "reference":
-            return ramp("error", math.dist(point, point_of(message.position)))
-        return ramp("thrust", message.thrust / (self.mass * GRAVITY))
+        return ramp("thrust", actuators.thrust / (self.mass * GRAVITY))
 
     def _spin(self) -> None:
         status, actuators = self._live.current("status"), self._live.current("actuators")

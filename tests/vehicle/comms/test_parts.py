@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -252,7 +253,7 @@ class FakeRadio:
     def count(self, topic: str) -> int:
         return sum(name == topic for name, _, _ in self.sent)
 
-    def decoded(self, topic: str) -> list[messages.Message]:
+    def decoded(self, topic: str) -> list[Any]:
         type_name = topics.TOPICS[topic].type_name
         return [messages.decode(p, type_name) for name, p, _ in self.sent if name == topic]
 
