@@ -208,11 +208,11 @@ class LiveCommands:
         return outcome
 
     # ------------------------------------------------------------------ inside
-    def _asked(self, service: str, **fields: object) -> Answer:
+    def _asked(self, service: str, timeout: float = TIMEOUT, **fields: object) -> Answer:
         with self._sending:
             self._check()
             client = self._services[service]
-            response = client.ask(self.requester, timeout=TIMEOUT, tries=TRIES, **fields)
+            response = client.ask(self.requester, timeout=timeout, tries=TRIES, **fields)
         self._check()
         return response
 

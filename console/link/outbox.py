@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.link.permission import CommandPermission
@@ -14,6 +13,7 @@ from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
 from vehicle_link.messages.cdr_layout import Records
+from vehicle_link.messages.records import Message
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import SCENE_TOPICS, TOPICS
 from vehicle_link.topics.table import SHARED
@@ -107,7 +107,7 @@ class Outbox:
         """Return whether any node subscribes to the topic."""
         return self._publishers[name].has_subscribers
 
-    def message(self, name: str, message: Any, stamp_ns: int) -> None:
+    def message(self, name: str, message: Message, stamp_ns: int) -> None:
         """Publish a message that has no encoder of its own."""
         self.put(name, encode(message), stamp_ns)
 

@@ -128,7 +128,8 @@ class Telemetry:
 
     # ------------------------------------------------------------------ messages
     def _heartbeat(self) -> Any:
-        status = self._vehicle.status
+        if (status := self._vehicle.status) is None:
+            return None
         mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
         if status.armed:
             mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -139,7 +140,9 @@ class Telemetry:
         )
 
     def _sys_status(self) -> Any:
-        status, preflight = self._vehicle.status, self._vehicle.message("preflight")
+        if (status := self._vehicle.status) is None:
+            return None
+        preflight = self._vehicle.message("preflight")
         ill = TRACKER if self._vehicle.motion is None or "no_pose" in status.flags else 0
         if status.mode == "starting":
             ill |= GYROSCOPE
@@ -168,7 +171,8 @@ class Telemetry:
         return min(max(round(1e3 * float(battery.voltage)), 0), NONE_16 - 1)
 
     def _landed(self) -> Any:
-        status = self._vehicle.status
+        if (status := self._vehicle.status) is None:
+            return None
         state = mavlink.MAV_LANDED_STATE_ON_GROUND
         if status.airborne:
             state = LANDED.get(status.behavior, mavlink.MAV_LANDED_STATE_IN_AIR)

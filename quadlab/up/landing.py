@@ -7,13 +7,15 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link import clock
+from vehicle_link.messages.records import VehicleStatus
 from vehicle_link.termination_signal import EndSignal
 
 if TYPE_CHECKING:
+    from vehicle_link.transport.publisher import Received
     from vehicle_link.transport.session import Session
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
@@ -48,7 +50,7 @@ class _Landing:
         self.was_received = threading.Event()
         self.on_ground = threading.Event()
         self._shown = shown
-        self._status: Any = None
+        self._status: VehicleStatus | None = None
         self._closing = threading.Event()
         self._asking = threading.Thread(target=self._ask_on, daemon=True)
         self._said = ""
@@ -72,7 +74,11 @@ class _Landing:
         from vehicle_link.topics import SERVICES
 
         status = self._status
-        if status.mode != "armed" or (status.airborne and status.behavior in LANDING):
+        if (
+            status is None
+            or status.mode != "armed"
+            or (status.airborne and status.behavior in LANDING)
+        ):
             return  # it lands already
         name = "start_behavior" if status.airborne else "disarm"
         client = self._node.client(f"station/{name}", SERVICES[name])
@@ -93,7 +99,7 @@ class _Landing:
         self._closing.set()
         self._node.close()
 
-    def _on_status(self, received: Any) -> None:
+    def _on_status(self, received: Received) -> None:
         from vehicle_link.messages import decode
 
         status = decode(received.payload, "quadlab_msgs/VehicleStatus")

@@ -17,6 +17,7 @@ import numpy as np
 
 from control.behaviors.parameters import Box, flight_volume, keep_out
 from quadrotor.constants import GRAVITY
+from vehicle_link.messages.records import Odometry, Reference
 from web.latest import Live
 from web.view.airframe import Airframe
 from web.view.beacons.scene import BeaconScene
@@ -155,8 +156,9 @@ class Scene:
             self._target.position = point
         shown = self.options
         self._target.visible = reference is not None and self._airborne and shown.reference
-        self._error.visible = shown.error and None not in (state, reference) and self._airborne
-        if self._error.visible:
+        self._error.visible = False
+        if shown.error and self._airborne and state is not None and reference is not None:
+            self._error.visible = True
             self._show_error(state, reference)
         truth = self._live.current("truth")
         if truth is not None:
@@ -178,7 +180,7 @@ class Scene:
         status = self._live.current("status")
         return status is not None and bool(status.airborne)
 
-    def _show_vehicle(self, state: Any, now: float) -> None:
+    def _show_vehicle(self, state: Odometry, now: float) -> None:
         point = point_of(state.pose.pose.position)
         turn = wxyz_of(state.pose.pose.orientation)
         self._vehicle.pose(point, turn)
@@ -188,12 +190,12 @@ class Scene:
         self._drop.visible = point[2] > 0.05
         self.cameras.move(point, turn)
 
-    def _show_error(self, state: Any, reference: Any) -> None:
+    def _show_error(self, state: Odometry, reference: Reference) -> None:
         start = np.array(point_of(state.pose.pose.position))
         error = np.array(point_of(reference.position)) - start
         self._error.points = np.array([[start, start + self.options.magnified * error]], np.float32)
 
-    def _color(self, state: Any, point: Point) -> Color:
+    def _color(self, state: Odometry, point: Point) -> Color:
         """Return the colour of the path here: that of the chosen signal, grey while unknown."""
         if self.options.color == "none":
             return ORANGE

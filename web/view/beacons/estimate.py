@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vehicle_link.messages.records import EstimatorComparison, PoseWithCovarianceStamped
 from web.view.airframe import Airframe
 from web.view.shapes import Array, Point, Quaternion, ellipsoid, point_of, wxyz_of
 
@@ -29,14 +30,14 @@ class Estimate(NamedTuple):
         return all(map(math.isfinite, (*self.position, *self.quaternion)))
 
 
-def of_one_frame(message: Any) -> Estimate:
+def of_one_frame(message: PoseWithCovarianceStamped) -> Estimate:
     """Return the estimate of a `bearing_pose` message (PoseWithCovarianceStamped)."""
     pose = message.pose.pose
     covariance = np.array(message.pose.covariance, float).reshape(6, 6)[:3, :3]
     return Estimate(point_of(pose.position), wxyz_of(pose.orientation), covariance)
 
 
-def of_comparison(message: Any, name: str) -> Estimate | None:
+def of_comparison(message: EstimatorComparison, name: str) -> Estimate | None:
     """Return the result of this name, or None if it is missing or not yet initialized."""
     for one in message.estimators:
         if one.name == name and one.initialized:

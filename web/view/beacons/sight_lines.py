@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from vehicle_link.messages import stamp_of
+from vehicle_link.messages.records import BearingArray, Odometry
 from web.view.lines import line_color
 from web.view.shapes import (
     Array,
@@ -42,7 +43,7 @@ class PoseHistory:
         self._source = ""
         self._poses: deque[tuple[int, Point, Quaternion]] = deque()
 
-    def add(self, source: str, message: Any) -> None:
+    def add(self, source: str, message: Odometry) -> None:
         """Add an odometry; another source or an earlier stamp clears the history first."""
         stamp_ns = stamp_of(message)
         if source != self._source or (self._poses and stamp_ns < self._poses[-1][0]):
@@ -118,7 +119,7 @@ class SightLines:
 
     def show(
         self,
-        frame: Any,
+        frame: BearingArray,
         pose: tuple[Array, Array],
         places: dict[int, Point],
         *,
