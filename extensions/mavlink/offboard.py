@@ -22,7 +22,7 @@ from control.behaviors.velocity import set_walls
 from control.trajectories.extrapolation import extrapolate
 from control.trajectories.velocity_filter import advance, new_velocity_filter
 from extensions.mavlink.commands import world_point
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin, Vector, swap_world, swap_yaw
 from extensions.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError
@@ -79,7 +79,7 @@ class SetPoint:
     came_ns: int
 
 
-def set_point_of(message: Any, origin: Origin, now_ns: int) -> SetPoint:
+def set_point_of(message: MAVLink_message, origin: Origin, now_ns: int) -> SetPoint:
     """Return a SET_POSITION_TARGET_LOCAL_NED or …_GLOBAL_INT. Raises RefusedError with what is not
     possible.
     """

@@ -11,12 +11,13 @@ import asyncio
 import math
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from control.behaviors.parameters import Box, flight_volume, keep_out
 from quadrotor.constants import GRAVITY
+from quadrotor.plain_rotations import Array
 from vehicle_link.messages.records import Odometry, Reference
 from web.latest import Live
 from web.view.airframe import Airframe
@@ -29,6 +30,9 @@ from web.view.options import ViewOptions, ramp
 from web.view.server import ViewServer
 from web.view.shapes import Point, point_of, wxyz_of
 from web.view.trails import Color, Trail
+
+if TYPE_CHECKING:
+    from viser import LineSegmentsHandle, SceneApi, SceneNodeHandle
 
 RATE, UNWATCHED = 30.0, 5.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
@@ -50,7 +54,7 @@ class Scene:
         api = server.viser.scene
         api.set_up_direction("+z")
         self._ground = _add_room(api)
-        self._volume: Any = None
+        self._volume: LineSegmentsHandle | None = None
         self._volume_box: Box | None = None
         self.boxes = BoxesView(api)
         self._vehicle = Airframe(api, "/vehicle")
@@ -103,7 +107,7 @@ class Scene:
         self._flown.show(options.flown)
         self._wanted.show(options.reference)
 
-    def plan(self, points: np.ndarray[Any, Any] | None, feasible: bool = True) -> None:
+    def plan(self, points: Array | None, feasible: bool = True) -> None:
         """Show a path that may be flown next, m, world, shape (N, 3), until it has been flown or
         for PLAN_SHOWN; None takes it away.
         """
@@ -223,7 +227,7 @@ class Scene:
             self._vehicle.spin([0.1 + float(r) * 0.0011 for r in actuators.motor_references])
 
 
-def _add_room(api: Any) -> list[Any]:
+def _add_room(api: SceneApi) -> list[SceneNodeHandle]:
     origin = np.zeros((3, 2, 3), np.float32)
     origin[:, 1] = 0.5 * np.eye(3)
     rgb = np.array([line_color(c) for c in AXES], np.uint8)

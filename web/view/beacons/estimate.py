@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from vehicle_link.messages.records import EstimatorComparison, PoseWithCovarianceStamped
 from web.view.airframe import Airframe
 from web.view.shapes import Array, Point, Quaternion, ellipsoid, point_of, wxyz_of
+
+if TYPE_CHECKING:
+    from viser import SceneApi
 
 TINT = (186, 142, 226)
 OPACITY = 0.16
@@ -50,7 +53,7 @@ def of_comparison(message: EstimatorComparison, name: str) -> Estimate | None:
 class EstimateGhost:
     """Ghost of an estimate: the nodes `/estimate/body` and `/estimate/covariance`."""
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: SceneApi) -> None:
         self._frame = api.add_frame("/estimate", show_axes=False, visible=False)
         self._body = Airframe(api, "/estimate/body", ghost=True, tint=TINT, opacity=0.4)
         self._body.frame.visible = True

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from web.view.shapes import (
     turns_from_z,
     wxyz_of,
 )
+
+if TYPE_CHECKING:
+    from viser import SceneApi
 
 RATE = 15.0  # largest rate, Hz
 HISTORY = 2.0  # s
@@ -86,7 +89,7 @@ class PoseHistory:
 class SightLines:
     """Nodes `/rays` and `/cones`."""
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: SceneApi) -> None:
         self._rays = api.add_line_segments(
             "/rays",
             np.zeros((4, 2, 3), np.float32),
