@@ -6,6 +6,8 @@ construction follows from what they name.
 
 from __future__ import annotations
 
+from vehicle_link.transport.publisher import OtherPath
+
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -179,6 +181,11 @@ class StationParts:
     @cached_property
     def outbox(self) -> Outbox:
         options = self.options
+        by_lane = OtherPath(
+            lambda received: self.subscriptions.send_heartbeat(received),
+            self.rates.zenoh_heartbeat_every
+            * (LOCKSTEP_HEARTBEATS if self.progress.in_lockstep else 1),
+        )
         return Outbox(
             self.node,
             options.vehicle,
@@ -186,8 +193,7 @@ class StationParts:
             self.link.vehicle_ns,
             self.link.permission,
             speaker="station" if options.is_alone else f"station {options.vehicle}",
-            zenoh_heartbeat_every=self.rates.zenoh_heartbeat_every
-            * (LOCKSTEP_HEARTBEATS if self.progress.in_lockstep else 1),
+            heartbeat_path=by_lane,
         )
 
     @cached_property

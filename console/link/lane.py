@@ -23,7 +23,7 @@ from vehicle_link.messages.records import LaneResponse
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.publisher import Publisher, Received
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.whoami import DISCOVERY_TIMEOUT
 
 DATAGRAM, QUIC = "datagram", "quic"
@@ -53,7 +53,6 @@ class VehicleLane:
         node: of the station, in the vehicle's namespace.
         host: of the vehicle, as it is dialled; empty for no lane.
         telemetry, heartbeat: called with each message, once; never two at a time.
-        heartbeats: publishes our heartbeats, which use the lane too.
     """
 
     def __init__(
@@ -63,7 +62,6 @@ class VehicleLane:
         link: LinkMonitor,
         telemetry: Callable[[Received], None],
         heartbeat: Callable[[Received], None],
-        heartbeats: Publisher,
     ) -> None:
         self._node, self._link = node, link
         self._callbacks = {"telemetry": telemetry, "vehicle_heartbeat": heartbeat}
@@ -77,7 +75,6 @@ class VehicleLane:
         if host:
             client = LaneClient(node, link.permission.instance)
             self._lane = StationLane(host, client.request_keys, self._by_lane, self._set_lane_up)
-            heartbeats.also_send = partial(self._send_heartbeat, self._lane)
             for name in TO_VEHICLE:
                 if name not in (HELLO, HEARTBEAT):
                     send = partial(self._send, self._lane, name)
@@ -107,7 +104,10 @@ class VehicleLane:
     def _send(lane: StationLane, name: str, received: Received) -> None:
         lane.send(name, received)
 
-    def _send_heartbeat(self, lane: StationLane, received: Received) -> bool:
+    def send_heartbeat(self, received: Received) -> bool:
+        """Send one of our heartbeats by the lane; return whether there is one that works."""
+        if (lane := self._lane) is None:
+            return False
         is_pilot = self._link.permission.access not in ("", OBSERVER)
         return lane.send(HEARTBEAT, received, greets=is_pilot) and lane.is_up
 

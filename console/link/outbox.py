@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from vehicle_link.transport.publisher import OtherPath
+
 import time
 from collections.abc import Callable, Sequence
 
@@ -49,11 +51,7 @@ class Outbox:
         vehicle_ns: the vehicle's clock, which stamps everything.
         permission: whether the vehicle accepts messages from us.
         speaker: prefix of lines for the terminal.
-        zenoh_heartbeat_every: one in this many of the heartbeats over the lane is sent over Zenoh
-            too.
-
-    Attributes:
-        heartbeats: publishes our heartbeats.
+        heartbeat_path: the path by the lane of our heartbeats.
     """
 
     def __init__(
@@ -64,7 +62,7 @@ class Outbox:
         vehicle_ns: Callable[[], int],
         permission: CommandPermission,
         speaker: str = "station",
-        zenoh_heartbeat_every: int = 1,
+        heartbeat_path: OtherPath | None = None,
     ) -> None:
         self._speaker = speaker
         self._vehicle = vehicle
@@ -74,9 +72,8 @@ class Outbox:
         names = (*RECORDED, *SHARED, "station_heartbeat", "stick_status", "marks", *FROM_TELEMETRY)
         self._subscribed: frozenset[str] = frozenset()
         self._check_due = 0.0
-        self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
-        self.heartbeats = self._publishers["station_heartbeat"]
-        self.heartbeats.send_one_in = zenoh_heartbeat_every
+        others = {"station_heartbeat": heartbeat_path}
+        self._publishers = {name: node.advertise(TOPICS[name], others.get(name)) for name in names}
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
         """Publish a message, and record it if its topic is recorded when sent. Raises LinkError

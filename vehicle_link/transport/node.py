@@ -41,7 +41,7 @@ from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of
 from vehicle_link.transport.executor_queue import ExecutorQueue
 from vehicle_link.transport.idempotent import answering
 from vehicle_link.transport.misrouted import PublisherTopics
-from vehicle_link.transport.publisher import Publisher, Received
+from vehicle_link.transport.publisher import OtherPath, Publisher, Received
 
 if TYPE_CHECKING:
     from vehicle_link.messages.records import Answer, ServiceName
@@ -92,9 +92,10 @@ class Node:
         priority: Priority = "data",
         express: bool = False,
         drop: bool = True,
+        other: OtherPath | None = None,
     ) -> Publisher:
         """Make a publisher. `drop`: on congestion its messages are dropped instead of waited
-        for.
+        for. `other`: another path that they take as well.
         """
         key, gid = self._announce("MP", topic, type_name, qos)
         publisher = self.session.declare_publisher(
@@ -109,9 +110,9 @@ class Node:
             ),
         )
         self._entities.append(publisher)
-        return Publisher(publisher, gid)
+        return Publisher(publisher, gid, other)
 
-    def advertise(self, topic: Topic) -> Publisher:
+    def advertise(self, topic: Topic, other: OtherPath | None = None) -> Publisher:
         """Make a publisher as the table of topics defines it."""
         return self.publisher(
             topic.name,
@@ -120,6 +121,7 @@ class Node:
             priority=topic.priority,
             express=topic.express,
             drop=topic.drop,
+            other=other,
         )
 
     def subscribe(
