@@ -6,8 +6,6 @@ construction follows from what they name.
 
 from __future__ import annotations
 
-from vehicle_link.transport.publisher import OtherPath
-
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -57,6 +55,7 @@ from vehicle_link.lockstep import STATION_PROCESS, ProcessProgress
 from vehicle_link.process_instance import new_instance
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
+from vehicle_link.transport.publisher import OtherPath, Received
 
 if TYPE_CHECKING:
     from vehicle_link.transport.session import Session
@@ -182,7 +181,7 @@ class StationParts:
     def outbox(self) -> Outbox:
         options = self.options
         by_lane = OtherPath(
-            lambda received: self.subscriptions.send_heartbeat(received),
+            self._heartbeat_by_lane,
             self.rates.zenoh_heartbeat_every
             * (LOCKSTEP_HEARTBEATS if self.progress.in_lockstep else 1),
         )
@@ -195,6 +194,9 @@ class StationParts:
             speaker="station" if options.is_alone else f"station {options.vehicle}",
             heartbeat_path=by_lane,
         )
+
+    def _heartbeat_by_lane(self, heartbeat: Received) -> bool:
+        return self.subscriptions.send_heartbeat(heartbeat)
 
     @cached_property
     def alarms(self) -> Alarms:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from vehicle_link.transport.publisher import OtherPath
-
 import time
 from collections.abc import Callable, Sequence
 
@@ -20,6 +18,7 @@ from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import SCENE_TOPICS, TOPICS
 from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import OtherPath
 
 ENCODERS: dict[str, Callable[[Record, str], Records]] = {
     "state": topics.state_messages,
