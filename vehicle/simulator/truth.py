@@ -20,7 +20,7 @@ from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
-from vehicle.simulator.live_parameters import LiveParameters
+from vehicle.simulator.live_parameters import LiveParameters, ReportingParameters
 from vehicle_link import clock
 from vehicle_link.transport.session import SharedSession
 
@@ -173,7 +173,8 @@ def connect_to_station(
             changes.put(encode_parameter_change(change), stamp_ns)
 
         def change(request: ChangeParametersRequest) -> Message:
-            applied, revision = live.change(from_parameters(request.parameters), request.requester)
+            values = from_parameters(request.parameters)
+            applied, revision = served.change(values, request.requester)
             return new(
                 f"{service}_Response",
                 accepted=True,
@@ -185,14 +186,13 @@ def connect_to_station(
             attendant.ask(str(request.action))
             return new(f"{SERVICES['simulation']}_Response", accepted=True)
 
-        live.on_change = publish_change
-        serve_parameters(node, live)
+        served = ReportingParameters(live, publish_change)
+        serve_parameters(node, served)
         service = SERVICES["change_parameters"]
         node.serve("simulator/change_parameters", service, change)
         node.serve("simulator/simulation", SERVICES["simulation"], Idempotent(attend))
 
         def close() -> None:
-            live.on_change = lambda *_: None
             node.close()
             shared.close()
 
