@@ -25,7 +25,7 @@ from extensions.mavlink.commands import world_point
 from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin, Vector, swap_world, swap_yaw
 from extensions.mavlink.vehicle import Vehicle
-from quadrotor.errors import RefusedError
+from quadrotor.errors import Refusal, RefusedError
 from quadrotor.parameters import section_of
 from quadrotor.records import Record, new_reference
 from vehicle_link.clock import monotonic_ns
@@ -213,7 +213,7 @@ class Offboard:
                 client.ask("start_behavior", name="external", arguments=[])
                 return
             except RefusedError as error:
-                if k == TRIES - 1 or "external_reference" not in str(error):
+                if k == TRIES - 1 or error.kind != Refusal.NO_REFERENCE:
                     raise
 
     def accepted(self) -> None:

@@ -106,8 +106,9 @@ class Comms:
             for level, text in self._notices:  # not earlier, as no one could read them
                 self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
             self._notices.clear()
-        if report := self._deferred.due(read_ns * 1e-9, self._inbound.station_silence):
-            self._events.append(mailbox.Event(self._clock.now_ns(), *report))
+        now_ns, silence = self._clock.now_ns(), self._inbound.station_silence
+        if report := self._deferred.due(read_ns * 1e-9, silence, now_ns):
+            self._events.append(report)
         self._inbound.report_silence()
         while self._bearing_poses:
             self._publisher.bearing_pose(*self._bearing_poses.popleft())

@@ -168,7 +168,7 @@ class Publisher:
 
     def event(self, event: mailbox.Event) -> None:
         payload = topics.encode_event(
-            event.stamp_ns, event.level, event.text, f"{self._vehicle}.vehicle"
+            event.stamp_ns, event.level, event.text, f"{self._vehicle}.vehicle", event.kinds
         )
         self._send("events", payload, event.stamp_ns, always=True)
 

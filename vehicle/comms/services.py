@@ -87,7 +87,8 @@ def _ask_flight(flight: FlightMailbox, command: Command, request: CommandRequest
     if (arguments := fields.get("arguments")) is not None:
         fields["arguments"] = from_parameters(arguments)
     reply = flight.ask(lambda i: command.request(**{**fields, "request_id": i}))
-    return new(f"{command.service}_Response", accepted=reply.accepted, reason=reply.reason)
+    more = {"kind": reply.kind} if reply.kind else {}
+    return new(f"{command.service}_Response", accepted=reply.accepted, reason=reply.reason, **more)
 
 
 def _change_parameters(parameters: FlightParameters, request: ChangeParametersRequest) -> Message:

@@ -77,7 +77,8 @@ class CommandHandler:
                 self._turn_motor(command)
         except QuadlabError as error:
             self.outbox.say(f"refused {command.requester}: {error}", mailbox.WARN)
-            return mailbox.Reply(command.request_id, False, str(error))
+            kind = getattr(error, "kind", "")
+            return mailbox.Reply(command.request_id, False, str(error), kind=kind)
         revision = self.configuration.store.revision
         return mailbox.Reply(command.request_id, True, "", applied, revision, previous)
 

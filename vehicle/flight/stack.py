@@ -24,7 +24,6 @@ from vehicle.flight.microcontroller_commands import command_maker
 from vehicle.flight.stack_parts import StackParts
 from vehicle.modes import BENCH, DIRECT, EMERGENCY, FLYING, STARTING, ControlMode, Mode
 from vehicle.parameters import VehicleParameters
-from vehicle_link.commands import BRAKING
 
 _GROUND, _EXTERNAL = BehaviorName.GROUND, BehaviorName.EXTERNAL
 _DESCENT, _USED = BehaviorName.EMERGENCY_LANDING, int(Agreement.USED)
@@ -74,6 +73,7 @@ class FlightStack:
         self.navigation, self.integrity = parts.navigation, parts.integrity
         self.modes, self.gyroscope, self.model = parts.modes, parts.gyroscope, parts.model
         self.store, self.handle = parts.configuration.store, parts.commands.handle
+        self._say_braking = parts.outbox.say_braking
         self._repeats = RepeatedPoses(self.say)
         self._changes, self._landing = parts.changes, parts.landing
         self._situation, self._bounds = parts.situation, parts.bounds
@@ -161,7 +161,7 @@ class FlightStack:
             command = attitude
         if behaviors.aborted:
             why = behaviors.pop_aborted()
-            self.say(f"{BRAKING}{why}", mailbox.WARN)
+            self._say_braking(why)
             if own is not None:
                 own.failure = own.failure or why
         self._landing.watch(dt)

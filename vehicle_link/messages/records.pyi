@@ -576,7 +576,8 @@ class StartBehaviorRequest(PersonalRequest[StartBehaviorResponse]):
     arguments: list[Parameter]
     valid_until_ns: int
 
-class StartBehaviorResponse(Answer): ...
+class StartBehaviorResponse(Answer):
+    kind: str
 
 class StationStatus(Message):
     header: Header

@@ -115,7 +115,8 @@ class ServiceClient(Generic[A_co]):
         answer = cast("Answer", response)
         if not answer.accepted:
             service = self._name.rpartition("/")[2]
-            raise RefusedError(str(answer.reason) or f"{service} was refused without a reason")
+            reason = str(answer.reason) or f"{service} was refused without a reason"
+            raise RefusedError(reason, str(getattr(answer, "kind", "")))
         return response
 
     @overload

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
-from quadrotor.errors import NoAnswerError, QuadlabError
+from quadrotor.errors import NoAnswerError, QuadlabError, RefusedError
 from vehicle_link.messages import Message, decode, encode, new, stored_name, typestore
 
 if TYPE_CHECKING:
@@ -34,9 +34,12 @@ def answering(srv_type: str, handler: Callable[[Q], A]) -> Callable[[Message], A
         except NoAnswerError:
             raise
         except QuadlabError as error:
-            if "accepted" not in dict(typestore().fielddefs[stored_name(answer)][1]):
+            known = dict(typestore().fielddefs[stored_name(answer)][1])
+            if "accepted" not in known:
                 raise
-            return cast("A", new(answer, accepted=False, reason=str(error)))
+            more = {"kind": error.kind} if isinstance(error, RefusedError) else {}
+            more = {name: value for name, value in more.items() if name in known}
+            return cast("A", new(answer, accepted=False, reason=str(error), **more))
 
     return handle
 

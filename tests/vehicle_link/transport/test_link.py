@@ -20,6 +20,7 @@ from quadrotor.errors import (
     LinkError,
     NoAnswerError,
     ParameterError,
+    Refusal,
     RefusedError,
     UnreachableError,
     UsageError,
@@ -227,6 +228,22 @@ def test_a_request_sent_twice_takes_effect_once(link: Link) -> None:
     assert client.wait(WAIT)
     reasons = [client.call(new(REQUEST, request_id=i)).reason for i in ("a", "a", "b")]
     assert reasons == ["1", "1", "2"]
+
+
+def test_the_kind_of_a_refusal_reaches_the_caller(link: Link) -> None:
+    def refuses(_request: Any) -> Any:
+        raise RefusedError("it moves still", Refusal.NOT_AT_REST)
+
+    for service in ("start_behavior", "arm"):  # the answer of `arm` has no field for it
+        link.vehicle.serve(f"{service}_of_a_kind", SERVICES[service], refuses)
+    kinds = []
+    for service in ("start_behavior", "arm"):
+        client = link.web.client(f"{service}_of_a_kind", SERVICES[service])
+        assert client.wait(WAIT)
+        with pytest.raises(RefusedError, match="it moves still") as refused:
+            client.ask("ada")
+        kinds.append(refused.value.kind)
+    assert kinds == [Refusal.NOT_AT_REST, Refusal.NONE]
 
 
 def test_what_a_service_raises_reaches_the_caller_as_text(
