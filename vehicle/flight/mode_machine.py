@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from quadrotor.errors import QuadlabError
+from quadrotor.motor_state import MotorState
 from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.boards.board import MotorReferences, RawSample
@@ -22,7 +23,6 @@ from vehicle.modes import EMERGENCY, ControlMode, Mode, check_control_move, chec
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.parameters import SafetyParameters
 from vehicle.safety.supervisor import Reaction, Supervisor, Verdict
-from vehicle_link.serial.ids import MotorState
 
 _ON, _TAKEN_OVER = MotorState.ON, MotorState.EMERGENCY
 MOTOR_START_GRACE_NS = 1_500_000_000
