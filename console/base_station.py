@@ -11,7 +11,7 @@ import logging
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from console.catalogue.catalogue import Catalogue
 from console.link.outbox import WARN
@@ -19,6 +19,8 @@ from console.station_parts import StationOptions, StationParts
 from quadrotor.errors import LinkError
 from vehicle_link.transport import time_sync
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 log = logging.getLogger(__name__)
 
 CLOSE_PATIENCE = 3.0
@@ -33,7 +35,7 @@ class BaseStation:
     """
 
     def __init__(
-        self, session: Any, catalogue: Catalogue, options: StationOptions | None = None
+        self, session: Session, catalogue: Catalogue, options: StationOptions | None = None
     ) -> None:
         self.parts = parts = StationParts(session, catalogue, options or StationOptions())
         problem = parts.restore_layout()

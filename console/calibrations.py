@@ -11,11 +11,11 @@ import json
 import math
 import threading
 import time
-from typing import Any
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError
 from vehicle_link.messages import new
+from vehicle_link.messages.records import CalibrateRequest, Message
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
 
@@ -139,7 +139,7 @@ class Calibrations:
         except MeasurementError as error:
             raise LinkError(f"the vehicle's calibrations cannot be read: {error}") from error
 
-    def _answer(self, request: Any) -> Any:
+    def _answer(self, request: CalibrateRequest) -> Message:
         """Answer with the calibrations as last read."""
         if request.action not in ACTIONS:
             raise RefusedError(

@@ -6,14 +6,19 @@ matplotlib is imported only where a figure is created.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import UsageError
 
-Array = npt.NDArray[np.floating[Any]]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.floating]
+Grid = npt.NDArray[np.object_]  # of axes
 Spans = Sequence[tuple[float, float]]
 
 # By Okabe and Ito, dark enough for thin lines on white.
@@ -97,7 +102,7 @@ def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Ar
     return time[chosen], values[chosen]
 
 
-def line(axis: Any, time: Array, values: npt.NDArray[np.floating], **style: Any) -> None:
+def line(axis: Axes, time: Array, values: npt.NDArray[np.floating], **style: Any) -> None:
     """Draw a thinned line, interrupted at long gaps in the data."""
     axis.plot(*thinned(*broken(time, np.asarray(values, np.float64))), **style)
 
@@ -116,21 +121,21 @@ def broken(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def triple(
-    axis: Any, time: Array, values: Array, names: Sequence[str] = AXES, **style: Any
+    axis: Axes, time: Array, values: Array, names: Sequence[str] = AXES, **style: Any
 ) -> None:
     """Draw the columns of (N, 3) as lines of three colours."""
     for k, name in enumerate(names):
         line(axis, time, values[:, k], color=COLORS[k], label=name, **style)
 
 
-def dashed(axis: Any, time: Array, values: Array, label: str) -> None:
+def dashed(axis: Axes, time: Array, values: Array, label: str) -> None:
     """Draw the columns of the comparison, dark and dashed, with one entry in the legend."""
     for k in range(values.shape[1]):
         line(axis, time, values[:, k], **DASHED)
     axis.plot([], [], **DASHED, label=label)
 
 
-def band(axis: Any, time: Array, values: Array, label: str) -> None:
+def band(axis: Axes, time: Array, values: Array, label: str) -> None:
     """Draw the columns of the reference as broad pale lines behind the others."""
     style: Any = {"color": "#bdbdbd", "linewidth": 3.2, "solid_capstyle": "butt", "zorder": 1.5}
     for k in range(values.shape[1]):
@@ -138,7 +143,7 @@ def band(axis: Any, time: Array, values: Array, label: str) -> None:
     axis.plot([], [], **style, label=label)
 
 
-def finish(axis: Any, title: str, unit: str, *, legend: bool = True, narrow: bool = False) -> None:
+def finish(axis: Axes, title: str, unit: str, *, legend: bool = True, narrow: bool = False) -> None:
     """Place the title on the left and the legend on the right, or below the title for narrow
     axes.
     """
@@ -151,22 +156,22 @@ def finish(axis: Any, title: str, unit: str, *, legend: bool = True, narrow: boo
         )
 
 
-def window(axis: Any, spans: Spans) -> None:
+def window(axis: Axes, spans: Spans) -> None:
     """Shade the judged intervals."""
     for start, end in spans:
         axis.axvspan(start, end, color="#eef3f7", linewidth=0, zorder=0)
 
 
-def grid(figure: Any, rows: int, columns: int = 1, **more: Any) -> Any:
+def grid(figure: Figure, rows: int, columns: int = 1, **more: Any) -> Grid:
     """Return axes of shape (rows, columns) that share the time axis."""
-    axes = figure.subplots(rows, columns, squeeze=False, **{"sharex": True, **more})
+    axes: Grid = figure.subplots(rows, columns, squeeze=False, **{"sharex": True, **more})
     return axes
 
 
-def styled(draw: Callable[[Any], None]) -> Callable[[Any], None]:
+def styled(draw: Callable[[Figure], None]) -> Callable[[Figure], None]:
     """Wrap a drawing function so that it draws in the report's style."""
 
-    def inside(figure: Any) -> None:
+    def inside(figure: Figure) -> None:
         import matplotlib
 
         with matplotlib.rc_context(STYLE):
@@ -178,7 +183,7 @@ def styled(draw: Callable[[Any], None]) -> Callable[[Any], None]:
 
 
 def state_estimation(
-    figure: Any,
+    figure: Figure,
     time: Array,
     position: tuple[Array, Array],
     angles: tuple[Array, Array],

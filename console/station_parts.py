@@ -10,7 +10,7 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.alarms import Alarms
@@ -55,7 +55,10 @@ from vehicle_link.lockstep import STATION_PROCESS, ProcessProgress
 from vehicle_link.process_instance import new_instance
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
+from vehicle_link.transport.publisher import OtherPath, Received
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 LOCKSTEP_HEARTBEATS = 5
 """In lockstep so many more heartbeats go over the lane, and the link needs none of them."""
 LOG_TIMEOUT = 1.0
@@ -125,7 +128,7 @@ class StationParts:
         catalogue: of the runs.
     """
 
-    def __init__(self, session: Any, catalogue: Catalogue, options: StationOptions) -> None:
+    def __init__(self, session: Session, catalogue: Catalogue, options: StationOptions) -> None:
         self.catalogue, self.options = catalogue, options
         self.closing = threading.Event()
         self.node = Node(session, f"/{options.vehicle}", "station")
@@ -177,6 +180,11 @@ class StationParts:
     @cached_property
     def outbox(self) -> Outbox:
         options = self.options
+        by_lane = OtherPath(
+            self._heartbeat_by_lane,
+            self.rates.zenoh_heartbeat_every
+            * (LOCKSTEP_HEARTBEATS if self.progress.in_lockstep else 1),
+        )
         return Outbox(
             self.node,
             options.vehicle,
@@ -184,9 +192,11 @@ class StationParts:
             self.link.vehicle_ns,
             self.link.permission,
             speaker="station" if options.is_alone else f"station {options.vehicle}",
-            zenoh_heartbeat_every=self.rates.zenoh_heartbeat_every
-            * (LOCKSTEP_HEARTBEATS if self.progress.in_lockstep else 1),
+            heartbeat_path=by_lane,
         )
+
+    def _heartbeat_by_lane(self, heartbeat: Received) -> bool:
+        return self.subscriptions.send_heartbeat(heartbeat)
 
     @cached_property
     def alarms(self) -> Alarms:

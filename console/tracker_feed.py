@@ -13,7 +13,6 @@ import threading
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
-from typing import Any
 
 from bearing_sim import (
     BearingEmulator,
@@ -26,6 +25,7 @@ from bearing_sim import (
 from quadrotor.plain_rotations import Array
 from quadrotor.records import has_attitude
 from vehicle_link.clock import monotonic
+from vehicle_link.messages.records import TrackerStatus
 
 ENDED = "its process was ended"
 """Problem in the last status of a tracker process that was ended on purpose."""
@@ -72,9 +72,9 @@ class TrackerFeed:
         self._truth_at: float | None = None
         self._sent: deque[float] = deque(maxlen=1000)
         self._frames: deque[float] = deque(maxlen=1000)
-        self._process: Any = None  # its newest TrackerStatus
+        self._process: TrackerStatus | None = None  # its newest TrackerStatus
         self._status_at = clock() + STARTING
-        self._camera: Any = None  # the newest TrackerStatus of the camera on board
+        self._camera: TrackerStatus | None = None  # the newest TrackerStatus of the camera on board
         self._camera_status_at = 0.0
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="tracker", daemon=True)
@@ -97,7 +97,7 @@ class TrackerFeed:
             self._send(pose)
             self._catch_up(now_ns)
 
-    def note_tracker_status(self, status: Any) -> None:
+    def note_tracker_status(self, status: TrackerStatus) -> None:
         """Handle a TrackerStatus of the tracker process."""
         self.follows_process, self._process, self._status_at = True, status, self._clock()
 
@@ -107,7 +107,7 @@ class TrackerFeed:
             self._frames.append(self._clock())
             self._publish_bearings(frame._replace(beacons=self._emulator.beacons))
 
-    def note_camera_status(self, status: Any) -> None:
+    def note_camera_status(self, status: TrackerStatus) -> None:
         """Handle a TrackerStatus of the camera on board, which replaces the emulated bearings."""
         self._camera, self._camera_status_at = status, self._clock()
 

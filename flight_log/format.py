@@ -86,7 +86,7 @@ _CLASSES: dict[int, Any] = {
 
 
 @cache
-def message_record(size: int) -> np.dtype[Any]:
+def message_record(size: int) -> np.dtype:
     """Return a message record with a payload of `size` bytes as a numpy type."""
     return np.dtype([*_MESSAGE_FIELDS, ("payload", f"V{size}")])
 

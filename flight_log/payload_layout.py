@@ -47,7 +47,7 @@ class PayloadLayout:
 
     size: int
     lengths: list[tuple[int, int]] = field(default_factory=list)  # offset of a uint32, its value
-    numbers: dict[str, tuple[int, np.dtype[Any]]] = field(default_factory=dict)  # by path
+    numbers: dict[str, tuple[int, np.dtype]] = field(default_factory=dict)  # by path
     texts: dict[str, list[tuple[int, int]]] = field(default_factory=dict)  # offset, bytes
 
     @cached_property

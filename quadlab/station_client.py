@@ -9,7 +9,7 @@ import uuid
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameter_description import ParameterDescription
@@ -17,12 +17,18 @@ from vehicle_link import clock
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.lockstep import page_at
 from vehicle_link.messages import decode, encode, new
+from vehicle_link.messages.records import Answer, ExperimentStatus, Message
 from vehicle_link.termination_signal import Ending
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.client import ServiceClient
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient
 from vehicle_link.transport.publisher import Publisher, Received
 from vehicle_link.transport.session import loopback_session
+
+if TYPE_CHECKING:
+    from vehicle_link.topics.typed_tables import Ask
+    from vehicle_link.transport.session import Session
 
 REACH = 3.0
 """Seconds to wait until a station is reached."""
@@ -40,12 +46,16 @@ class StationClient:
         statuses: each ExperimentStatus as it is received.
     """
 
-    def __init__(self, session: Any, vehicle: str, requester: str = "") -> None:
+    def __init__(self, session: Session, vehicle: str, requester: str = "") -> None:
         self.requester = requester or f"{_user()} (terminal)"
         self._node = Node(session, f"/{vehicle}", f"terminal_{uuid.uuid4().hex[:8]}")
         self._parameters = ParameterClient(self._node, f"/{vehicle}/vehicle")
-        self._clients: dict[str, Any] = {}
-        self.statuses: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._clients: dict[str, ServiceClient[Answer]] = {}
+        self.ask = cast("Ask", self._ask)
+        """Return the station's answer if it accepted. Raises RefusedError with its reason, or
+        LinkError.
+        """
+        self.statuses: queue.SimpleQueue[ExperimentStatus] = queue.SimpleQueue()
         status = TOPICS["experiment_status"]
         self._node.subscribe(status.name, status.type_name, self._on_status, qos=status.qos)
         self._presence = self._node.advertise(TOPICS["presence"])
@@ -53,17 +63,14 @@ class StationClient:
         self._thread = threading.Thread(target=self._hold_presence, name="presence", daemon=True)
         self._thread.start()
 
-    def ask(self, service: str, **fields: Any) -> Any:
-        """Return the station's answer if it accepted. Raises RefusedError with its reason, or
-        LinkError.
-        """
+    def _ask(self, service: str, **fields: object) -> Answer:
         if service not in self._clients:
             self._clients[service] = self._node.client(f"station/{service}", SERVICES[service])
-        return self._clients[service].ask(self.requester, timeout=ANSWER, **fields)
+        return self._clients[service].ask(self.requester, timeout=ANSWER, tries=1, **fields)
 
-    def listen(self, topic: str) -> queue.SimpleQueue[Any]:
+    def listen(self, topic: str) -> queue.SimpleQueue[Message]:
         """Return a queue that receives the messages of a topic."""
-        messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
         row = TOPICS[topic]
         self._node.subscribe(
             row.name,
@@ -73,7 +80,7 @@ class StationClient:
         )
         return messages
 
-    def newest(self, topic: str) -> Callable[[], Any]:
+    def newest(self, topic: str) -> Callable[[], Message | None]:
         """Return a function that decodes a topic's newest message; None before the first."""
         type_name, payload = TOPICS[topic].type_name, self.newest_payload(topic)
         return lambda: decode(newest[0], type_name) if (newest := payload()) else None
@@ -131,7 +138,9 @@ def _user() -> str:
         return "somebody"
 
 
-def await_session(loopback_port: int, stopping: Ending, say: Callable[[str], None]) -> Any:
+def await_session(
+    loopback_port: int, stopping: Ending, say: Callable[[str], None]
+) -> Session | None:
     """Return a session of the running station, whose clock is followed, once there is one; None
     when this process is to end before.
     """
@@ -155,7 +164,7 @@ def await_session(loopback_port: int, stopping: Ending, say: Callable[[str], Non
 def station(loopback_port: int, vehicle: str) -> Iterator[StationClient]:
     """Yield a client of the running station. Raises LinkError when none runs."""
     try:
-        session: Any = loopback_session(loopback_port, REACH)
+        session = loopback_session(loopback_port, REACH)
     except LinkError:
         raise LinkError(
             f"no station answers at 127.0.0.1:{loopback_port}; start `quadlab up`, or give its "

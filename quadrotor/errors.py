@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 
 
 class QuadlabError(Exception):
@@ -34,8 +35,22 @@ class ReadOnlyError(ParameterError):
     """The parameter cannot be changed now."""
 
 
+class Refusal(StrEnum):
+    """Kinds of a refusal, for programs that act on it; most refusals have none."""
+
+    NONE = ""
+    NOT_AT_REST = "not_at_rest"
+    """The vehicle moves still: it may be asked again soon."""
+    NO_REFERENCE = "no_reference"
+    """No reference from outside is there to be followed, or only an old one."""
+
+
 class RefusedError(QuadlabError):
     """A command (arm, behavior, emergency, ...) was refused; the text is the reason."""
+
+    def __init__(self, reason: str = "", kind: str = Refusal.NONE) -> None:
+        super().__init__(reason)
+        self.kind = kind
 
 
 class MeasurementError(QuadlabError):

@@ -59,7 +59,7 @@ def roll_pitch_yaw(w: float, x: float, y: float, z: float) -> Triple:
     )
 
 
-def roll_pitch_yaw_of_rows(quaternion_wb: npt.NDArray[np.floating[Any]]) -> Array:
+def roll_pitch_yaw_of_rows(quaternion_wb: npt.NDArray[np.floating]) -> Array:
     """Return the ZYX Euler angles (rad), shape (N, 3), of unit quaternions (N, 4)."""
     w, x, y, z = quaternion_wb.T
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
@@ -69,7 +69,7 @@ def roll_pitch_yaw_of_rows(quaternion_wb: npt.NDArray[np.floating[Any]]) -> Arra
 
 
 def rotation_vectors_between(
-    estimated_wb: npt.NDArray[np.floating[Any]], true_wb: npt.NDArray[np.floating[Any]]
+    estimated_wb: npt.NDArray[np.floating], true_wb: npt.NDArray[np.floating]
 ) -> Array:
     """Return the rotation vectors (rad, world axes) from estimated to true attitudes.
 
@@ -90,7 +90,7 @@ def rotation_vectors_between(
     return found
 
 
-def make_continuous(quaternion: npt.NDArray[np.floating[Any]]) -> None:
+def make_continuous(quaternion: npt.NDArray[np.floating]) -> None:
     """Give neighbouring quaternions (N, 4) the same sign, in place, so that they can be
     interpolated.
     """

@@ -11,6 +11,7 @@ import msgspec
 
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link import commands
+from vehicle_link.commands import EventKind
 from vehicle_link.parameters.change import ParameterChange
 
 Arm = commands.Arm
@@ -81,6 +82,8 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     revision: int = 0
     previous: dict[str, ParameterValue] = {}
     """The values before the change, in the answer to Calibrate."""
+    kind: str = ""
+    """A kind of quadrotor.errors.Refusal."""
 
 
 class Described(msgspec.Struct, frozen=True, tag="described"):
@@ -95,6 +98,7 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
     stamp_ns: int
     level: int
     text: str
+    kinds: frozenset[EventKind] = frozenset()
 
 
 class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):

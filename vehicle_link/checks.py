@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
-from vehicle_link.messages import new
+from vehicle_link.messages import new, records
 
 State = Literal["ok", "warn", "fail", "unknown"]
 Place = Literal["station", "vehicle", "page"]
+PLACES: dict[str, Place] = {"station": "station", "vehicle": "vehicle", "page": "page"}
 STATES: tuple[State, ...] = ("ok", "warn", "fail", "unknown")
 
 
@@ -30,13 +31,13 @@ class Check:
     place: Place = "station"
 
 
-def to_messages(checks: Iterable[Check]) -> list[Any]:
+def to_messages(checks: Iterable[Check]) -> list[records.Check]:
     """Encode each check as a quadlab_msgs/Check."""
     shown = (replace(one, advice="") if one.state == "ok" else one for one in checks)
     return [new("quadlab_msgs/Check", **asdict(one)) for one in shown]
 
 
-def from_messages(messages: Iterable[Any]) -> list[Check]:
+def from_messages(messages: Iterable[records.Check]) -> list[Check]:
     """Decode checks; a state that this version does not define becomes `unknown`."""
     return [
         Check(
@@ -45,7 +46,7 @@ def from_messages(messages: Iterable[Any]) -> list[Check]:
             str(one.found),
             str(one.wanted),
             str(one.advice),
-            one.place if one.place in ("station", "vehicle", "page") else "station",
+            PLACES.get(one.place, "station"),
         )
         for one in messages
     ]

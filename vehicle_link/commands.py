@@ -8,6 +8,7 @@ page's routes are all derived from these rows.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -25,7 +26,19 @@ def one_of(*choices: str) -> Any:
 
 
 BRAKING = "braking: "
-"""Beginning of the event with which a vehicle brakes by its own decision."""
+"""Beginning, for people, of the event with which a vehicle brakes by its own decision."""
+
+
+class EventKind(StrEnum):
+    """Kinds of an event, for programs; most events have none.
+
+    They travel in the field `function` of rcl_interfaces/Log.
+    """
+
+    BRAKING = "braking"
+    """The vehicle brakes by its own decision."""
+    DELAYED = "delayed"
+    """The event is of a time when the vehicle received no station."""
 
 
 class Request(msgspec.Struct, frozen=True):

@@ -9,10 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, cast
 
 from vehicle_link.clock import monotonic
+from vehicle_link.messages.records import Message
 from vehicle_link.topics.table import TOPICS
+
+if TYPE_CHECKING:
+    from vehicle_link.topics.typed_tables import Newest
 
 STALE = {name: row.stale for name, row in TOPICS.items() if row.stale}
 """Topics whose newest message is stored.
@@ -31,7 +35,7 @@ CHARTED = tuple(name for name in STALE if TOPICS[name].page == "chart")
 class _Newest:
     payload: bytes
     received: float  # s, monotonic
-    message: Any = None
+    message: Message | None = None
 
 
 class Live:
@@ -43,11 +47,15 @@ class Live:
     """
 
     def __init__(
-        self, decode: Callable[[bytes, str], Any], clock: Callable[[], float] = monotonic
+        self, decode: Callable[[bytes, str], Message], clock: Callable[[], float] = monotonic
     ) -> None:
         self._decode = decode
         self._clock = clock
         self._newest: dict[str, _Newest] = {}
+        self.newest = cast("Newest", self._decoded)
+        """Return the newest message whatever its age, decoded once; None before the first."""
+        self.current = cast("Newest", self._current)
+        """Return the newest message, or None when it is stale."""
 
     def put(self, topic: str, payload: bytes) -> None:
         """Store a message; may be called from any thread."""
@@ -61,8 +69,7 @@ class Live:
     def fresh(self, topic: str) -> bool:
         return self.age(topic) <= STALE[topic]
 
-    def newest(self, topic: str) -> Any | None:
-        """Return the newest message whatever its age, decoded once; None before the first."""
+    def _decoded(self, topic: str) -> Message | None:
         newest = self._newest.get(topic)
         if newest is None:
             return None
@@ -70,6 +77,5 @@ class Live:
             newest.message = self._decode(newest.payload, TOPICS[topic].type_name)
         return newest.message
 
-    def current(self, topic: str) -> Any | None:
-        """Return the newest message, or None when it is stale."""
-        return self.newest(topic) if self.fresh(topic) else None
+    def _current(self, topic: str) -> Message | None:
+        return self._decoded(topic) if self.fresh(topic) else None

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 from benchmarks.firmware.chip import Chip, Input, Output
 from benchmarks.firmware.streams import SENSORS, Step
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.firmware.firmware import Firmware
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 
 SAMPLE_US = 2000
 """Period of the `D` frames at power-up, us."""

@@ -10,12 +10,13 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial import commands as c
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.frames import encode_frame
-from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id
 
 SENSORS = (*range(6), int(Id.BATTERY), int(Id.PRESSURE))
 """Ids of the values that the sensors write."""

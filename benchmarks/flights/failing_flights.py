@@ -24,10 +24,10 @@ import numpy as np
 from benchmarks.flights.touch_down import Outcome, TouchDown
 from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.motor_state import MotorState
 from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle_link.jobs import die_with_parent
-from vehicle_link.serial.ids import MotorState
 
 STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8", "lap")
 SILENT = "flight killed or frozen"

@@ -19,7 +19,6 @@ from benchmarks.harness import free_port
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE
 from vehicle_link import messages, topics
-from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.transport.node import Node
@@ -140,7 +139,7 @@ class Ground:
                 self._beats.put(topics.encode_heartbeat(number, now_ns), now_ns)
 
     # ------------------------------------------------------------------ asking
-    def ask(self, service: str, **fields: Any) -> Message | None:
+    def ask(self, service: str, **fields: Any) -> Any | None:
         """Return the answer; None when there was none."""
         if self._node is None:
             return None

@@ -27,9 +27,10 @@ from benchmarks.harness import free_port
 from flight_log import is_closed
 from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError
+from quadrotor.motor_state import MotorState
 from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
-from vehicle_link.serial.ids import MIRROR, Id, MotorState
+from vehicle_link.serial.ids import MIRROR, Id
 from vehicle_link.serial.port import SerialPort
 
 FAILURES = (

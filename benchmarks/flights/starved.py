@@ -207,7 +207,7 @@ def judge(flight: Flight, run: Path) -> None:
             stamp_ns, reference = decode_external_reference(message.payload)
             rows["reference"].append((stamp_ns, *reference["position_w"][0]))
             continue
-        told = decode(message.payload, message.type_name)
+        told: Any = decode(message.payload, message.type_name)
         if name == "status":
             behaviors.append((message.publish_ns, str(told.behavior)))
             flight.false_events += [f for f in told.flags if any(word in f for word in TOLD)]

@@ -125,7 +125,7 @@ class System:
         }
         self._patch = mock.patch.dict(vars(process), clock)
         with self._patch, mock.patch.object(tracked_vehicle, "Node", _Node):
-            self._process = process.Tracker("vrpn", mock.Mock(), {"quad1": "cf7"}, None)
+            self._process = process.Tracker("vrpn", mock.Mock(), {"quad1": "cf7"}, mock.Mock())
 
     def fail(self, fault: Fault, seconds: float, now_ns: int) -> None:
         self.fault, self.seconds, self.failed_ns = fault, seconds, now_ns

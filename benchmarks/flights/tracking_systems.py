@@ -10,7 +10,7 @@ offset, without and with the delay that `tracker_delay` would identify.
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from quadrotor.errors import LinkError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Array
 from vehicle_link.messages import decode
+from vehicle_link.messages.records import PoseStamped
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
@@ -64,7 +65,7 @@ def _follow(node: Node, topic: str, stamps: list[int]) -> None:
     kind = TOPICS[topic].type_name
 
     def received(message: Received) -> None:
-        stamp: Any = decode(message.payload, kind).header.stamp
+        stamp = cast("PoseStamped", decode(message.payload, kind)).header.stamp
         stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
 
     node.subscribe(topic, kind, received)

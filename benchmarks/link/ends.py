@@ -40,20 +40,20 @@ from console.transfers.part_file import PartFile
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE, TICK
+from vehicle.comms.inbound import STATION_LOST_S
 from vehicle.comms.lane import CommsLane
-from vehicle.comms.process import STATION_LOST_S
 from vehicle.comms.publish import PROBE_NS, LinkRadio
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link import telemetry, topics
 from vehicle_link.lane.datagram import LARGEST, LARGEST_PAYLOAD
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.termination_signal import EndSignal
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LinkState
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.publisher import Received
+from vehicle_link.transport.publisher import OtherPath, Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session
 from vehicle_link.transport.time_sync import TIME_SYNC, answers, exchange, serve_time_sync
@@ -159,14 +159,13 @@ def stamped(number: int, payload: bytes) -> bytes:
 def vehicle(folder: Path, plan: Plan) -> None:
     program = Program(folder, plan)
     node = Node(vehicle_session(QUIC_PORT, program.files), "/quad1", "vehicle")
-    radio = LinkRadio(node)
 
     def came(topic: str, received: Received) -> None:
         if topic == "station_heartbeat":
             lane.note_received()
 
     lane = CommsLane(node, QUIC_PORT + 1, came)
-    lane.send(radio.publishers)
+    radio = LinkRadio(node, lane.paths())
     heard, timeout = [time.monotonic()], SafetyParameters().link_timeout
     instance, numbers, missing = new_instance(), itertools.count(), [0]
 
@@ -210,7 +209,7 @@ class _FileServer:
     def __init__(self) -> None:
         self._data = os.urandom(1 << 20)
 
-    def answer(self, request: Message) -> Message:
+    def answer(self, request: Any) -> Any:
         length = int(request.length)
         begin = int(request.offset) % (len(self._data) - length)
         data = self._data[begin : begin + length]
@@ -234,15 +233,15 @@ def station(folder: Path, plan: Plan) -> None:
         shown = link.telemetry(number, received.source_ns, received.received_ns, wall_ns)
         heard.add(number, sent_ns, now_ns, int(shown), int(link.path == DATAGRAM))
 
-    pose, beat = node.advertise(TOPICS["tracker_pose"]), node.advertise(TOPICS["station_heartbeat"])
-    VehicleLane(
+    lane = VehicleLane(
         node,
         A if plan.lane else "",
         link,
         telemetry_came,
         lambda received: link.beat(received.payload),
-        beat,
     )
+    pose = node.advertise(TOPICS["tracker_pose"])
+    beat = node.advertise(TOPICS["station_heartbeat"], OtherPath(lane.send_heartbeat))
     command, clock = node.client("arm", COMMAND), node.client("time_sync", TIME_SYNC)
     radio = Radio(
         f"{A}:{QUIC_PORT}",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from console.checks.facts import Facts
 from console.checks.observed import Observed
@@ -14,7 +13,9 @@ from console.parameters.vehicle import VehicleParameters
 from console.runs.disk import folder_problem
 from console.tracker_feed import TrackerFeed
 from control.behaviors.parameters import flight_volume, keep_out
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.clock import monotonic
+from vehicle_link.messages.records import LinkStatus, Vector3
 
 JUDGED = ("sticks", "tracker")
 """Alarms that have their own line in the list."""
@@ -47,9 +48,9 @@ class Gatherer:
         self._observed, self._tracker, self._vehicle = observed, tracker, vehicle
         self._folder, self._sticks_dropped = folder, sticks_dropped
         self._in_step: float | None = None
-        self.link_status: Any = None
+        self.link_status: LinkStatus | None = None
 
-    def note_link_status(self, status: Any) -> None:
+    def note_link_status(self, status: LinkStatus) -> None:
         """Store the newest quadlab_msgs/LinkStatus."""
         self.link_status = status
 
@@ -103,10 +104,10 @@ class Gatherer:
         return None if self._in_step is None else now - self._in_step
 
 
-def _number(value: Any) -> float | None:
+def _number(value: ParameterValue | None) -> float | None:
     return float(value) if isinstance(value, int | float) else None
 
 
-def _length(vector: Any) -> float:
+def _length(vector: Vector3) -> float:
     """Return the length of a geometry_msgs/Vector3."""
     return math.hypot(vector.x, vector.y, vector.z)

@@ -5,15 +5,21 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from console.checks.body_turn import BodyTurn
 from quadrotor.errors import LinkError
 from quadrotor.plain_rotations import rotate, tilt_of
-from quadrotor.records import Record
+from quadrotor.records import Array, Record
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode
+from vehicle_link.messages.records import Message, VehicleStatus
 from vehicle_link.topics import TOPICS
+
+if TYPE_CHECKING:
+    from vehicle_link.topics.typed_tables import Newest
+
+T = TypeVar("T")
 
 STALE = {"estimator": 0.5, "battery": 3.0, "status": 1.0, "telemetry": 0.5, "stick": 1.0}
 """Seconds after which a received message is too old to use."""
@@ -21,7 +27,7 @@ KEPT = ("estimator", "battery", "stick")
 STILL_WINDOW = 0.5
 """Seconds for which the vehicle must have been at rest."""
 
-Sample = tuple[float, Any, Any, Any, Any, Any]
+Sample = tuple[float, Array, Array, Array, Array, Array]
 """Reception time (s); position (3,), velocity (3,), quaternion (4,), angular velocity (3,),
 specific force (3,).
 """
@@ -32,13 +38,15 @@ class Observed:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._status: tuple[float, Any] | None = None
+        self._status: tuple[float, VehicleStatus] | None = None
         self._payloads: dict[str, tuple[float, bytes]] = {}
         self._samples: deque[Sample] = deque(maxlen=100)
         self._turn = BodyTurn()
+        self.newest = cast("Newest", self._decoded)
+        """Return the decoded message, or None when it is missing, too old or invalid."""
 
     # ------------------------------------------------------------------ input
-    def status(self, status: Any) -> None:
+    def status(self, status: VehicleStatus) -> None:
         """Store a quadlab_msgs/VehicleStatus."""
         self._status = (monotonic(), status)
 
@@ -64,11 +72,10 @@ class Observed:
             self._turn.update(sample[0], *sample[3:])
 
     # ------------------------------------------------------------------ output
-    def newest_status(self) -> Any | None:
+    def newest_status(self) -> VehicleStatus | None:
         return self._fresh("status", self._status)
 
-    def newest(self, name: str) -> Any | None:
-        """Return the decoded message, or None when it is missing, too old or invalid."""
+    def _decoded(self, name: str) -> Message | None:
         payload = self._fresh(name, self._payloads.get(name))
         if payload is None:
             return None
@@ -104,7 +111,7 @@ class Observed:
             "body_rate": sum(math.hypot(*one[4].tolist()) for one in recent) / len(recent),
         }
 
-    def _fresh(self, name: str, kept: tuple[float, Any] | None) -> Any | None:
+    def _fresh(self, name: str, kept: tuple[float, T] | None) -> T | None:
         if kept is None or monotonic() - kept[0] > STALE[name]:
             return None
         return kept[1]

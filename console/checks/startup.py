@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from console.checks import station_items
 from console.checks.gather import Gatherer
@@ -25,6 +24,7 @@ from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.checks import Check, from_messages, to_messages
 from vehicle_link.machine_checks import ClockWatch, clock_check, disk_check, governor_check
 from vehicle_link.messages import new
+from vehicle_link.messages.records import ChecksRequest, Message
 from vehicle_link.security.certificate_checks import certificate_check
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
@@ -93,7 +93,7 @@ class StartupChecks:
             report()
             self._checked = time.time()
 
-    def _answer(self, request: Any) -> Any:
+    def _answer(self, request: ChecksRequest) -> Message:
         if request.again and self._gatherer.facts().armed:
             raise RefusedError("the vehicle is armed; checks are made on the ground")
         if request.again:

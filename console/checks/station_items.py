@@ -6,11 +6,11 @@ import os
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from console.checks.facts import Facts
 from console.parameters.station import StationParameters
 from vehicle_link.checks import Check, State
+from vehicle_link.messages.records import LinkStatus
 
 ROUND_TRIP = 0.02
 """Seconds above which the round trip gets a warning: every measurement is that much older at the
@@ -22,7 +22,7 @@ SLOWEST = 5.0
 """Lowest speed in MB/s; a run at full rate writes about a fifth of it."""
 
 
-def vehicle_clock(f: Facts, link_status: Any) -> Check:
+def vehicle_clock(f: Facts, link_status: LinkStatus | None) -> Check:
     name, wanted = "vehicle's clock", f"known, round trip below {1e3 * ROUND_TRIP:.0f} ms"
     if not f.clock_known or link_status is None:
         advice = "connect the vehicle, then check again"

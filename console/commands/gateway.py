@@ -11,12 +11,22 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
-from typing import Any
+from typing import TypeVar, cast
 
 from console.parameters.store import PREFIX, StationStore
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError, RefusedError
 from vehicle_link.commands import COMMANDS
-from vehicle_link.messages import new
+from vehicle_link.messages import Message, new
+from vehicle_link.messages.records import (
+    Answer,
+    ChangeParametersRequest,
+    ChangeParametersResponse,
+    CommandRequest,
+    PersonalRequest,
+    RecordRequest,
+    Request,
+    SimulationRequest,
+)
 from vehicle_link.parameters.change import SIMULATOR, authority_of
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.topics import SERVICES
@@ -24,6 +34,7 @@ from vehicle_link.transport.client import ServiceClient
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 
+A = TypeVar("A", bound=Message)
 AT_ONCE = 4
 """Maximum number of simultaneous requests of one service: a cut does not wait behind a landing that
 the vehicle does not answer, nor a landing behind a take-off."""
@@ -64,38 +75,40 @@ class CommandGateway:
     def serve(self) -> None:
         """Answer commands from now on."""
         for command in self._forwarded:
-            is_change = command.name == "change_parameters"
-            handler = self._change_parameters if is_change else partial(self._forward, command.name)
-            self._node.serve(f"station/{command.name}", command.service, handler, at_once=AT_ONCE)
+            serve = partial(
+                self._node.serve, f"station/{command.name}", command.service, at_once=AT_ONCE
+            )
+            if command.name == "change_parameters":
+                serve(self._change_parameters)
+            else:
+                serve(partial(self._forward, command.name))
         # Only here: a repeated command must reach the vehicle when the first one did not.
         self._node.serve("station/record", SERVICES["record"], Idempotent(self._start_or_stop))
 
-    def _forward(self, name: str, request: Any) -> Any:
+    def _forward(self, name: str, request: PersonalRequest[A]) -> A:
         # Sent into a lost link it may be carried out late, by surprise.
         if COMMANDS[name].at == "vehicle" and (reason := self._refusal(name)):
             raise RefusedError(reason)
         self._permit(name, request.requester)
         self._on_asked(name, request.requester)
-        if name == "simulation" and request.action == "reset":
-            self._announce_move(request)
+        if name == "simulation" and cast("SimulationRequest", request).action == "reset":
+            self._announce_move(request.request_id, request.requester)
         return self._ask(name, request)
 
-    def _announce_move(self, request: Any) -> None:
+    def _announce_move(self, request_id: str, requester: str) -> None:
         """Announce a reset to the vehicle, which would report it as a jump of the tracker.
 
         The reset does not depend on it, for instance while the link is lost.
         """
         name = "expect_move"
         move = new(
-            f"{COMMANDS[name].service}_Request",
-            request_id=f"{request.request_id}-move",
-            requester=request.requester,
+            "quadlab_msgs/srv/Command_Request", request_id=f"{request_id}-move", requester=requester
         )
         if not self._refusal(name):
             with suppress(NoAnswerError, RefusedError):
                 self._ask(name, move)
 
-    def _ask(self, name: str, request: Any) -> Any:
+    def _ask(self, name: str, request: PersonalRequest[A]) -> A:
         """Return the answer of the process that carries out the command.
 
         Raises NoAnswerError, which is no refusal: the outcome of the command is unknown. Raises
@@ -103,7 +116,7 @@ class CommandGateway:
         """
         patience, tries = COMMANDS[name].patience, COMMANDS[name].tries
         if hasattr(request, "valid_until_ns"):  # not once its sender has been told of no answer
-            request.valid_until_ns = self._deadline_ns(patience)
+            cast("CommandRequest", request).valid_until_ns = self._deadline_ns(patience)
         began, asked = time.monotonic(), 0
         while True:
             try:
@@ -117,7 +130,7 @@ class CommandGateway:
                 raise RefusedError(reason)
             self._permit(name, request.requester)
 
-    def _change_parameters(self, request: Any) -> Any:
+    def _change_parameters(self, request: ChangeParametersRequest) -> ChangeParametersResponse:
         """Change the station's parameters here and all others on the vehicle; all or nothing."""
         name = "change_parameters"
         self._permit(name, request.requester)
@@ -130,7 +143,7 @@ class CommandGateway:
         others = {key: value for key, value in values.items() if key not in own}
         if others:
             passed_on = new(
-                f"{SERVICES[name]}_Request",
+                "quadlab_msgs/srv/ChangeParameters_Request",
                 request_id=request.request_id,
                 requester=request.requester,
                 parameters=to_parameters(others),
@@ -144,13 +157,15 @@ class CommandGateway:
             applied = {**applied, **mine}
             revision = revision if others else own_revision
         return new(
-            f"{SERVICES[name]}_Response",
+            "quadlab_msgs/srv/ChangeParameters_Response",
             accepted=True,
             applied=to_parameters(applied),
             revision=revision,
         )
 
-    def _change_simulator(self, request: Any, names: Iterable[str]) -> Any:
+    def _change_simulator(
+        self, request: ChangeParametersRequest, names: Iterable[str]
+    ) -> ChangeParametersResponse:
         """Change parameters of the simulator. Raises ParameterError, NoAnswerError."""
         others = [name for name in names if authority_of(name) != SIMULATOR]
         if others:
@@ -160,13 +175,13 @@ class CommandGateway:
             )
         return _answer(self._simulator, request, COMMANDS["change_parameters"].patience)
 
-    def _start_or_stop(self, request: Any) -> Any:
+    def _start_or_stop(self, request: RecordRequest) -> Message:
         self._permit("record", request.requester)
         run_id = self._record(bool(request.start), request.requester)
         return new(f"{SERVICES['record']}_Response", accepted=True, run_id=run_id)
 
 
-def _answer(client: ServiceClient, request: Any, timeout: float) -> Any:
+def _answer(client: ServiceClient[Answer], request: Request[A], timeout: float) -> A:
     """Return the answer. Raises NoAnswerError for every failure: the command may have been carried
     out.
     """

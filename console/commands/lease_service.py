@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any
 
 from console.commands.lease import ControlLease
 from console.context import StationContext
 from console.link.outbox import INFO
 from quadrotor.errors import UsageError
 from vehicle_link.messages import decode, header, new
+from vehicle_link.messages.records import ControlRequest, Message
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.publisher import Received
@@ -78,7 +78,7 @@ class LeaseService:
             for name in names:
                 self._lease.present(str(name), time.monotonic())
 
-    def _answer(self, request: Any) -> Any:
+    def _answer(self, request: ControlRequest) -> Message:
         try:
             with self._lock:
                 self._do(request.action, request.requester or "someone", time.monotonic())

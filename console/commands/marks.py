@@ -10,7 +10,6 @@ import re
 import threading
 import time
 from dataclasses import replace
-from typing import Any
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.marks import LONGEST, OLDEST, find_mark, store_mark
@@ -21,6 +20,7 @@ from console.runs.run import RecorderStatus
 from quadrotor.errors import RefusedError
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode, header, new
+from vehicle_link.messages.records import MarkRequest, Message
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
 
@@ -41,13 +41,13 @@ class MarkService:
         """Answer requests from now on."""
         self._node.serve("station/mark", SERVICES["mark"], Idempotent(self._answer))
 
-    def _answer(self, request: Any) -> Any:
+    def _answer(self, request: MarkRequest) -> Message:
         with self._lock:
             mark, logged = self._apply(request)
         kind = f"{SERVICES['mark']}_Response"
         return new(kind, accepted=True, run_id=mark.run_id, time=mark.time, logged=logged)
 
-    def _apply(self, request: Any) -> tuple[Mark, bool]:
+    def _apply(self, request: MarkRequest) -> tuple[Mark, bool]:
         text = " ".join(request.text.split())
         if not ID.fullmatch(request.id):
             raise RefusedError(
@@ -86,7 +86,7 @@ class MarkService:
         )
         return mark, is_logged
 
-    def _new(self, request: Any, text: str, recorder: RecorderStatus) -> Mark:
+    def _new(self, request: MarkRequest, text: str, recorder: RecorderStatus) -> Mark:
         if not request.pressed_ns:
             raise RefusedError(f"no mark has the id {request.id}; mark first, then give the text")
         if not recorder.recording:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from console.comparison.statistics import NOTHING, Summary
 from quadrotor.records import Array
 from vehicle_link.messages import header, new
+from vehicle_link.messages.records import EstimatorComparison, EstimatorResult
 
 UNKNOWN = np.full(13, math.nan)
 
@@ -48,7 +48,7 @@ class Comparison:
     attitude_bound: float = math.nan
 
 
-def message_of(comparison: Comparison) -> Any:
+def message_of(comparison: Comparison) -> EstimatorComparison:
     """Return the quadlab_msgs/EstimatorComparison."""
     fields = dict(vars(comparison))
     stamp_ns, results = fields.pop("stamp_ns"), fields.pop("results")
@@ -58,7 +58,7 @@ def message_of(comparison: Comparison) -> Any:
     )
 
 
-def _result(result: Result) -> Any:
+def _result(result: Result) -> EstimatorResult:
     fields = dict(vars(result))
     x, y, z, u, v, w, qw, qx, qy, qz = fields.pop("state")[:10].tolist()
     for when, summary in (("_recent", fields.pop("recent")), ("", fields.pop("session"))):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,7 @@ from quadrotor.parameter_description import ParameterValue
 from quadrotor.plain_rotations import make_continuous, rotation_vectors_between
 from quadrotor.records import Array, Stamps, beacon_ids_of
 from vehicle_link.messages import decode
+from vehicle_link.messages.records import Log, ParameterChange
 from vehicle_link.topics import decode_bearings
 
 Floats = npt.NDArray[np.float32]
@@ -123,7 +125,7 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
     begin_ns, end_ns = phase[0], newest if len(phase) == 1 else phase[1]
     begin, end = begin_ns * 1e-9, end_ns * 1e-9
     events = [
-        (ns * 1e-9, str(decode(payload, topics["events"].decodable_name).msg))
+        (ns * 1e-9, str(cast("Log", decode(payload, topics["events"].decodable_name)).msg))
         for ns, payload in _payloads(topics["events"])
     ]
     window = _window([e for e in events if begin <= e[0] <= end], begin, end, ramp)
@@ -182,7 +184,7 @@ def _phase(changes: Topic) -> list[int]:
     """
     phase: list[int] = []
     for ns, payload in _payloads(changes):
-        change = decode(payload, changes.decodable_name)
+        change = cast("ParameterChange", decode(payload, changes.decodable_name))
         if change.name == "estimation.source":
             on = logged_value(change.new_value) == "bearings"
             if on is (len(phase) == 0) and len(phase) < 2:
@@ -264,7 +266,7 @@ def _values(log: Path, changes: Topic, until: float) -> dict[str, ParameterValue
         values = {}
     for ns, payload in _payloads(changes):
         if ns * 1e-9 <= until:
-            change = decode(payload, changes.decodable_name)
+            change = cast("ParameterChange", decode(payload, changes.decodable_name))
             with suppress(LogFormatError):
                 values[change.name] = logged_value(change.new_value)
     return values

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from console.evaluation.alignment import roll_pitch_yaw
 from console.evaluation.bearings import BearingsFlight
@@ -22,7 +21,7 @@ def write(flight: BearingsFlight, options: Parameters, result: Result, stem: Pat
     truth, estimate = flight.truth, flight.estimate
     angles, estimated = (roll_pitch_yaw(x[:, 6:]) for x in (truth, estimate))
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         state_estimation(
             figure,
             flight.time - first,

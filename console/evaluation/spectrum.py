@@ -15,7 +15,7 @@ from quadrotor.constants import THRUST_PER_TURN
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
 
-Values = npt.NDArray[np.floating[Any]]
+Values = npt.NDArray[np.floating]
 
 LOST_MAX = 0.1
 """Largest share of missing samples; they are interpolated."""

@@ -18,7 +18,7 @@ from console.parameters.vehicle import VehicleParameters
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from vehicle_link import topics
-from vehicle_link.commands import BRAKING
+from vehicle_link.commands import BRAKING, EventKind
 from vehicle_link.lockstep import ProcessProgress
 from vehicle_link.messages import decode
 from vehicle_link.parameters.change import VEHICLE, authority_of
@@ -118,11 +118,13 @@ class MessageHandlers:
         """Print on the base's terminal why the vehicle landed while it received no station; end an
         experiment when the vehicle brakes by itself.
         """
-        text = str(decode(received.payload, TOPICS["events"].type_name).msg)
-        if text.startswith(topics.DELAYED_PREFIX):
-            print(f"station: {self._vehicle}: {text}", flush=True)
-        if (why := text.removeprefix(topics.DELAYED_PREFIX)).startswith(BRAKING):
-            self._experiments.braked(why.removeprefix(BRAKING))
+        event = decode(received.payload, TOPICS["events"].type_name)
+        kinds = topics.event_kinds(event)
+        if EventKind.DELAYED in kinds:
+            print(f"station: {self._vehicle}: {event.msg}", flush=True)
+        if EventKind.BRAKING in kinds:
+            why = event.msg.removeprefix(topics.DELAYED_PREFIX).removeprefix(BRAKING)
+            self._experiments.braked(why)
 
     def _tracked(self, received: Received) -> None:
         sample, link = topics.decode_pose(received.payload, or_position=True)[0], self._link

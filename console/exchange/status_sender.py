@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from console.context import StationContext
 from console.link.outbox import INFO, WARN
 from console.tracker_feed import TrackerFeed
 from vehicle_link.clock import real_time_factor, time_ns
 from vehicle_link.messages import header, new
+from vehicle_link.messages.records import LinkStatus
 from vehicle_link.set_clock import SetClock
 from vehicle_link.transport.heartbeat import LinkState
 
@@ -18,7 +18,7 @@ class StatusSender:
     """Sends both statuses; used by one thread. `on_link` is called with each LinkStatus."""
 
     def __init__(
-        self, context: StationContext, tracker: TrackerFeed, on_link: Callable[[Any], None]
+        self, context: StationContext, tracker: TrackerFeed, on_link: Callable[[LinkStatus], None]
     ) -> None:
         self._outbox, self._link = context.outbox, context.link
         self._recorder, self._alarms = context.recorder, context.alarms

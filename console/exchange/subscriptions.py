@@ -55,8 +55,8 @@ class Subscriptions:
             context.link,
             callbacks.pop("telemetry"),
             callbacks.pop("vehicle_heartbeat"),
-            context.outbox.heartbeats,
         )
+        self.send_heartbeat = self._lane.send_heartbeat
 
     def begin(self) -> None:
         """Receive messages from now on; those of the lane arrived before, too."""

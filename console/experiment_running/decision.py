@@ -13,6 +13,7 @@ from console.link.outbox import INFO, WARN
 from console.runs.report_folders import write_decision
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from vehicle_link.messages.records import Answer
 from vehicle_link.transport.client import ServiceClient
 
 STORE_TIMEOUT = 2.0
@@ -26,7 +27,7 @@ class Decisions:
     def __init__(
         self,
         board: ExperimentStatusPublisher,
-        calibrate: ServiceClient,
+        calibrate: ServiceClient[Answer],
         calibrations: Calibrations,
         catalogue: Catalogue,
     ) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, cast
 
 from console.commands.stick_watchdog import StickWatchdog
 from console.experiment_running.vehicle import VehicleFeed
@@ -17,14 +18,16 @@ from console.experiments.client import VehicleView
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.clock import monotonic
+from vehicle_link.messages.records import Answer
 from vehicle_link.parameters.messages import from_parameters, to_parameters
-from vehicle_link.transport.client import ServiceClient
+from vehicle_link.transport.client import TIMEOUT, ServiceClient
 from vehicle_link.transport.heartbeat import LinkState
 
 if TYPE_CHECKING:
     from console.experiment_running.runner import ExperimentRunner
+    from vehicle_link.topics.typed_tables import Ask
 
-Services = Mapping[str, ServiceClient]
+Services = Mapping[str, ServiceClient[Answer]]
 """Clients of the vehicle's services in USED."""
 USED = ("arm", "disarm", "start_behavior", "change_parameters", "calibrate", "bench")
 TRIES = 2
@@ -60,6 +63,7 @@ class LiveCommands:
         self._watchdog = StickWatchdog()
         self._watchdog_lock = threading.Lock()
         self._last_check = monotonic()
+        self._call = cast("Ask", self._asked)
         self.pilot = False
         """True while a person flies with the sticks."""
         self.armed = False
@@ -190,23 +194,25 @@ class LiveCommands:
         if self._taken_over.is_set() or not view.armed or view.mode != "armed":
             return ""
         service, outcome = ("start_behavior", "it brakes and hovers; land it")
-        fields: dict[str, Any] = {"name": "brake"}
+        ask = partial(self._services[service].ask, requester, name="brake")
         if not view.airborne:
-            service, outcome, fields = ("disarm", "the motors are off", {})
+            service, outcome = ("disarm", "the motors are off")
+            ask = partial(self._services[service].ask, requester)
         try:
             with self._sending:
                 if self._taken_over.is_set():
                     return ""
-                self._services[service].ask(requester, tries=TRIES, **fields)
+                ask(tries=TRIES)
         except (RefusedError, LinkError) as error:
             return f"the command {service} failed: {error}"
         return outcome
 
     # ------------------------------------------------------------------ inside
-    def _call(self, service: str, **fields: Any) -> Any:
+    def _asked(self, service: str, timeout: float = TIMEOUT, **fields: object) -> Answer:
         with self._sending:
             self._check()
-            response = self._services[service].ask(self.requester, tries=TRIES, **fields)
+            client = self._services[service]
+            response = client.ask(self.requester, timeout=timeout, tries=TRIES, **fields)
         self._check()
         return response
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -95,7 +94,7 @@ class ReadingsFeed:
         """Add a received quadlab_msgs/BenchReading. Raises LinkError for an invalid one."""
         if not self._on:
             return
-        reading: Any = decode(payload, TOPICS["bench_reading"].type_name)
+        reading = decode(payload, TOPICS["bench_reading"].type_name)
         row = (stamp_of(reading) * 1e-9, reading.force, reading.torque, reading.speed)
         with self._lock:
             self._bench.append((row[0], float(row[1]), float(row[2]), float(row[3])))

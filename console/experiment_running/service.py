@@ -14,6 +14,7 @@ from console.experiments.user_file import errors_with_line
 from quadrotor.errors import UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle_link.messages import new
+from vehicle_link.messages.records import ExperimentRequest, Message
 from vehicle_link.parameters.messages import from_parameters, to_descriptor
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import Idempotent
@@ -37,11 +38,11 @@ class ExperimentService:
         self._lock = threading.Lock()
         node.serve("station/experiment", SERVICES["experiment"], Idempotent(self._answer))
 
-    def _answer(self, request: Any) -> Any:
+    def _answer(self, request: ExperimentRequest) -> Message:
         with self._lock:
             return self._do(request)
 
-    def _do(self, request: Any) -> Any:
+    def _do(self, request: ExperimentRequest) -> Message:
         requester = request.requester or "someone"
         if request.action == "describe":
             return describe(self._vehicle, self._files.described())
@@ -81,7 +82,7 @@ class ExperimentService:
         return experiment
 
 
-def describe(vehicle: str, own: Sequence[Described]) -> Any:
+def describe(vehicle: str, own: Sequence[Described]) -> Message:
     """Return the experiments' names, a line about each, and the options of all as
     <name>.<option>.
     """

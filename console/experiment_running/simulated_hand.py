@@ -74,7 +74,7 @@ class SimulatedHand:
         """Return how the vehicle is held now; None without a simulator, or when it
         cannot hold it.
         """
-        request = new(f"{_GET}_Request", names=[HELD])
+        request = new("rcl_interfaces/srv/GetParameters_Request", names=[HELD])
         for _ in range(2):  # one retry for a busy computer
             try:
                 [value] = self._get.call(request, TIMEOUT).values

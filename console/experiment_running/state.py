@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from console.experiments.readings import Progress
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import header, new
+from vehicle_link.messages.records import ExperimentStatus
 
 IDLE, FLYING, FINISHING, EVALUATING = "idle", "flying", "finishing", "evaluating"
 STOPPED, REFUSED = "stopped", "refused"
@@ -52,7 +52,7 @@ class ExperimentState:
     def running(self) -> bool:
         return self.phase in RUNNING
 
-    def message(self, stamp_ns: int, manual: bool) -> Any:
+    def message(self, stamp_ns: int, manual: bool) -> ExperimentStatus:
         """Return quadlab_msgs/ExperimentStatus."""
         until = monotonic() if self.ended is None else self.ended
         progress = self.progress

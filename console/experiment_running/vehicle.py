@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 
@@ -13,8 +12,10 @@ from console.experiments.client import VehicleView
 from console.parameters.vehicle import VehicleParameters
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameter_description import ParameterValue
+from quadrotor.records import Array
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
+from vehicle_link.messages.records import VehicleStatus
 from vehicle_link.parameters.replica import MISSED
 from vehicle_link.topics import TOPICS
 
@@ -31,19 +32,19 @@ class VehicleFeed:
         self._count = 0
         self._stamp_ns = 0
         self._position_w = np.zeros(3)
-        self._status: Any = None
+        self._status: VehicleStatus | None = None
         self._status_at = 0.0
         self._estimate: bytes | None = None
         self._mass = (math.nan, math.inf)  # kg, with its standard deviation
 
     # ------------------------------------------------------------------ input
-    def telemetry(self, stamp_ns: int, position_w: Any) -> None:
+    def telemetry(self, stamp_ns: int, position_w: Array) -> None:
         """Store the newest sample of a packet."""
         with self._news:
             self._stamp_ns, self._position_w = stamp_ns, position_w
             self._notify()
 
-    def status(self, status: Any) -> None:
+    def status(self, status: VehicleStatus) -> None:
         """Store a quadlab_msgs/VehicleStatus."""
         with self._news:
             self._status, self._status_at = status, monotonic()

@@ -16,7 +16,7 @@ from console.experiments.calibration_flight import CLEAR, CalibrationFlight, Cal
 from console.experiments.client import Client, VehicleView
 from console.experiments.manoeuvres import arm, come_down, take_off, wait_ready
 from console.experiments.readings import Progress
-from quadrotor.errors import RefusedError
+from quadrotor.errors import Refusal, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, parameter
 
@@ -160,7 +160,7 @@ class InertiaExperiment(CalibrationFlight):
             try:
                 client.start("excite", **arguments)
             except RefusedError as error:
-                if "not at rest" not in str(error) or client.view().time > until:
+                if error.kind != Refusal.NOT_AT_REST or client.view().time > until:
                     raise
                 client.wait(0.5)
             else:

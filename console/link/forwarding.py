@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
+from vehicle_link.messages.records import Answer, PersonalRequest
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
@@ -24,7 +24,7 @@ def forward_service(
     """
     client = node.client(name, SERVICES[name], priority="background")
 
-    def ask(request: Any) -> Any:
+    def ask(request: PersonalRequest[Answer]) -> Answer:
         if link_state() is LinkState.LOST:
             raise RefusedError("the link to the vehicle is lost; its log cannot be read")
         try:

@@ -18,11 +18,12 @@ from vehicle_link import topics
 from vehicle_link.lane.datagram import HELLO, TO_VEHICLE
 from vehicle_link.lane.replay_window import ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
+from vehicle_link.messages.records import LaneResponse
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.publisher import Publisher, Received
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.whoami import DISCOVERY_TIMEOUT
 
 DATAGRAM, QUIC = "datagram", "quic"
@@ -35,9 +36,11 @@ class LaneClient:
 
     def __init__(self, node: Node, instance: int) -> None:
         self._pilot, self._observer = node.client(PILOT_LANE, TYPE), node.client(LANE, TYPE)
-        self._request = new(f"{TYPE}_Request", requester=node.full_name, instance=instance)
+        self._request = new(
+            "quadlab_msgs/srv/Lane_Request", requester=node.full_name, instance=instance
+        )
 
-    def request_keys(self) -> Message:
+    def request_keys(self) -> LaneResponse:
         """Request keys for a lane from the vehicle. Raises LinkError."""
         client = self._pilot if self._pilot.wait(DISCOVERY_TIMEOUT) else self._observer
         return client.call(self._request)
@@ -50,7 +53,6 @@ class VehicleLane:
         node: of the station, in the vehicle's namespace.
         host: of the vehicle, as it is dialled; empty for no lane.
         telemetry, heartbeat: called with each message, once; never two at a time.
-        heartbeats: publishes our heartbeats, which use the lane too.
     """
 
     def __init__(
@@ -60,7 +62,6 @@ class VehicleLane:
         link: LinkMonitor,
         telemetry: Callable[[Received], None],
         heartbeat: Callable[[Received], None],
-        heartbeats: Publisher,
     ) -> None:
         self._node, self._link = node, link
         self._callbacks = {"telemetry": telemetry, "vehicle_heartbeat": heartbeat}
@@ -74,7 +75,6 @@ class VehicleLane:
         if host:
             client = LaneClient(node, link.permission.instance)
             self._lane = StationLane(host, client.request_keys, self._by_lane, self._set_lane_up)
-            heartbeats.also_send = partial(self._send_heartbeat, self._lane)
             for name in TO_VEHICLE:
                 if name not in (HELLO, HEARTBEAT):
                     send = partial(self._send, self._lane, name)
@@ -104,7 +104,10 @@ class VehicleLane:
     def _send(lane: StationLane, name: str, received: Received) -> None:
         lane.send(name, received)
 
-    def _send_heartbeat(self, lane: StationLane, received: Received) -> bool:
+    def send_heartbeat(self, received: Received) -> bool:
+        """Send one of our heartbeats by the lane; return whether there is one that works."""
+        if (lane := self._lane) is None:
+            return False
         is_pilot = self._link.permission.access not in ("", OBSERVER)
         return lane.send(HEARTBEAT, received, greets=is_pilot) and lane.is_up
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from console.link.outages import Outages
 from console.link.permission import CommandPermission
@@ -12,6 +11,7 @@ from console.link.telemetry_quality import TelemetryWindow
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.messages import header, new
+from vehicle_link.messages.records import LinkStatus
 from vehicle_link.topics import decode_heartbeat
 from vehicle_link.transport.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.transport.radio import Radio
@@ -161,7 +161,7 @@ class LinkMonitor:
         """Return the vehicle's time so many seconds from now; 0 while its clock is not known."""
         return self.vehicle_ns() + round(1e9 * seconds) if self._clock.known else 0
 
-    def message(self, station_ns: int) -> Any:
+    def message(self, station_ns: int) -> LinkStatus:
         """Return the quadlab_msgs/LinkStatus."""
         now_ns = self._steady_ns()
         quality = self._telemetry.quality(now_ns)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.link.permission import CommandPermission
@@ -14,10 +13,12 @@ from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
 from vehicle_link.messages.cdr_layout import Records
+from vehicle_link.messages.records import Message
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import SCENE_TOPICS, TOPICS
 from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import OtherPath
 
 ENCODERS: dict[str, Callable[[Record, str], Records]] = {
     "state": topics.state_messages,
@@ -49,11 +50,7 @@ class Outbox:
         vehicle_ns: the vehicle's clock, which stamps everything.
         permission: whether the vehicle accepts messages from us.
         speaker: prefix of lines for the terminal.
-        zenoh_heartbeat_every: one in this many of the heartbeats over the lane is sent over Zenoh
-            too.
-
-    Attributes:
-        heartbeats: publishes our heartbeats.
+        heartbeat_path: the path by the lane of our heartbeats.
     """
 
     def __init__(
@@ -64,7 +61,7 @@ class Outbox:
         vehicle_ns: Callable[[], int],
         permission: CommandPermission,
         speaker: str = "station",
-        zenoh_heartbeat_every: int = 1,
+        heartbeat_path: OtherPath | None = None,
     ) -> None:
         self._speaker = speaker
         self._vehicle = vehicle
@@ -74,9 +71,8 @@ class Outbox:
         names = (*RECORDED, *SHARED, "station_heartbeat", "stick_status", "marks", *FROM_TELEMETRY)
         self._subscribed: frozenset[str] = frozenset()
         self._check_due = 0.0
-        self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
-        self.heartbeats = self._publishers["station_heartbeat"]
-        self.heartbeats.send_one_in = zenoh_heartbeat_every
+        others = {"station_heartbeat": heartbeat_path}
+        self._publishers = {name: node.advertise(TOPICS[name], others.get(name)) for name in names}
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
         """Publish a message, and record it if its topic is recorded when sent. Raises LinkError
@@ -107,7 +103,7 @@ class Outbox:
         """Return whether any node subscribes to the topic."""
         return self._publishers[name].has_subscribers
 
-    def message(self, name: str, message: Any, stamp_ns: int) -> None:
+    def message(self, name: str, message: Message, stamp_ns: int) -> None:
         """Publish a message that has no encoder of its own."""
         self.put(name, encode(message), stamp_ns)
 

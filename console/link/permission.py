@@ -6,8 +6,7 @@ It depends on the vehicle's heartbeats (which process, which station it follows)
 
 from __future__ import annotations
 
-from typing import Any
-
+from vehicle_link.messages.records import WhoAmIResponse
 from vehicle_link.process_instance import short_id
 from vehicle_link.topics.control_inputs import Heartbeat
 from vehicle_link.transport.protocol import disagreement
@@ -53,7 +52,7 @@ class CommandPermission:
             self._held_ns = now_ns
         self._holder, self._newest = beat.holder, beat.instance
 
-    def note_identity(self, whoami: Any) -> None:
+    def note_identity(self, whoami: WhoAmIResponse) -> None:
         """Handle the vehicle's answer to `whoami`."""
         self.access = str(whoami.access)
         self.identity_problem = disagreement(str(whoami.protocol), str(whoami.version))

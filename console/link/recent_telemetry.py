@@ -9,11 +9,11 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from vehicle_link.messages import new
+from vehicle_link.messages.records import Message, RecentTelemetryRequest
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
 
@@ -49,7 +49,7 @@ class RecentTelemetry:
         while now - self._packets[0][0] > SECONDS:
             self._packets.popleft()
 
-    def _answer(self, request: Any) -> Any:
+    def _answer(self, request: RecentTelemetryRequest) -> Message:
         self._asked = self._clock()
         # The copy is one step of the interpreter, so the receiving thread may continue.
         packets = [payload for _, payload in self._packets.copy()]

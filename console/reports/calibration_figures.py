@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,10 @@ from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.constants import GRAVITY
 from quadrotor.errors import LogFormatError
 
-Array = npt.NDArray[np.floating[Any]]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.floating]
 
 
 def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
@@ -29,7 +32,7 @@ def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     rates = np.degrees(imu.rows(RATE))
     found = [one.time for one in log.lines if "gyroscope" in one.text]
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axes = grid(figure, 1)[:, 0]
         triple(axes[0], imu.time, rates, linewidth=0.6)
         for time in found:
@@ -56,7 +59,7 @@ def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     imu = _imu(log)
     force = imu.rows(FORCE)
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axes = grid(figure, 2)[:, 0]
         triple(axes[0], imu.time, force, linewidth=0.7)
         finish(axes[0], "specific force with the calibration in use", "m/s²")
@@ -95,7 +98,7 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     start = found.time[0] - log.start_ns * 1e-9
     time = found.time - found.time[0] + start
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axes = grid(figure, 3, height_ratios=(1.0, 1.0, 1.4))[:, 0]
         triple(axes[0], state.time, rates, linewidth=0.8)
         finish(axes[0], "angular velocity", "deg/s")
@@ -133,7 +136,7 @@ def residual_pictures(record: CalibrationRecord | None) -> list[Picture]:
     values = np.array([value for _, value in record.residuals])
     unit = units.pop() if len(units) == 1 else ""
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axis = grid(figure, 1)[0, 0]
         axis.bar(range(len(values)), values, color=COLORS[0], width=0.7)
         axis.axhline(0.0, color=QUIET, linewidth=0.8)

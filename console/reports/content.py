@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -56,11 +59,11 @@ class Picture:
     caption: str
     description: str  # alternative text for screen readers
     height: float
-    draw: Callable[[Any], None]
+    draw: Callable[[Figure], None]
     link: str = ""  # to the moment in the replay
 
     @cached_property
-    def figure(self) -> Any:
+    def figure(self) -> Figure:
         """Return the matplotlib figure, laid out once for page and PDF; its dpi are a PDF's."""
         from matplotlib.backends.backend_svg import FigureCanvasSVG
         from matplotlib.figure import Figure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from urllib.parse import quote, urlencode
 
 from console.evaluation.explanation.finding import Finding
@@ -11,6 +11,9 @@ from console.plots import COLORS, finish, line, styled, window
 from console.reports.content import Block, Heading, Picture, Text
 from console.reports.run_log import RunLog
 from flight_log.run_folder import RUNS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MARGIN = 3.0
 """Seconds plotted before and after the claimed interval."""
@@ -28,7 +31,7 @@ def _picture(log: RunLog, finding: Finding) -> Picture:
     first, last = max(0.0, finding.start - MARGIN), finding.end + MARGIN
     rows = (finding.time >= first) & (finding.time <= last)
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axis = figure.subplots()
         line(axis, finding.time[rows], finding.values[rows], color=COLORS[0])
         axis.axhline(finding.limit, color=COLORS[1], linewidth=0.9, linestyle="--", label="limit")

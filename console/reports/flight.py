@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +13,7 @@ from console.reports.run_log import RunLog
 from flight_log.fields import ODOMETRY, REFERENCE, TRACKED, TRACKED_ATTITUDE
 from quadrotor.plain_rotations import make_continuous
 
-Array = npt.NDArray[np.floating[Any]]
+Array = npt.NDArray[np.floating]
 
 LARGEST_GAP = 0.1
 """Longest gap between messages that is interpolated, s."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,10 @@ from console.reports.run_log import RunLog
 from flight_log.fields import MOTOR_REFERENCES
 from quadrotor.constants import MOTORS
 
-Array = npt.NDArray[np.floating[Any]]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.floating]
 
 
 def flight_pictures(log: RunLog, flight: Flight, *, standing: bool = False) -> list[Picture]:
@@ -43,7 +46,7 @@ def _position(log: RunLog, flight: Flight) -> Picture:
     error, _ = flight.tracking_error
     wanted = flight.reference[:, :3]
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axes = grid(figure, 3)[:, 0]
         triple(axes[0], shown.time, shown.position_w)
         band(axes[0], shown.time, wanted, "reference")
@@ -69,7 +72,7 @@ def _attitude(log: RunLog, flight: Flight) -> Picture:
     _, yaw_error = flight.tracking_error
     position, _, angles = flight.estimation_error
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         truth = flight.truth
         rows = 2 if truth is None or not len(position) else 4
         axes = grid(figure, rows)[:, 0]
@@ -99,7 +102,7 @@ def _attitude(log: RunLog, flight: Flight) -> Picture:
 def _motors(log: RunLog) -> Picture:
     series = log.topics["actuators"]
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axes = grid(figure, 2, height_ratios=(2.0, 1.0))[:, 0]
         for k, name in enumerate(MOTORS):
             if MOTOR_REFERENCES[k] in series:
@@ -122,7 +125,7 @@ def _motors(log: RunLog) -> Picture:
 
 
 def _health(log: RunLog, rows: list[str]) -> Picture:
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axes = grid(figure, len(rows))[:, 0]
         for axis, name in zip(axes, rows, strict=True):
             series = log.topics[name]

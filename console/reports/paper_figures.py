@@ -5,7 +5,7 @@ Times are in s, positions in m, angles in rad; unknown values are NaN.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +34,10 @@ from estimation.calibration.motor_law import USABLE
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import rotation_vectors_between
 
-Array = npt.NDArray[np.floating[Any]]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.floating]
 NOT_TRACKED = "the log has neither state nor truth nor tracker_pose"
 
 
@@ -49,8 +52,8 @@ def motor_bench(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]
     fits, summary = fitted(steps)
     used = (steps.reference >= USABLE[0]) & (steps.reference <= USABLE[1])
 
-    def draw(figure: Any) -> None:
-        left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))
+    def draw(figure: Figure) -> None:
+        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.25, 1.0))[0]
         axes = grid(left, 3)[:, 0]
         line(axes[0], signal.time, reference, color=GOOD, label="reference")
         finish(axes[0], "(a) reference", "counts", legend=False)
@@ -98,7 +101,7 @@ def mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     estimate = flight.estimate or shown
     true_mass = judged.metrics.get("truth_kg", log.parameters.get("simulator.mass"))
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axes = grid(figure, 3)[:, 0]
         axes[0].fill_between(
             time,
@@ -145,7 +148,7 @@ def figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture
     time, wanted = shown.time[rows], flight.reference[rows]
     error, yaw_error = (one[rows] for one in flight.tracking_error)
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         axes = grid(figure, 2, 2)
         triple(axes[0, 0], time, shown.position_w[rows])
         band(axes[0, 0], time, wanted[:, :3], "reference")
@@ -190,7 +193,7 @@ def bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     error = flight.estimation_error[0][rows]
     off = rotation_vectors_between(estimate.quaternion_wb[rows], truth.quaternion_wb[rows])
 
-    def draw(figure: Any) -> None:
+    def draw(figure: Figure) -> None:
         state_estimation(figure, time, position, (angles, estimated), error, off, (), truth.name)
 
     return [

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -36,6 +36,8 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient
 from vehicle_link.transport.publisher import Received
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 FAR_OFF = 3.0
 """Largest deviation of beacons from their positions, pixels rms."""
 RECENT_NS = 1_000_000_000
@@ -59,7 +61,7 @@ class StationBeacons:
     LinkError when it does not answer.
     """
 
-    def __init__(self, session: Any, vehicle: str) -> None:
+    def __init__(self, session: Session, vehicle: str) -> None:
         self._node = Node(session, f"/{vehicle}", "onboard_camera_beacons")
         self._node.subscribe(
             "parameter_changes", TOPICS["parameter_changes"].type_name, self._changed

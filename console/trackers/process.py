@@ -11,7 +11,7 @@ import queue
 import re
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,9 +29,12 @@ from quadrotor.records import NO_ATTITUDE, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.messages import encode, header, new
+from vehicle_link.messages.records import TrackerStatus
 from vehicle_link.termination_signal import Ending
 from vehicle_link.topics import TRACKER_PICTURES
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
@@ -71,7 +74,7 @@ class Tracker:
         name: str,
         open_source: Callable[[], Source],
         bodies: Mapping[str, str],
-        session: Any,
+        session: Session,
         unit: Unit = "m",
         up: Up = "z",
         views: Sequence[CameraView] = (),
@@ -249,7 +252,7 @@ class Tracker:
         listed = ", ".join(seen[:LISTED_MAX]) + (", …" if len(seen) > LISTED_MAX else "")
         return f"no body {one.body!r} is seen; {self._name} shows {listed or 'none'}"
 
-    def _status(self, one: TrackedVehicle, problem: str) -> Any:
+    def _status(self, one: TrackedVehicle, problem: str) -> TrackerStatus:
         rates = Counter(name for _, name in self._seen)
         latencies = np.array(self._latencies or [0.0])
         bars = np.minimum(latencies / STEP, LATENCIES - 1).astype(int)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from console.trackers.health import BodyHealth
 from quadrotor.errors import RefusedError
@@ -15,6 +15,8 @@ from vehicle_link.topics import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 LISTENING = 0.5
 """Seconds of listening before the start: another process with the same poses sends five statuses in
 this time."""
@@ -31,7 +33,7 @@ class TopicNames(NamedTuple):
 class TrackedVehicle:
     """One vehicle's body: its publishers and its health."""
 
-    def __init__(self, session: Any, vehicle: str, body: str, topics: TopicNames) -> None:
+    def __init__(self, session: Session, vehicle: str, body: str, topics: TopicNames) -> None:
         self.vehicle, self.body = vehicle, body
         self.health = BodyHealth()
         self.seen = monotonic()
@@ -49,7 +51,7 @@ class TrackedVehicle:
 
 
 def check_alone(
-    session: Any, vehicles: Sequence[TrackedVehicle], status: str, stopping: Ending
+    session: Session, vehicles: Sequence[TrackedVehicle], status: str, stopping: Ending
 ) -> None:
     """Check that no other process sends a status on this topic for one of the vehicles. Raises
     RefusedError.
@@ -57,7 +59,7 @@ def check_alone(
     others: list[str] = []
 
     def received(vehicle: str, message: Received) -> None:
-        system = decode(message.payload, TOPICS[status].type_name).system
+        system = decode(message.payload, TOPICS["tracker_status"].type_name).system
         others.append(
             f"a process for {system} already sends the poses or bearings of {vehicle}; stop it "
             "first, or choose another vehicle"

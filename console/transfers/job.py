@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 from quadrotor.errors import QuadlabError
 from vehicle_link.messages import new
+from vehicle_link.messages.records import Transfer
 
 Kind = Literal["download", "backfill"]
+KINDS: dict[str, Kind] = {"download": "download", "backfill": "backfill"}
 Phase = Literal[
     "waiting", "fetching", "checking", "merging", "done", "incomplete", "failed", "cancelled"
 ]
@@ -66,7 +68,7 @@ class Job:
     def is_over(self) -> bool:
         return self.phase in ENDED
 
-    def message(self) -> Any:
+    def message(self) -> Transfer:
         """Return the quadlab_msgs/Transfer."""
         names = ("id", "kind", "name", "phase", "bytes", "total_bytes", "rate", "problem")
         return new("quadlab_msgs/Transfer", **{name: getattr(self, name) for name in names})

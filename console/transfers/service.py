@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from console.catalogue.catalogue import Catalogue
 from console.context import StationContext
 from console.link.forwarding import forward_service
+from console.transfers.job import KINDS
 from console.transfers.transfer_queue import TransferQueue
 from console.transfers.vehicle_files import TIMEOUT, VehicleFiles
 from quadrotor.errors import RefusedError
 from vehicle_link.messages import new
+from vehicle_link.messages.records import Message, TransferRequest
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
 
@@ -48,12 +48,12 @@ class Transfers:
             if (payload := self.queue.message(stamp_ns)) is not None:
                 self._publisher.put(payload, stamp_ns)
 
-    def _transfer(self, request: Any) -> Any:
+    def _transfer(self, request: TransferRequest) -> Message:
         name, number = str(request.name), 0
         if request.action == "cancel":
             self.queue.cancel(name)
-        elif request.action in ("download", "backfill"):
-            number = self.queue.ask(request.action, name, by_person=True)
+        elif request.action in KINDS:
+            number = self.queue.ask(KINDS[request.action], name, by_person=True)
         else:
             raise RefusedError(
                 f"transfer: no action {request.action!r:.40}; allowed are download, backfill and "

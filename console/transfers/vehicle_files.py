@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
+from vehicle_link.messages.records import OnboardFile
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
 
@@ -83,5 +84,5 @@ def check_name(name: str) -> str:
     return name
 
 
-def _file(message: Any) -> VehicleFile:
+def _file(message: OnboardFile) -> VehicleFile:
     return VehicleFile(**{name: getattr(message, name) for name in VehicleFile.__slots__})

@@ -17,7 +17,7 @@ from control.behaviors.behavior import (
 from control.behaviors.table import BehaviorName
 from control.trajectories.limits import with_margin
 from control.trajectories.multistep import AXES, LEAD, POSITION, SHAPES, Multistep
-from quadrotor.errors import RefusedError
+from quadrotor.errors import Refusal, RefusedError
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY
@@ -194,7 +194,9 @@ def _check_rest(context: Context) -> None:
     if not (error <= AT_REST[0] and speed <= AT_REST[1] and turn <= AT_REST[2]):
         raise RefusedError(
             f"excite refused: not at rest: {error:.2f} m off, {speed:.2f} m/s, {turn:.2f} rad/s; "
-            f"allowed {AT_REST[0]} m, {AT_REST[1]} m/s, {AT_REST[2]} rad/s; wait or lower the gains"
+            f"allowed {AT_REST[0]} m, {AT_REST[1]} m/s, {AT_REST[2]} rad/s; wait or lower the "
+            "gains",
+            Refusal.NOT_AT_REST,
         )
 
 

@@ -15,7 +15,7 @@ from control.trajectories.extrapolation import extrapolate
 from control.trajectories.feasibility import Survey
 from control.trajectories.limits import QUANTITIES, WALLS
 from control.trajectories.velocity_filter import BANDWIDTH
-from quadrotor.errors import RefusedError
+from quadrotor.errors import Refusal, RefusedError
 from quadrotor.records import REFERENCE, Record, new_reference
 
 YAW_STEP_MAX = 0.5
@@ -47,11 +47,10 @@ class External(Behavior):
         self._flown, self._flown_ns = new_reference(), -1
         self._now_and_later = np.zeros(2, REFERENCE)
         self.aborted = ""
-        problem = self._lateness(context.stamp_ns)
-        if not problem:
-            here = _led_on(self._outside.reference, self._since(context.stamp_ns))
-            problem = self._breach(here, context.reference)
-        if problem:
+        if problem := self._lateness(context.stamp_ns):
+            raise RefusedError(f"external refused: {problem}", Refusal.NO_REFERENCE)
+        here = _led_on(self._outside.reference, self._since(context.stamp_ns))
+        if problem := self._breach(here, context.reference):
             raise RefusedError(f"external refused: {problem}")
 
     def step(self, tick: TickInputs, reference: Record) -> bool:

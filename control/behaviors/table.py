@@ -27,16 +27,16 @@ class BehaviorName(IntEnum):
 
 B = BehaviorName
 
-_ON_GROUND = "the vehicle is on the ground: press Take off first"
+_ON_GROUND = "the vehicle is on the ground: take off first"
 _STANDING = "the vehicle is on the ground already"
-_FLYING = "the vehicle is flying already: use Fly to to change the height"
-_REACHED_BY_LANDING = "the vehicle gets to the ground by landing: press Land"
-_CLIMBING = "the vehicle is still climbing: wait until it hovers, or press Brake to stop here"
-_MOVING = "a trajectory starts from rest: press Brake and wait until it hovers"
-_NOT_AT_REST = "a test of the gains starts from hover: press Brake and wait until it hovers"
-_NOT_STEERED = "the vehicle does not hold its position now: press Hover or Brake first"
-_NEVER_BACK = "the emergency landing is under way: press Brake first to stop it in the air"
-_DESCENDING = "the vehicle is landing: press Hover first to abort the landing"
+_FLYING = "the vehicle is flying already: fly to another height"
+_REACHED_BY_LANDING = "the vehicle gets to the ground by landing: land instead"
+_CLIMBING = "the vehicle is still climbing: wait until it hovers, or brake to stop here"
+_MOVING = "a trajectory starts from rest: brake and wait until it hovers"
+_NOT_AT_REST = "a test of the gains starts from hover: brake and wait until it hovers"
+_NOT_STEERED = "the vehicle does not hold its position now: hover or brake first"
+_NEVER_BACK = "the emergency landing is under way: brake first to stop it in the air"
+_DESCENDING = "the vehicle is landing: hover first to abort the landing"
 
 _IN_MOTION = {
     B.GROUND: _REACHED_BY_LANDING,
@@ -95,6 +95,4 @@ def check_transition(
         raise RefusedError(f"{name} refused: {reason}")
     needs_lift = wanted is B.EXCITE or (present in (B.TAKE_OFF, B.LAND) and wanted in NEEDS_LIFT)
     if needs_lift and not airborne:
-        raise RefusedError(
-            f"{name} refused: the vehicle has not left the ground; press Land to stop"
-        )
+        raise RefusedError(f"{name} refused: the vehicle has not left the ground; land to stop")

@@ -97,7 +97,7 @@ class BoardView:
         pixels: (N, 2).
     """
 
-    numbers: npt.NDArray[np.integer[Any]]
+    numbers: npt.NDArray[np.integer]
     on_board: Array
     pixels: Array
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from extensions.mavlink.commands import Wanted, wanted_of
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin
 from extensions.mavlink.operators import UNANSWERED
 from extensions.mavlink.peer import Peer
@@ -49,7 +48,7 @@ class CommandProtocol:
         self._origin, self._do, self._say = origin, do, say
         self._answers: dict[tuple[str, int], Answer] = {}
 
-    def take(self, peer: Peer, message: Any) -> None:
+    def take(self, peer: Peer, message: MAVLink_message) -> None:
         """Do a COMMAND_LONG or COMMAND_INT, and answer it; answer a repetition alone."""
         command, sent = message.command, bytes(message.get_payload())
         known, now = self._answers.get((peer.name, command)), time.monotonic()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin, Place, Vector, swap_yaw
 from quadrotor.errors import RefusedError
 
@@ -48,7 +48,7 @@ def custom_mode(behavior: str) -> int:
     return main << 16 | sub << 24
 
 
-def wanted_of(message: Any, origin: Origin) -> Wanted | None:
+def wanted_of(message: MAVLink_message, origin: Origin) -> Wanted | None:
     """Return what a COMMAND_LONG or COMMAND_INT asks for; None for a command that is not known.
 
     Raises RefusedError for one that this vehicle cannot do.

@@ -14,7 +14,7 @@ from typing import Any
 
 from extensions.mavlink.command_protocol import Answered, CommandProtocol
 from extensions.mavlink.commands import Wanted, behavior
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin
 from extensions.mavlink.link import MOST, Link
 from extensions.mavlink.logs import Logs
@@ -85,7 +85,7 @@ class Gateway:
         self._flight: MissionFlight | None = None
         self._commands = CommandProtocol(origin, self._do, self.say)
         self._link = open_link(self._left)
-        self._handlers: dict[str, Callable[[Peer, Any], None]] = {
+        self._handlers: dict[str, Callable[[Peer, MAVLink_message], None]] = {
             "COMMAND_LONG": self._commands.take,
             "COMMAND_INT": self._commands.take,
             "SET_POSITION_TARGET_LOCAL_NED": self._steer,
@@ -143,12 +143,12 @@ class Gateway:
         for message in self._telemetry.texts(line, level):
             peer.send(message)
 
-    def _tell(self, message: Any) -> None:
+    def _tell(self, message: MAVLink_message) -> None:
         for peer in self._link.peers:
             peer.send(message)
 
     # ------------------------------------------------------------------ messages
-    def _take(self, peer: Peer, message: Any) -> None:
+    def _take(self, peer: Peer, message: MAVLink_message) -> None:
         kind = message.get_type()
         if kind.startswith("MISSION_"):
             self._missions.take(peer, message, time.monotonic())
@@ -204,7 +204,7 @@ class Gateway:
         return self._operators[name]
 
     # ------------------------------------------------------------------ flights
-    def _steer(self, peer: Peer, message: Any) -> None:
+    def _steer(self, peer: Peer, message: MAVLink_message) -> None:
         if reason := self._refusal(peer):
             raise RefusedError(reason)
         if message.get_type() == "MANUAL_CONTROL":
@@ -304,19 +304,19 @@ class Gateway:
             loaded, lambda client: (client.descriptions(), client.parameters())
         )
 
-    def _list_parameters(self, peer: Peer, message: Any) -> None:
+    def _list_parameters(self, peer: Peer, message: MAVLink_message) -> None:
         self._with_parameters(peer, partial(self._parameters.list_to, peer))
 
-    def _read_parameter(self, peer: Peer, message: Any) -> None:
+    def _read_parameter(self, peer: Peer, message: MAVLink_message) -> None:
         self._with_parameters(peer, partial(self._parameters.read, peer, message))
 
-    def _set_parameter(self, peer: Peer, message: Any) -> None:
+    def _set_parameter(self, peer: Peer, message: MAVLink_message) -> None:
         if reason := self._refusal(peer):
             self._parameters.refuse(peer, message.param_id, reason)
             return
         operator = self._operator(peer.name)
         self._with_parameters(peer, partial(self._parameters.set, peer, operator, message))
 
-    def _time(self, peer: Peer, message: Any) -> None:
+    def _time(self, peer: Peer, message: MAVLink_message) -> None:
         if message.tc1 == 0:
             peer.send(mavlink.MAVLink_timesync_message(monotonic_ns(), message.ts1))

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from extensions.mavlink.dialect import MAVLink_message
 from extensions.mavlink.peer import BYTES_A_SECOND, GONE, SYSTEM, Address, Peer
 from quadrotor.errors import LinkError, UsageError
 
@@ -129,7 +130,7 @@ class Link:
     def peers(self) -> list[Peer]:
         return list(self._peers.values())
 
-    def receive(self, timeout: float) -> Iterator[tuple[Peer, Any]]:
+    def receive(self, timeout: float) -> Iterator[tuple[Peer, MAVLink_message]]:
         """Yield (ground station, message) of what has arrived; wait at most `timeout` s for it."""
         ready, _, _ = select.select([*self._sockets, *self._doors], [], [], timeout)
         for sock in ready:
@@ -185,7 +186,7 @@ class Link:
         self._sockets.append(sock)
         self._add(sock, address)
 
-    def _read(self, sock: socket.socket) -> Iterator[tuple[Peer, Any]]:
+    def _read(self, sock: socket.socket) -> Iterator[tuple[Peer, MAVLink_message]]:
         """Yield what one connection sent, at most what it may send in a turn."""
         peer = next(one for one in self._peers.values() if one.socket is sock)
         try:
@@ -208,7 +209,7 @@ class Link:
 
     def _taken(
         self, sock: socket.socket, address: Address, data: bytes
-    ) -> Iterator[tuple[Peer, Any]]:
+    ) -> Iterator[tuple[Peer, MAVLink_message]]:
         now = time.monotonic()
         known = self._peers.get((sock.fileno(), address))
         peer = known or self._stranger

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.tables import RunEntry
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.peer import Peer
 from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError, os_errors
@@ -26,19 +25,19 @@ class Logs:
         self._catalogue, self._vehicle = catalogue, vehicle
         self._files: list[tuple[RunEntry, Path, int]] = []
 
-    def list_to(self, peer: Peer, message: Any) -> None:
+    def list_to(self, peer: Peer, message: MAVLink_message) -> None:
         """Answer a LOG_REQUEST_LIST, piece by piece."""
         peer.waiting["logs"] = self._listed(message.start, message.end)
 
-    def send_to(self, peer: Peer, message: Any) -> None:
+    def send_to(self, peer: Peer, message: MAVLink_message) -> None:
         """Answer a LOG_REQUEST_DATA, piece by piece."""
         peer.waiting["log"] = self._pieces(message.id, message.ofs, message.count)
 
-    def end(self, peer: Peer, message: Any) -> None:
+    def end(self, peer: Peer, message: MAVLink_message) -> None:
         """Send no more of a log."""
         peer.waiting.pop("log", None)
 
-    def _listed(self, first: int, last: int) -> Iterator[Any]:
+    def _listed(self, first: int, last: int) -> Iterator[MAVLink_message]:
         """Yield LOG_ENTRY of the runs from number `first` to `last`; one with no runs when there
         are none. Raises StorageError.
         """
@@ -60,7 +59,7 @@ class Logs:
                 seconds = run.start_ns // 1_000_000_000
                 yield mavlink.MAVLink_log_entry_message(number, count, count - 1, seconds, size)
 
-    def _pieces(self, number: int, start: int, count: int) -> Iterator[Any]:
+    def _pieces(self, number: int, start: int, count: int) -> Iterator[MAVLink_message]:
         """Yield LOG_DATA of a part of a run's file. Raises StorageError for one not listed."""
         if not 0 <= number < len(self._files):
             raise StorageError(f"there is no log {number}; list the logs first")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Vector
 from extensions.mavlink.mission_steps import Step
 from extensions.mavlink.vehicle import Vehicle
@@ -35,7 +35,7 @@ class MissionFlight:
         steps: Sequence[Step],
         vehicle: Vehicle,
         ask: Callable[[str, dict[str, Any], Callable[[str], None]], None],
-        tell: Callable[[Any], None],
+        tell: Callable[[MAVLink_message], None],
         say: Callable[[str], None],
     ) -> None:
         self.who, self._steps, self._vehicle = who, list(steps), vehicle

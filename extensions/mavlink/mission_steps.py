@@ -14,7 +14,7 @@ from typing import Any
 
 from control.behaviors.way_points import COUNT_MAX
 from extensions.mavlink.commands import world_point
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin, Vector, swap_yaw
 from quadrotor.errors import RefusedError
 
@@ -35,7 +35,7 @@ class Step:
     points: dict[int, Vector]
 
 
-def steps_of(items: Sequence[Any], origin: Origin) -> list[Step]:
+def steps_of(items: Sequence[MAVLink_message], origin: Origin) -> list[Step]:
     """Return what MISSION_ITEM_INT messages ask for. Raises RefusedError for what is not flown."""
     steps: list[Step] = []
     words: list[str] = []
@@ -75,7 +75,7 @@ def _path(words: list[str], points: dict[int, Vector], speed: dict[str, float]) 
     return Step("follow_trajectory", arguments, points)
 
 
-def _point(item: Any, origin: Origin) -> Vector:
+def _point(item: MAVLink_message, origin: Origin) -> Vector:
     if not math.isfinite(item.z):
         raise RefusedError(f"mission item {item.seq} has no altitude")
     return world_point(item.frame, 1e-7 * item.x, 1e-7 * item.y, item.z, origin)

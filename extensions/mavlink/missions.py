@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from control.behaviors.way_points import COUNT_MAX
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin
 from extensions.mavlink.mission_steps import Step, steps_of
 from extensions.mavlink.peer import Peer
@@ -29,12 +28,12 @@ class Missions:
         self, origin: Origin, may_upload: Callable[[Peer], str], say: Callable[[Peer, str], None]
     ) -> None:
         self._origin, self._may_upload, self._say = origin, may_upload, say
-        self.items: tuple[Any, ...] = ()
+        self.items: tuple[MAVLink_message, ...] = ()
         self.steps: list[Step] = []
         self._from: Peer | None = None
-        self._count, self._arrived, self._asked, self._tries = 0, list[Any](), 0.0, 0
+        self._count, self._arrived, self._asked, self._tries = 0, list[MAVLink_message](), 0.0, 0
 
-    def take(self, peer: Peer, message: Any, now: float) -> None:
+    def take(self, peer: Peer, message: MAVLink_message, now: float) -> None:
         """Take a message of the mission protocol; `now` in s of a steady clock."""
         kind = message.get_type()
         if kind == "MISSION_ACK":
@@ -86,7 +85,7 @@ class Missions:
         self._from, self._count, self._arrived, self._tries = peer, count, [], 0
         self._ask(now)
 
-    def _add(self, peer: Peer, item: Any, now: float) -> None:
+    def _add(self, peer: Peer, item: MAVLink_message, now: float) -> None:
         if peer is not self._from or item.seq != len(self._arrived):
             return  # repeated, or late
         self._arrived.append(item)
@@ -138,5 +137,5 @@ class Missions:
     def _acknowledge(self, peer: Peer, result: int, kind: int = 0) -> None:
         peer.send(mavlink.MAVLink_mission_ack_message(peer.system, 0, result, kind))
 
-    def _count_message(self, peer: Peer, count: int, kind: int) -> Any:
+    def _count_message(self, peer: Peer, count: int, kind: int) -> MAVLink_message:
         return mavlink.MAVLink_mission_count_message(peer.system, 0, count, kind)

@@ -22,10 +22,10 @@ from control.behaviors.velocity import set_walls
 from control.trajectories.extrapolation import extrapolate
 from control.trajectories.velocity_filter import advance, new_velocity_filter
 from extensions.mavlink.commands import world_point
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin, Vector, swap_world, swap_yaw
 from extensions.mavlink.vehicle import Vehicle
-from quadrotor.errors import RefusedError
+from quadrotor.errors import Refusal, RefusedError
 from quadrotor.parameters import section_of
 from quadrotor.records import Record, new_reference
 from vehicle_link.clock import monotonic_ns
@@ -79,7 +79,7 @@ class SetPoint:
     came_ns: int
 
 
-def set_point_of(message: Any, origin: Origin, now_ns: int) -> SetPoint:
+def set_point_of(message: MAVLink_message, origin: Origin, now_ns: int) -> SetPoint:
     """Return a SET_POSITION_TARGET_LOCAL_NED or …_GLOBAL_INT. Raises RefusedError with what is not
     possible.
     """
@@ -213,7 +213,7 @@ class Offboard:
                 client.ask("start_behavior", name="external", arguments=[])
                 return
             except RefusedError as error:
-                if k == TRIES - 1 or "external_reference" not in str(error):
+                if k == TRIES - 1 or error.kind != Refusal.NO_REFERENCE:
                     raise
 
     def accepted(self) -> None:

@@ -6,7 +6,7 @@ import queue
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.operators import Operator
 from extensions.mavlink.parameter_names import (
     HIGHEST,
@@ -66,12 +66,12 @@ class ParameterServer:
         """Send all values, as time allows."""
         peer.waiting["parameters"] = self._all()
 
-    def _all(self) -> Iterator[Any]:
+    def _all(self) -> Iterator[MAVLink_message]:
         for name in list(self._known):
             if (message := self.message(name)) is not None:
                 yield message
 
-    def read(self, peer: Peer, message: Any) -> None:
+    def read(self, peer: Peer, message: MAVLink_message) -> None:
         """Send the value that is asked for by name or number."""
         name = _text(message.param_id)
         if message.param_index >= 0:
@@ -82,7 +82,7 @@ class ParameterServer:
             index = message.param_index
             self._fail(peer, name, index, mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST)
 
-    def set(self, peer: Peer, operator: Operator, message: Any) -> None:
+    def set(self, peer: Peer, operator: Operator, message: MAVLink_message) -> None:
         """Ask the vehicle to change a value, and answer with the value that it then has."""
         name = _text(message.param_id)
         described = self._known.get(name)
@@ -113,9 +113,9 @@ class ParameterServer:
             peer.send(message)
         self._say(peer, reason)
 
-    def changed(self) -> list[Any]:
+    def changed(self) -> list[MAVLink_message]:
         """Return the messages of the changes since the last call, whoever made them."""
-        out: list[Any] = []
+        out: list[MAVLink_message] = []
         while True:
             try:
                 change = self._changes.get_nowait()
@@ -126,7 +126,7 @@ class ParameterServer:
                 if (message := self.message(short_name(change.name))) is not None:
                     out.append(message)
 
-    def message(self, name: str) -> Any:
+    def message(self, name: str) -> MAVLink_message:
         """Return PARAM_VALUE of a short name; None for one that is not there."""
         described = self._known.get(name)
         if described is None or described.name not in self.values:

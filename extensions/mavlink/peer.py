@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from quadrotor.errors import StorageError
 
 SYSTEM, COMPONENT = 1, 1
@@ -75,7 +75,7 @@ class Peer:
         self.due: dict[int, float] = {}
         self.shown: Any = None
         self.period: dict[int, float] = {}
-        self.waiting: dict[str, Iterator[Any]] = {}
+        self.waiting: dict[str, Iterator[MAVLink_message]] = {}
         self._budget, self._filled = float(BYTES_A_SECOND), time.monotonic()
         self._said: dict[str, float] = {}
 
@@ -84,7 +84,7 @@ class Peer:
         """Return the name under which it commands."""
         return f"mavlink {self.system} at {self.address[0]}:{self.address[1]}"
 
-    def send(self, message: Any) -> None:
+    def send(self, message: MAVLink_message) -> None:
         """Send a message; it is lost when nobody receives there, as on any datagram link."""
         self.mav.send(message)
 
@@ -130,7 +130,7 @@ class Peer:
             self.has_begun = data[0] in MARKERS
         return self.has_begun
 
-    def parse(self, data: bytes) -> list[Any]:
+    def parse(self, data: bytes) -> list[MAVLink_message]:
         """Return the messages in some bytes; of a datagram, nothing is kept for the next one."""
         messages = self.mav.parse_buffer(data) or []
         if not self.is_stream:

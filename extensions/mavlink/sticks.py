@@ -7,8 +7,7 @@ that fall silent.
 
 from __future__ import annotations
 
-from typing import Any
-
+from extensions.mavlink.dialect import MAVLink_message
 from extensions.mavlink.offboard import Sender
 from extensions.mavlink.peer import Peer
 from quadrotor.errors import RefusedError
@@ -30,7 +29,7 @@ class Sticks:
         self._publisher = publisher
         self._held: dict[str, bool] = {}
 
-    def take(self, peer: Peer, message: Any) -> None:
+    def take(self, peer: Peer, message: MAVLink_message) -> None:
         """Publish a MANUAL_CONTROL. Raises RefusedError when the button is pressed with a stick
         that is not centred.
         """

@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections.abc import Callable
-from typing import Any
 
 from extensions.mavlink.commands import custom_mode
-from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Origin, swap_attitude, swap_body, swap_world
 from extensions.mavlink.peer import Peer
 from extensions.mavlink.vehicle import Motion, Vehicle
@@ -60,7 +59,7 @@ class Telemetry:
         self._first_ns: int | None = None
         self._texts = 0
         of_motion = self._of_motion
-        self._periodic: dict[int, tuple[float, Callable[[], Any]]] = {
+        self._periodic: dict[int, tuple[float, Callable[[], MAVLink_message | None]]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: (1.0, self._heartbeat),
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: (1.0, self._sys_status),
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: (2.0, self._battery),
@@ -111,7 +110,7 @@ class Telemetry:
             peer.send(message)
         return message is not None
 
-    def texts(self, line: str, level: int) -> list[Any]:
+    def texts(self, line: str, level: int) -> list[MAVLink_message]:
         """Return a line as messages. Level 20 is info, 30 a warning, 40 an error."""
         plain = unicodedata.normalize("NFKD", line)  # m/s² becomes m/s2
         data = plain.encode("ascii", "replace")[: 10 * TEXT]
@@ -127,8 +126,9 @@ class Telemetry:
         ]
 
     # ------------------------------------------------------------------ messages
-    def _heartbeat(self) -> Any:
-        status = self._vehicle.status
+    def _heartbeat(self) -> MAVLink_message | None:
+        if (status := self._vehicle.status) is None:
+            return None
         mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
         if status.armed:
             mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -138,8 +138,10 @@ class Telemetry:
             *kind, mode, custom_mode(status.behavior), state, mavlink_version=3
         )
 
-    def _sys_status(self) -> Any:
-        status, preflight = self._vehicle.status, self._vehicle.message("preflight")
+    def _sys_status(self) -> MAVLink_message | None:
+        if (status := self._vehicle.status) is None:
+            return None
+        preflight = self._vehicle.message("preflight")
         ill = TRACKER if self._vehicle.motion is None or "no_pose" in status.flags else 0
         if status.mode == "starting":
             ill |= GYROSCOPE
@@ -149,7 +151,7 @@ class Telemetry:
         numbers = (0, self._millivolts() or NONE_16, -1, -1, 0, 0, 0, 0, 0, 0)
         return mavlink.MAVLink_sys_status_message(SENSORS, SENSORS, well, *numbers)
 
-    def _battery(self) -> Any:
+    def _battery(self) -> MAVLink_message | None:
         voltage = self._millivolts()
         kind = mavlink.MAV_BATTERY_FUNCTION_ALL, mavlink.MAV_BATTERY_TYPE_LIPO
         cells = [voltage, *[NONE_16] * 9]  # of the pack as a whole
@@ -167,26 +169,29 @@ class Telemetry:
             return 0
         return min(max(round(1e3 * float(battery.voltage)), 0), NONE_16 - 1)
 
-    def _landed(self) -> Any:
-        status = self._vehicle.status
+    def _landed(self) -> MAVLink_message | None:
+        if (status := self._vehicle.status) is None:
+            return None
         state = mavlink.MAV_LANDED_STATE_ON_GROUND
         if status.airborne:
             state = LANDED.get(status.behavior, mavlink.MAV_LANDED_STATE_IN_AIR)
         return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, state)
 
-    def _home(self) -> Any:
+    def _home(self) -> MAVLink_message | None:
         at, zero = self._origin.place, (0.0, 0.0, 0.0)
         place = round(1e7 * at.latitude), round(1e7 * at.longitude), round(1e3 * at.altitude)
         return mavlink.MAVLink_home_position_message(*place, *zero, [1.0, *zero], *zero)
 
-    def _version(self) -> Any:
+    def _version(self) -> MAVLink_message | None:
         unknown = [0] * 8
         return mavlink.MAVLink_autopilot_version_message(
             CAPABILITIES, 0, 0, 0, 0, unknown, unknown, unknown, 0, 0, 0
         )
 
-    def _of_motion(self, maker: Callable[[Motion], Any]) -> Callable[[], Any]:
-        def made() -> Any:
+    def _of_motion(
+        self, maker: Callable[[Motion], MAVLink_message]
+    ) -> Callable[[], MAVLink_message | None]:
+        def made() -> MAVLink_message | None:
             motion = self._vehicle.motion
             return None if motion is None else maker(motion)
 
@@ -198,20 +203,20 @@ class Telemetry:
             self._first_ns = motion.stamp_ns
         return (motion.stamp_ns - self._first_ns) // 1_000_000 & 0xFFFF_FFFF
 
-    def _attitude(self, motion: Motion) -> Any:
+    def _attitude(self, motion: Motion) -> MAVLink_message | None:
         angles = roll_pitch_yaw(*swap_attitude(motion.quaternion_wb))
         rates = swap_body(motion.angular_velocity_b)
         return mavlink.MAVLink_attitude_message(self._milliseconds(motion), *angles, *rates)
 
-    def _quaternion(self, motion: Motion) -> Any:
+    def _quaternion(self, motion: Motion) -> MAVLink_message | None:
         numbers = *swap_attitude(motion.quaternion_wb), *swap_body(motion.angular_velocity_b)
         return mavlink.MAVLink_attitude_quaternion_message(self._milliseconds(motion), *numbers)
 
-    def _local(self, motion: Motion) -> Any:
+    def _local(self, motion: Motion) -> MAVLink_message | None:
         numbers = *swap_world(motion.position_w), *swap_world(motion.velocity_w)
         return mavlink.MAVLink_local_position_ned_message(self._milliseconds(motion), *numbers)
 
-    def _odometry(self, motion: Motion) -> Any:
+    def _odometry(self, motion: Motion) -> MAVLink_message | None:
         frames = mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD
         return mavlink.MAVLink_odometry_message(
             1000 * self._milliseconds(motion),
@@ -224,7 +229,7 @@ class Telemetry:
             NO_COVARIANCE,
         )
 
-    def _global(self, motion: Motion) -> Any:
+    def _global(self, motion: Motion) -> MAVLink_message | None:
         at = self._origin.global_of(motion.position_w)
         place = round(1e7 * at.latitude), round(1e7 * at.longitude), round(1e3 * at.altitude)
         height = round(1e3 * motion.position_w[2])

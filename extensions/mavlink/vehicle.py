@@ -4,25 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 from quadrotor.plain_rotations import roll_pitch_yaw, rotate
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.messages import decode, stamp_of
+from vehicle_link.messages.records import Message, Odometry, VehicleStatus
 from vehicle_link.topics import TOPICS
+
+if TYPE_CHECKING:
+    from vehicle_link.topics.typed_tables import Newest
 
 STALE_NS = {"battery": 5_000_000_000}
 """Age (ns) at which a message counts as none; of the others:"""
 USUALLY_NS = 1_500_000_000
 
-Newest = Callable[[], tuple[bytes, int] | None]
+NewestPayload = Callable[[], tuple[bytes, int] | None]
 Vector = tuple[float, float, float]
 
 
 class Source(Protocol):
     """The part of `quadlab.station_client.StationClient` that is used."""
 
-    def newest_payload(self, topic: str) -> Newest: ...
+    def newest_payload(self, topic: str) -> NewestPayload: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +54,11 @@ class Vehicle:
     def __init__(self, source: Source) -> None:
         names = ("state", "status", "battery", "control", "preflight", "reference")
         self._newest = {name: source.newest_payload(name) for name in names}
-        self._decoded: dict[str, tuple[bytes, Any]] = {}
-        self._motion: tuple[Any, Motion] | None = None
+        self._decoded: dict[str, tuple[bytes, Message]] = {}
+        self.message = cast("Newest", self._message)
+        self._motion: tuple[Odometry, Motion] | None = None
 
-    def message(self, topic: str) -> Any:
+    def _message(self, topic: str) -> Message | None:
         """Return the newest message of a topic; None while there is none that is fresh."""
         newest = self._newest[topic]()
         if newest is None or monotonic_ns() - newest[1] > STALE_NS.get(topic, USUALLY_NS):
@@ -69,7 +74,7 @@ class Vehicle:
         return self._newest[topic]()
 
     @property
-    def status(self) -> Any:
+    def status(self) -> VehicleStatus | None:
         return self.message("status")
 
     @property

@@ -9,7 +9,7 @@ import queue
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from console.trackers.source import Body, Connection, Frame
 from quadrotor.errors import UsageError
@@ -18,6 +18,8 @@ from vehicle_link.clock import monotonic_ns
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 KEPT = 64
 TYPE = "geometry_msgs/PoseStamped"
 
@@ -30,7 +32,7 @@ class Ros2Source:
         names: of the topics, with their leading slash.
     """
 
-    def __init__(self, session: Any, names: Sequence[str]) -> None:
+    def __init__(self, session: Session, names: Sequence[str]) -> None:
         self._node = Node(session, "", "quadlab_tracker")
         self._items: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(KEPT)
         for name in names:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from quadrotor.errors import StorageError
 from quadrotor.records import Stamps
+from vehicle_link.messages.records import OnboardLogResponse
 
 Floats = npt.NDArray[np.float32]
 
@@ -66,7 +67,7 @@ class Collection:
             return 1.0
         return (self._next_ns - self._start_ns) / max(1, self._end_ns - self._start_ns)
 
-    def add(self, answer: Any) -> None:
+    def add(self, answer: OnboardLogResponse) -> None:
         """Add an answer. Raises StorageError when it does not match the request."""
         stamps = np.asarray(answer.stamps_ns, np.int64)
         width = len(self.columns)

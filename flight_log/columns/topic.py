@@ -18,7 +18,7 @@ from quadrotor.records import Stamps
 
 NOTHING: dict[str, Any] = {"type": "", "count": 0, "numbers": [], "constants": {}, "texts": {}}
 
-Floats = npt.NDArray[np.floating[Any]]
+Floats = npt.NDArray[np.floating]
 
 
 class Topic:

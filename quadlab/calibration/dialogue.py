@@ -13,6 +13,8 @@ from quadlab.option_types import Flag
 from quadlab.station_client import StationClient
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
+from vehicle_link.messages import new
+from vehicle_link.messages.records import ExperimentStatus
 from vehicle_link.parameters.messages import to_parameters
 
 ENDED = ("passed", "failed", "not_judged", "stopped", "refused")
@@ -50,7 +52,7 @@ class Dialogue:
 
     def __init__(self, client: StationClient, screen: Screen, wanted: CalibrationRequest) -> None:
         self._client, self._screen, self._wanted = client, screen, wanted
-        self._status: Any = None
+        self._status = new("quadlab_msgs/ExperimentStatus")
         self._runs = False
 
     def run(self) -> int:
@@ -104,7 +106,6 @@ class Dialogue:
         """Start the calibration, and wait for its first status."""
         while not self._client.statuses.empty():
             self._client.statuses.get()
-        self._status = None
         options = to_parameters(self._wanted.options)
         name = self._wanted.name
         self._client.ask("experiment", action="start", name=name, options=options)
@@ -114,10 +115,10 @@ class Dialogue:
             if time.monotonic() - begun > SILENT:
                 return  # it ended before its first status arrived
 
-    def _is_ours(self, status: Any) -> bool:
+    def _is_ours(self, status: ExperimentStatus) -> bool:
         return (status.name, status.requester) == (self._wanted.name, self._client.requester)
 
-    def _next(self) -> Any:
+    def _next(self) -> ExperimentStatus:
         """Return the next status. Raises LinkError when the station is lost."""
         try:
             self._status = self._client.statuses.get(timeout=SILENT)
@@ -174,7 +175,7 @@ class Dialogue:
             print(f"quadlab: {error}", flush=True)
 
     # ------------------------------------------------------------------ after the calibration
-    def _decide(self, status: Any) -> int | None:
+    def _decide(self, status: ExperimentStatus) -> int | None:
         record = parse_record(str(status.proposal))
         self._show(record)
         if self._wanted.reject:

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from vehicle_link.messages.records import ExperimentStatus
+
 SHOWN = 8
 """Largest number of live figures shown."""
 HIDDEN = ("pose ", "next ")
@@ -26,7 +28,7 @@ class Screen:
         self.rest()
         print(line, flush=True)
 
-    def progress(self, status: Any) -> None:
+    def progress(self, status: ExperimentStatus) -> None:
         """Show the ExperimentStatus of a running experiment."""
         instruction = str(status.instruction or status.step)
         count = int(status.step_count)

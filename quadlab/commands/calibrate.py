@@ -11,6 +11,7 @@ from console.experiments.catalogue import experiments
 from quadlab.option_types import Flag, Settings
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import ParameterError, UsageError
+from vehicle_link.messages.records import ExperimentResponse
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient
@@ -66,13 +67,13 @@ class Calibrate:
             )
             return Dialogue(client, screen, wanted).run()
 
-    def _options(self, reply: Any) -> dict[str, Any]:
+    def _options(self, reply: ExperimentResponse) -> dict[str, Any]:
         """Return the options, checked against those of the station. Raises UsageError."""
         from quadrotor.parameter_description import parse_text
         from vehicle_link.parameters.messages import from_descriptor
 
         known = dict(zip(reply.names, reply.problems, strict=True))
-        name = self.calibration
+        name = self.calibration or ""
         if name not in known or not dict(zip(reply.names, reply.calibrations, strict=True))[name]:
             if known.get(name):
                 raise UsageError(f"{name} cannot run: {known[name]}")
@@ -97,7 +98,7 @@ class Calibrate:
         return values
 
 
-def _list(client: StationClient, reply: Any) -> int:
+def _list(client: StationClient, reply: ExperimentResponse) -> int:
     from quadlab.calibration.dialogue import in_force
     from quadlab.calibration.lines import listed
 

@@ -6,7 +6,7 @@ import queue
 import time
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, cast
 
 import tyro
 
@@ -14,6 +14,13 @@ from quadlab.log_commands.log_file import progress_of
 from quadlab.option_types import Flag, optional
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import LinkError, StorageError, UsageError
+from vehicle_link.messages.records import (
+    Message,
+    OnboardFile,
+    OnboardFilesResponse,
+    Transfer,
+    Transfers,
+)
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient
@@ -53,7 +60,7 @@ class Fetch:
                 return _list(self.name, answer)
             return _fetch(client, self._chosen(answer.files))
 
-    def _chosen(self, files: list[Any]) -> str:
+    def _chosen(self, files: list[OnboardFile]) -> str:
         """Return the log's name, given with or without its ending. Raises StorageError."""
         if not files:
             raise StorageError(f"{self.name} has no logs; it writes one from arming to disarming")
@@ -69,7 +76,7 @@ class Fetch:
         )
 
 
-def _list(vehicle: str, answer: Any) -> int:
+def _list(vehicle: str, answer: OnboardFilesResponse) -> int:
     if not answer.files:
         print(f"{vehicle} has no logs; it writes one from arming to disarming")
         return 0
@@ -111,7 +118,7 @@ def _fetch(client: StationClient, name: str) -> int:
     return 0
 
 
-def _report(messages: queue.SimpleQueue[Any], number: int, name: str) -> Any:
+def _report(messages: queue.SimpleQueue[Message], number: int, name: str) -> Transfer:
     """Return the station's next report of the transfer with this number."""
     end = time.monotonic() + SILENT
     while (left := end - time.monotonic()) > 0.0:
@@ -119,7 +126,7 @@ def _report(messages: queue.SimpleQueue[Any], number: int, name: str) -> Any:
             message = messages.get(timeout=left)
         except queue.Empty:
             break
-        for one in message.transfers:
+        for one in cast("Transfers", message).transfers:
             if one.id == number:
                 return one
     raise LinkError(

@@ -30,6 +30,7 @@ from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record, Stamps
 from vehicle.estimators.choice import ESTIMATOR, NONE, SHADOW
 from vehicle_link.messages import decode, stamp_of
+from vehicle_link.messages.records import ParameterChange
 from vehicle_link.topics import decode_bearings, decode_pose, decode_position, decode_sweeps
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
 
@@ -252,7 +253,7 @@ def _messages(topic: Topic) -> Iterator[Any]:
     return (decode(payload, topic.decodable_name) for payload in topic.payloads)
 
 
-def _change(change: Any) -> Change:
+def _change(change: ParameterChange) -> Change:
     value = logged_value(change.new_value)
     return Change(stamp_of(change), int(change.revision), change.name, value)
 

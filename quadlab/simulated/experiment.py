@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from quadlab.simulated.parameters import FlightParameters
     from quadrotor.calibration_record import CalibrationRecord
     from quadrotor.parameters import Parameters
+    from vehicle.boards.kind import Kind
+    from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 LARGEST_SEED = 2**31 - 1 - 2_000_003
 
@@ -63,18 +65,14 @@ def fly(
 
     Raises QuadlabError; after the start, its message includes the path of the log.
     """
-    from console.experiments import watched
     from console.experiments.user_file import errors_with_line
     from quadlab.simulated.flight import SimulatedFlight, TrueState
     from quadlab.simulated.flight_log import FlightLog
-    from quadlab.simulated.parameters import FlightParameters
     from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
     from vehicle.estimators.offer import offer_plugins
     from vehicle.flight.kernels import prepare
     from vehicle.processes.parent import PLUGINS
-    from vehicle.simulator.boards import firmware_of
-    from vehicle.simulator.simulated_vehicle import SimulatedVehicle
     from vehicle_link.messages import typestore
 
     if not 0 <= seed <= LARGEST_SEED:
@@ -82,6 +80,41 @@ def fly(
     kind = find_kind(board)
     plugins = plugins or data_folder(None) / PLUGINS
     offer_plugins(plugins)
+    parameters = _parameters(experiment, kind, seed, words)
+    with errors_with_line(experiment):
+        experiment.check()
+    folder = out or open_data_folder(None) / "flights"
+    path = _new_log(open_data_folder(folder, "--out"), f"{experiment.name}_seed{seed}")
+    simulated = _simulated_vehicle(parameters, board)
+    facts = {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board}
+    log = FlightLog(path, "quad1", ParameterStore(parameters), facts)
+    estimator = TrueState(simulated) if true_state else None
+    # Load or compile everything that is needed, so that the figures are those of flying alone.
+    _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
+    typestore()
+    flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
+    if print_instructions:
+        flight.on_progress = InstructionPrinter(flight)
+    began, processor = time.perf_counter(), time.process_time()
+    try:
+        aborted = _flown(experiment, flight)
+    except QuadlabError as error:
+        raise kept(error, path) from error
+    finally:
+        for part in (log, later, flight.stack, simulated):
+            part.close()
+    wall, processor = time.perf_counter() - began, time.process_time() - processor
+    result, proposal = judged(experiment, path, aborted)
+    return Flown(flight, path, result, proposal, aborted, wall, processor)
+
+
+def _parameters(
+    experiment: Experiment, kind: Kind, seed: int, words: Sequence[str]
+) -> FlightParameters:
+    """Return the parameters of the flight. Raises QuadlabError."""
+    from quadlab.simulated.parameters import FlightParameters
+    from quadrotor.parameters import ParameterStore
+
     parameters = with_options(
         FlightParameters().model_copy(deep=True),
         {"experiment": experiment.parameters, "board": kind.options() if kind.options else None},
@@ -91,43 +124,28 @@ def fly(
     values = parse_settings(parameters, words)
     if "beacons.layout" not in values:  # the vehicle gets the true layout
         parameters.beacons.layout = parameters.bearings.layout
-    with errors_with_line(experiment):
-        experiment.check()
-    folder = out or open_data_folder(None) / "flights"
-    path = _new_log(open_data_folder(folder, "--out"), f"{experiment.name}_seed{seed}")
-    simulated = SimulatedVehicle(
-        parameters.simulator, firmware=firmware_of(board, getattr(parameters, "board", None))
-    )
+    return parameters
+
+
+def _simulated_vehicle(parameters: FlightParameters, board: str) -> SimulatedVehicle:
+    from vehicle.simulator.boards import firmware_of
+    from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+    firmware = firmware_of(board, getattr(parameters, "board", None))
+    simulated = SimulatedVehicle(parameters.simulator, firmware=firmware)
     simulated.warm_up()
-    log = FlightLog(
-        path,
-        "quad1",
-        ParameterStore(parameters),
-        {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board},
-    )
-    estimator = TrueState(simulated) if true_state else None
-    # Load or compile everything that is needed, so that the figures are those of flying alone.
-    _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
-    typestore()
-    flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
-    if print_instructions:
-        flight.on_progress = InstructionPrinter(flight)
-    began, processor = time.perf_counter(), time.process_time()
-    aborted = ""
+    return simulated
+
+
+def _flown(experiment: Experiment, flight: SimulatedFlight) -> str:
+    """Fly; return why the experiment ended early, empty if it did not."""
+    from console.experiments import watched
+
     try:
         watched.fly(experiment, flight)
     except watched.AbortedError as error:
-        aborted = str(error)
-    except QuadlabError as error:
-        raise kept(error, path) from error
-    finally:
-        log.close()
-        later.close()
-        flight.stack.close()
-        simulated.close()
-    wall, processor = time.perf_counter() - began, time.process_time() - processor
-    result, proposal = judged(experiment, path, aborted)
-    return Flown(flight, path, result, proposal, aborted, wall, processor)
+        return str(error)
+    return ""
 
 
 def chosen(name: str) -> Experiment:

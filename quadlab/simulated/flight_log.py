@@ -73,9 +73,9 @@ class FlightLog:
         self._others: dict[tuple[str, int], list[tuple[bytes, int, int]]] = {}
         self._now_ns = 0
         # The comms process's publisher decides which slow topic is due; nothing is sent.
-        self._publisher = Publisher(None, self, self, vehicle)
+        self._publisher = Publisher(None, self, self, vehicle, estimator=lambda: self._estimator)
         self._scene = topics.SceneMessages(vehicle)
-        self._publisher.estimator = str(store.values()[FLOWN_ON])
+        self._estimator = str(store.values()[FLOWN_ON])
 
     def now_ns(self) -> int:
         """Return simulated time, for the publisher."""
@@ -107,6 +107,7 @@ class FlightLog:
     def parameter_change(self, change: ParameterChange) -> None:
         if change.name == FLOWN_ON:
             self._flush()  # earlier ticks were flown on the previous estimator
+            self._estimator = str(change.new)
         self._now_ns = self._newest_ns()
         self._publisher.parameter_change(change)
 

@@ -192,7 +192,7 @@ class SimulatedGuide:
     def _command(self, command: mailbox.Command) -> None:
         reply = self.stack.handle(command)
         if not reply.accepted:
-            raise RefusedError(reply.reason)
+            raise RefusedError(reply.reason, reply.kind)
 
     def _request_id(self) -> str:
         self._requests += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from console.trackers.camera import CameraSource
 from console.trackers.camera_view import CameraView
@@ -22,6 +22,8 @@ from vehicle_link.topics import TOPICS, decode_odometry
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 PERIOD = 0.066
 """Seconds between two pictures of a camera, if the computer is quick enough."""
 SILENT = 2.0
@@ -38,7 +40,7 @@ class RenderedPictures:
         number: of the camera, for messages and its noise.
     """
 
-    def __init__(self, session: Any, vehicle: str, stand: CameraPlace, number: int) -> None:
+    def __init__(self, session: Session, vehicle: str, stand: CameraPlace, number: int) -> None:
         self._stand, self._scene, self._number = stand, Scene(number), number
         self._newest: Received | None = None
         self._came, self._closed = threading.Event(), threading.Event()
@@ -74,7 +76,7 @@ class RenderedPictures:
 
 
 def rendered_cameras(
-    session: Any, vehicle: str, body: str, names: Sequence[str], views: Sequence[CameraView]
+    session: Session, vehicle: str, body: str, names: Sequence[str], views: Sequence[CameraView]
 ) -> Source:
     """Return cameras around the room as one tracking system."""
     places = dict(zip(names, STANDS, strict=False))

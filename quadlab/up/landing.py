@@ -7,12 +7,16 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any
+from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link import clock
+from vehicle_link.messages.records import VehicleStatus
 from vehicle_link.termination_signal import EndSignal
 
+if TYPE_CHECKING:
+    from vehicle_link.transport.publisher import Received
+    from vehicle_link.transport.session import Session
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
 """Seconds to wait for the vehicles' statuses."""
@@ -40,13 +44,13 @@ class _Landing:
     since.
     """
 
-    def __init__(self, session: Any, name: str, shown: str) -> None:
+    def __init__(self, session: Session, name: str, shown: str) -> None:
         from vehicle_link.transport.node import Node
 
         self.was_received = threading.Event()
         self.on_ground = threading.Event()
         self._shown = shown
-        self._status: Any = None
+        self._status: VehicleStatus | None = None
         self._closing = threading.Event()
         self._asking = threading.Thread(target=self._ask_on, daemon=True)
         self._said = ""
@@ -70,7 +74,11 @@ class _Landing:
         from vehicle_link.topics import SERVICES
 
         status = self._status
-        if status.mode != "armed" or (status.airborne and status.behavior in LANDING):
+        if (
+            status is None
+            or status.mode != "armed"
+            or (status.airborne and status.behavior in LANDING)
+        ):
             return  # it lands already
         name = "start_behavior" if status.airborne else "disarm"
         client = self._node.client(f"station/{name}", SERVICES[name])
@@ -91,7 +99,7 @@ class _Landing:
         self._closing.set()
         self._node.close()
 
-    def _on_status(self, received: Any) -> None:
+    def _on_status(self, received: Received) -> None:
         from vehicle_link.messages import decode
 
         status = decode(received.payload, "quadlab_msgs/VehicleStatus")
@@ -109,7 +117,7 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSign
     from vehicle_link.transport.session import loopback_session
 
     try:
-        session: Any = loopback_session(loopback_port)
+        session = loopback_session(loopback_port)
     except LinkError as error:
         print(f"quadlab: not landed, the station does not answer ({error})", flush=True)
         return

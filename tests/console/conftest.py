@@ -18,6 +18,7 @@ from console.base_station import BaseStation
 from console.beacon_layout import VEHICLE_LAYOUT
 from console.catalogue.catalogue import Catalogue
 from console.station_parts import StationOptions
+from quadrotor.motor_state import MotorState
 from quadrotor.parameter_description import ParameterValue
 from tests.waiting import free_port, until
 from vehicle.boards.board import Command, RawSample
@@ -31,7 +32,6 @@ from vehicle_link.messages import new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node

@@ -14,7 +14,7 @@ from control.behaviors.machine import BehaviorMachine
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
 from control.trajectories.feasibility import survey
-from quadrotor.errors import RefusedError
+from quadrotor.errors import Refusal, RefusedError
 from quadrotor.records import Record, new_reference, new_state
 
 DT = 0.002
@@ -213,8 +213,9 @@ def test_it_starts_with_a_fresh_reference_alone(age: float | None, said: str) ->
     bench = Bench()
     if age is not None:
         bench.send(standing(), age)
-    with pytest.raises(RefusedError, match=f"external refused: .*{said}"):
+    with pytest.raises(RefusedError, match=f"external refused: .*{said}") as refused:
         bench.start()
+    assert refused.value.kind == Refusal.NO_REFERENCE
 
 
 def test_the_yaw_may_have_turned_whole_times() -> None:

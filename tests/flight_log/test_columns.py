@@ -37,7 +37,7 @@ def heights(log: Path) -> npt.NDArray[np.floating[Any]]:
 
 def decoded(log: Path) -> list[float]:
     found = read_log(log, topics=[STATE])
-    return [decode(one.payload, one.type_name).pose.pose.position.z for one in found]
+    return [decode(one.payload, "nav_msgs/Odometry").pose.pose.position.z for one in found]
 
 
 @pytest.mark.parametrize("held", [100, 1 << 15])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.writer import CompressionType, Writer
@@ -49,7 +50,7 @@ def log(tmp_path: Path) -> Path:
 
 def test_a_change_written_as_texts_is_read_by_its_own_fields(log: Path) -> None:
     (message,) = read_log(log)
-    change = decode(message.payload, message.type_name)
+    change: Any = decode(message.payload, message.type_name)
     assert (change.name, change.requester, change.revision) == ("estimation.source", "ada", 7)
     assert logged_value(change.new_value) == "bearings"
 

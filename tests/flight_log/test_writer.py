@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +29,11 @@ def text_message(text: str) -> bytes:
     return messages.encode(messages.new(STRING, data=text))
 
 
+def text_of(payload: bytes) -> str:
+    message: Any = messages.decode(payload, STRING)
+    return str(message.data)
+
+
 def write_some(path: Path, count: int) -> None:
     with LogWriter(path, {"run_id": "r1", "operator": "me"}, {"parameters.json": b"{}"}) as log:
         for i in range(count):
@@ -37,7 +43,7 @@ def write_some(path: Path, count: int) -> None:
 def test_what_was_written_is_read_back(tmp_path: Path) -> None:
     write_some(tmp_path / "a.mcap", 10)
     read = list(read_log(tmp_path / "a.mcap"))
-    assert [messages.decode(m.payload, STRING).data for m in read] == [f"m{i}" for i in range(10)]
+    assert [text_of(m.payload) for m in read] == [f"m{i}" for i in range(10)]
     assert [m.log_ns for m in read] == list(range(1000, 1010))
     assert [m.publish_ns for m in read] == list(range(500, 510))
     assert {(m.topic, m.type_name) for m in read} == {("/quad1/events", "std_msgs/msg/String")}
@@ -146,7 +152,7 @@ def test_batches_are_written_in_the_order_of_their_time(tmp_path: Path) -> None:
     assert [m.log_ns for m in read] == [5, 10, 10, 15, 20, 30, 31]
     assert [m.publish_ns for m in read[1:]] == [9, 9, 14, 19, 29, 30]
     assert [m.sequence for m in read] == list(range(1, 8))
-    text = [messages.decode(m.payload, STRING).data for m in read[1:]]
+    text = [text_of(m.payload) for m in read[1:]]
     assert text == ["/b0", "/a0", "/a1", "/b1", "/b2", "/c0"]
 
 

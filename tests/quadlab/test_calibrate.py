@@ -69,8 +69,8 @@ class ScriptedStation:
         if action in self.refused:
             raise RefusedError(self.refused[action])
         if action == "describe":
-            [hold] = ParameterStore(Options()).descriptions()
-            hold = to_descriptor(hold)
+            [description] = ParameterStore(Options()).descriptions()
+            hold = to_descriptor(description)
             hold.name = "motor_bench.hold"
             return new(
                 "quadlab_msgs/srv/Experiment_Response",

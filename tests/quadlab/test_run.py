@@ -49,7 +49,7 @@ def test_a_topic_is_the_messages_of_the_log_bit_for_bit(run: Run) -> None:
     messages = list(read_log(run.path, {"/quad1/state"}))
     assert len(state) == len(messages)
     for k in (0, len(messages) // 2, -1):
-        message = decode(messages[k].payload, messages[k].type_name)
+        message: Any = decode(messages[k].payload, messages[k].type_name)
         assert state[Z][k] == message.pose.pose.position.z
         assert state["stamp_ns"][k] == messages[k].publish_ns
     assert state.units[Z] == "m"

@@ -8,7 +8,7 @@ from typing import Any
 from vehicle_link.transport.client import TIMEOUT, ServiceClient
 
 
-class FakeClient(ServiceClient):
+class FakeClient(ServiceClient[Any]):
     def __init__(self, name: str, srv_type: str, answer: Callable[[Any], Any]) -> None:
         self._name, self._type, self._answer = name, srv_type, answer
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from quadrotor.motor_state import MotorState
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from quadrotor.plain_rotations import Array
@@ -13,7 +14,7 @@ from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.sensors import ACCELEROMETER_SCALE, ZERO
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.serial.ids import PRESSURE_OFFSET, Id, MotorState
+from vehicle_link.serial.ids import PRESSURE_OFFSET, Id
 
 QUIET = {
     **dict.fromkeys(("accelerometer_noise", "gyroscope_noise", "pressure_noise"), 0.0),

@@ -51,7 +51,7 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
     assert answer.content.startswith(b"\x89PNG")
     [run] = [one for one in lab.runs() if one["id"] == done["run_id"]]
     assert (run["id"], run["report"], run["complete"]) == (done["run_id"], True, True)
-    told = [
+    told: list[Any] = [
         decode(message.payload, message.type_name)
         for message in read_log(
             lab.data / "runs" / run["id"], {"/quad1/experiment_status", "/quad1/parameter_changes"}

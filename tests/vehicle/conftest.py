@@ -17,7 +17,7 @@ from vehicle import mailbox
 from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore
 from vehicle.comms.calibrations import TYPE, Calibrations
 from vehicle.modes import Mode
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
 
 NS = 1_780_000_000_000_000_000
 
@@ -91,7 +91,7 @@ class Wired:
         answer = self.service.answer(self.request(action, record, request_id))
         return [parse_record(text) for text in answer.records]
 
-    def request(self, action: str, record: str = "", request_id: str = "") -> Message:
+    def request(self, action: str, record: str = "", request_id: str = "") -> Any:
         kind = f"{TYPE}_Request"
         return new(kind, request_id=request_id, requester="anna", action=action, record=record)
 

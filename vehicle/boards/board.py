@@ -14,11 +14,11 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 
+from quadrotor.motor_state import MotorState
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
-from vehicle_link.serial.ids import MotorState
 
 
 class CommandKind(Enum):

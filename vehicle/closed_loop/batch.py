@@ -140,14 +140,16 @@ def fly_batch(
     """
     period_ns, ticks = _clock(duration, control_rate)
     period = 1e-9 * period_ns
-    substeps = math.ceil(period / substep - 1e-9)
-    hover_ticks = round(hover / period)
-    judge_every = max(1, round(JUDGE_PERIOD / period))
     keep_every, kept = 1, 0
     if history_rate is not None:
         keep_every = max(1, round(1.0 / (history_rate * period)))
         kept = math.ceil(ticks / keep_every)
     cases, plants = prepare(scenarios)
+    cases["pace"]["ticks"], cases["pace"]["period_ns"] = ticks, period_ns
+    cases["pace"]["substeps"] = math.ceil(period / substep - 1e-9)
+    cases["pace"]["hover_ticks"] = round(hover / period)
+    cases["pace"]["judge_every"] = max(1, round(JUDGE_PERIOD / period))
+    cases["pace"]["keep_every"] = keep_every
     size = len(scenarios)
     outcome, history = np.zeros(size, OUTCOME), np.zeros((size, kept), HISTORY)
     for name in HISTORY.names or ():
@@ -155,28 +157,15 @@ def fly_batch(
     turn, fresh = count(), new_onboard()
 
     def work() -> None:
-        onboard, wanted = fresh.copy(), np.empty(4)
+        onboard, motors = fresh.copy(), np.zeros((2, 4))
         # Each thread has its own copies: neighbours in an array share cache lines, and two cores
         # that write to one wait for each other at every step.
         case, plant, judged = _apart(CASE), _apart(PLANT), _apart(OUTCOME)
         while (k := next(turn)) < size:  # one at a time, so that threads finish together
             one = slice(k, k + 1)
             onboard[:], case[:], plant[:], judged[:] = fresh, cases[one], plants[one], outcome[one]
-            fly(
-                case,
-                plant,
-                onboard,
-                judged,
-                history[k],
-                wanted,
-                np.zeros(4),
-                ticks,
-                period_ns,
-                substeps,
-                hover_ticks,
-                judge_every,
-                keep_every,
-            )
+            motors[:] = 0.0
+            fly(case, plant, onboard, judged, history[k], motors)
             plants[one], outcome[one] = plant, judged
 
     workers = min(threads or os.cpu_count() or 1, size)

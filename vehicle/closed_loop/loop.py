@@ -27,8 +27,22 @@ CRASH_DISTANCE = 2.0
 CRASH_LEAN = 1.5
 """Largest 1 - z_B . z_W: beyond 120° of tilt the flight is lost."""
 
+PACE = np.dtype(
+    [
+        ("ticks", "i8"),  # control periods of the flight
+        ("period_ns", "i8"),
+        ("substeps", "i8"),  # of the plant in a control period
+        ("hover_ticks", "i8"),  # before the trajectory begins, and the outcome
+        ("judge_every", "i8"),  # ticks between two moments of the outcome's errors
+        ("keep_every", "i8"),  # ticks between two records of the history
+    ],
+    align=True,
+)
+"""The periods of a flight, all in whole numbers."""
+
 CASE = np.dtype(
     [
+        ("pace", PACE),
         ("settings", SETTINGS),
         ("sensors", SENSORS),
         ("tracker", TRACKER),
@@ -153,31 +167,21 @@ def _keep(t: float, x: Any, v: Item, h: Item) -> None:
 
 @compiled(nogil=True)
 def fly(
-    case: Record,
-    plant: Record,
-    onboard: Record,
-    outcome: Record,
-    history: Record,
-    wanted: Array,
-    carry: Array,
-    ticks: int,
-    period_ns: int,
-    substeps: int,
-    hover_ticks: int,
-    judge_every: int,
-    keep_every: int,
+    case: Record, plant: Record, onboard: Record, outcome: Record, history: Record, motors: Array
 ) -> None:
-    """Fly `ticks` control periods; records have shape (1,), and all but settings are written.
+    """Fly at the case's PACE; records have shape (1,), and all but settings are written.
 
-    One period: sample the sensors, step the laws, hold their motor references over `substeps`
-    Runge-Kutta steps of the plant. The trajectory and the OUTCOME begin after `hover_ticks`.
+    One period: sample the sensors, step the laws, hold their motor references over the
+    Runge-Kutta steps of the plant.
 
     Args:
-        wanted, carry: (4,) counts, the motor references and their carried rounding errors.
-        history: (K,) HISTORY, one each `keep_every` ticks until it is full.
-        judge_every: ticks between two moments of the OUTCOME's errors.
+        history: (K,) HISTORY, written until it is full.
+        motors: (2, 4) counts, the motor references and their carried rounding errors.
     """
     c, p, v, r = case[0], plant[0], onboard[0], outcome[0]
+    wanted, carry, pace = motors[0], motors[1], c.pace
+    ticks, period_ns, substeps = pace.ticks, pace.period_ns, pace.substeps
+    hover_ticks, judge_every, keep_every = pace.hover_ticks, pace.judge_every, pace.keep_every
     s, airborne = c.settings, ticks > 0  # a plain True would be compiled as another type
     period = 1e-9 * period_ns
     dt = period / substeps

@@ -18,7 +18,8 @@ from vehicle.calibration.gyroscope_record import drift_of, gyroscope_record
 from vehicle.calibration.in_force import GYROSCOPE, described
 from vehicle.calibration.store import AT_START, ON_REQUEST, CalibrationStore, encoded, parse_stored
 from vehicle.comms.commands import FlightMailbox
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
+from vehicle_link.messages.records import CalibrateRequest, CalibrateResponse
 from vehicle_link.topics import SERVICES
 
 TYPE = SERVICES["calibrate"]
@@ -60,7 +61,7 @@ class Calibrations:
         self._found: dict[str, mailbox.GyroscopeFound] = {}
         self._is_found = threading.Condition()
 
-    def answer(self, request: Message) -> Message:
+    def answer(self, request: CalibrateRequest) -> CalibrateResponse:
         """Answer a request. Raises QuadlabError when it is refused."""
         action = str(request.action)
         if action == "history":
@@ -76,7 +77,7 @@ class Calibrations:
                 f"unknown action {action!r}: use store, history, in_force or gyroscope"
             )
         texts = [encoded(record).decode().rstrip() for record in records]
-        return new(f"{TYPE}_Response", accepted=True, records=texts)
+        return new("quadlab_msgs/srv/Calibrate_Response", accepted=True, records=texts)
 
     def found(self, found: mailbox.GyroscopeFound) -> None:
         """Handle flight's result of a gyroscope calibration."""

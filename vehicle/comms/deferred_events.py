@@ -10,6 +10,7 @@ import math
 from collections import deque
 
 from vehicle import mailbox
+from vehicle_link.commands import EventKind
 from vehicle_link.topics import DELAYED_PREFIX
 
 CAPACITY = 8
@@ -24,7 +25,7 @@ class DeferredEvents:
     """Queue of warnings that no station received. Used by one thread; times in s, monotonic."""
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[int, str]] = deque(maxlen=CAPACITY)
+        self._waiting: deque[mailbox.Event] = deque(maxlen=CAPACITY)
         self._connected_since = math.inf
 
     def defer(self, event: mailbox.Event, silence: float) -> bool:
@@ -35,18 +36,19 @@ class DeferredEvents:
         """
         is_deferred = event.level >= mailbox.WARN and SILENT_AFTER < silence < math.inf
         if is_deferred:
-            self._waiting.append((event.level, event.text))
+            self._waiting.append(event)
         return is_deferred
 
-    def due(self, now: float, silence: float) -> tuple[int, str] | None:
-        """Return level and text of the report that is due, None if there is none; poll it."""
+    def due(self, now: float, silence: float, stamp_ns: int) -> mailbox.Event | None:
+        """Return the report that is due, None if there is none; poll it."""
         if silence > SILENT_AFTER:
             self._connected_since = math.inf
             return None
         self._connected_since = min(self._connected_since, now)
         if not self._waiting or now - self._connected_since < CONNECTED_FOR:
             return None
-        level = max(level for level, _ in self._waiting)
-        text = DELAYED_PREFIX + "; ".join(text for _, text in self._waiting)
+        level = max(event.level for event in self._waiting)
+        text = DELAYED_PREFIX + "; ".join(event.text for event in self._waiting)
+        kinds = frozenset({EventKind.DELAYED}).union(*(event.kinds for event in self._waiting))
         self._waiting.clear()
-        return level, text
+        return mailbox.Event(stamp_ns, level, text, kinds)

@@ -66,6 +66,7 @@ class PreferredSource(Generic[Key]):
 OLDEST_NS = 200_000_000
 WARN_EVERY_NS = 5_000_000_000
 
+STATION_LOST_S = 1.0
 Say = Callable[[int, str], None]
 
 
@@ -98,9 +99,6 @@ class Inbound:
         log: called with (topic, payload, stamp in ns) of every message that was not ignored.
         resumes: whether a comms process before this one has died: it had a station.
 
-    Attributes:
-        newest_state: STATE of the newest tick, shape (1,), from which the search for a one-frame
-            pose starts; replaced by the comms thread, None before the first tick.
     """
 
     def __init__(
@@ -128,7 +126,7 @@ class Inbound:
         self._sources = {
             name: PreferredSource[bytes]() for name, row in topics.TOPICS.items() if row.one_source
         }
-        self.newest_state: Record | None = None
+        self._newest_state: Record | None = None
         self.handlers: dict[str, Callable[[bytes], None]] = {
             "tracker_pose": partial(self._tracked, "tracker_pose", topics.decode_pose),
             "tracker_position": partial(self._tracked, "tracker_position", topics.decode_position),
@@ -137,6 +135,13 @@ class Inbound:
             "external_reference": self._external_reference,
             "station_heartbeat": self._heartbeat,
         }
+
+    def note_state(self, state: Record) -> None:
+        """Note the STATE of the newest tick, shape (1,), from which the search for a one-frame pose
+        starts.
+        """
+        self._newest_state = state
+        self.prepare()
 
     def prepare(self) -> threading.Thread:
         """Prepare the solver of one-frame poses in a thread, as it may have to compile.
@@ -166,6 +171,11 @@ class Inbound:
         """Return the seconds since the station's last heartbeat; inf before the first."""
         received_ns = self._received_ns
         return math.inf if received_ns is None else (monotonic_ns() - received_ns) * 1e-9
+
+    @property
+    def is_lost(self) -> bool:
+        """Return whether the station has not been heard for STATION_LOST_S."""
+        return self.station_silence > STATION_LOST_S
 
     @property
     def holder(self) -> int:
@@ -251,7 +261,7 @@ class Inbound:
         self._send(seen)
         self._log("bearings", payload, stamp_ns)
         if self._solves:
-            self._bearing_pose(bearing_pose(seen, self._beacons, self.newest_state), stamp_ns)
+            self._bearing_pose(bearing_pose(seen, self._beacons, self._newest_state), stamp_ns)
 
     def _fresh(self, topic: str, stamp_ns: int, oldest_ns: int = OLDEST_NS) -> bool:
         age_ns = self._clock.now_ns() - stamp_ns

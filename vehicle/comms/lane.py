@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 from quadrotor.errors import LinkError
@@ -22,10 +22,11 @@ from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.lane.replay_window import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
+from vehicle_link.messages.records import LaneRequest
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.publisher import Publisher, Received
+from vehicle_link.transport.publisher import OtherPath, Received
 
 log = logging.getLogger(__name__)
 
@@ -70,16 +71,18 @@ class CommsLane:
         for service, topics in ((PILOT_LANE, TO_VEHICLE), (LANE, (HELLO,))):
             node.serve(service, SERVICES[LANE], self._granting(topics))
 
-    def send(self, publishers: Mapping[str, Publisher], beats_every: int = 1) -> None:
-        """Send the publications of these publishers by the lane too, if their topics belong to it.
+    def paths(self, beats_every: int = 1) -> dict[str, OtherPath]:
+        """Return the paths by the lane of the topics that it carries to the station.
 
         Args:
             beats_every: of the heartbeats sent by the lane, one in this many is also sent over
                 Zenoh.
         """
-        for name in TO_STATION:
-            publishers[name].also_send = partial(self._lane.send, name)
-        publishers["vehicle_heartbeat"].send_one_in = beats_every
+        one_in = {"vehicle_heartbeat": beats_every}
+        return {
+            name: OtherPath(partial(self._lane.send, name), one_in.get(name, 1))
+            for name in TO_STATION
+        }
 
     def subscribe(self, topic: str, callback: Callable[[Received], None]) -> None:
         """Deliver each message of a topic once and in order, by whichever way it arrives first."""
@@ -126,7 +129,7 @@ class CommsLane:
                 self._subscribe(node, topic)
             self._over_zenoh = node
 
-    def _granting(self, topics: tuple[str, ...]) -> Callable[[Message], Message]:
+    def _granting(self, topics: tuple[str, ...]) -> Callable[[LaneRequest], Message]:
         """Return a service that grants new keys on each request, to send only `topics` with."""
         return lambda request: self._lane.grant(int(request.instance), topics)
 

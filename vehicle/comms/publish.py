@@ -10,7 +10,7 @@ import queue
 import struct
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
@@ -28,6 +28,7 @@ from vehicle_link.topics import TOPICS
 
 if TYPE_CHECKING:
     from vehicle_link.transport.node import Node
+    from vehicle_link.transport.publisher import OtherPath
 
 NOMINAL_RATE = 500.0  # Hz, until the loop has measured its own
 PROBE_NS = 200_000_000
@@ -67,11 +68,26 @@ class Clock(Protocol):
     def now_ns(self) -> int: ...
 
 
+class Station(Protocol):
+    """What is known of the station that holds the vehicle."""
+
+    @property
+    def is_lost(self) -> bool: ...
+
+    @property
+    def holder(self) -> int:
+        """Return its instance; 0 when none is connected."""
+        ...
+
+
 class Publisher:
     """Publisher of all topics, for the comms thread alone.
 
     Args:
         radio: None in simulated time, where nothing listens: only the log is written.
+        station: None in simulated time.
+        estimator: returns the estimator in use.
+        instance: of the vehicle.
         packets: telemetry packets a second. No other topic is sent more often; if there are fewer
             packets than usual, at most half as often, except heartbeats.
     """
@@ -82,8 +98,13 @@ class Publisher:
         log: Log,
         clock: Clock,
         vehicle: str,
+        *,
+        estimator: Callable[[], str],
+        station: Station | None = None,
+        instance: int = 0,
         packets: int = PACKETS_A_SECOND,
     ) -> None:
+        self._estimator, self._station, self._instance = estimator, station, instance
         self._packets = packets
         shortest = dict.fromkeys(
             _PERIOD_NS, (1.0 if packets >= PACKETS_A_SECOND else 2.0) / packets
@@ -106,10 +127,6 @@ class Publisher:
         self._due_ns: dict[str, int] = {}
         self._probe_ns: dict[str, int] = {}
         self._status_key: tuple[int, ...] = ()
-        self.station_lost = False
-        self.instance, self.holder = 0, 0  # of the vehicle, and of the station that holds it
-        self.estimator = ""
-        """The estimator in use, initially by `FLOWN_ON`, then by its changes."""
 
     def ticks(self, ticks: Record) -> None:
         """Publish the ticks read just now, shape (N,), N ≥ 1, oldest first."""
@@ -125,7 +142,7 @@ class Publisher:
             self._status_key = key
             self._send("status", self._status(last), newest)
         if self._due("estimator", newest):
-            self._send("estimator", topics.encode_estimators(last, self.estimator)[0], newest)
+            self._send("estimator", topics.encode_estimators(last, self._estimator())[0], newest)
         if self._due("battery", newest):
             self._send("battery", topics.encode_batteries(last, self._vehicle)[0], newest)
         if self._due("pressure", newest):
@@ -145,19 +162,18 @@ class Publisher:
         now_ns = self._clock.now_ns()
         if self._radio is not None and self._due("vehicle_heartbeat", time.monotonic_ns()):
             self._heartbeat += 1
-            payload = topics.encode_heartbeat(self._heartbeat, now_ns, self.instance, self.holder)
+            holder = self._station.holder if self._station is not None else 0
+            payload = topics.encode_heartbeat(self._heartbeat, now_ns, self._instance, holder)
             self._radio.put("vehicle_heartbeat", payload, now_ns)
 
     def event(self, event: mailbox.Event) -> None:
         payload = topics.encode_event(
-            event.stamp_ns, event.level, event.text, f"{self._vehicle}.vehicle"
+            event.stamp_ns, event.level, event.text, f"{self._vehicle}.vehicle", event.kinds
         )
         self._send("events", payload, event.stamp_ns, always=True)
 
     def parameter_change(self, change: ParameterChange) -> None:
-        if change.name == FLOWN_ON:
-            self.estimator = str(change.new)
-        change = msgspec.structs.replace(change, instance=self.instance)
+        change = msgspec.structs.replace(change, instance=self._instance)
         payload = topics.encode_parameter_change(change)
         self._send("parameter_changes", payload, change.stamp_ns, always=True)
 
@@ -201,7 +217,7 @@ class Publisher:
             BehaviorName(status["behavior"]).name.lower(),
             flag_names(int(status["flags"])),
             ControlMode(status["control_mode"]).name.lower(),
-            self.instance,
+            self._instance,
         )
 
     def _due(self, topic: str, now_ns: int) -> bool:
@@ -217,7 +233,7 @@ class Publisher:
         return True
 
     def _may_send(self, topic: str, stamp_ns: int) -> bool:
-        if not self.station_lost:
+        if self._station is None or not self._station.is_lost:
             return True
         if 0 <= stamp_ns - self._probe_ns.get(topic, 0) < PROBE_NS:
             return False
@@ -266,12 +282,17 @@ WAITING_MAX = 1000
 
 
 class LinkRadio:
-    """Publishers of every topic of the table that the vehicle sends."""
+    """Publishers of every topic of the table that the vehicle sends.
 
-    def __init__(self, node: Node) -> None:
+    Args:
+        paths: other paths that the messages of a topic take as well.
+    """
+
+    def __init__(self, node: Node, paths: Mapping[str, OtherPath] | None = None) -> None:
+        others = paths or {}
         self.lost = 0  # number of reliable messages lost, as the link was stalled
         rows = [topic for topic in TOPICS.values() if topic.sender == "vehicle"]
-        self.publishers = {row.name: node.advertise(row) for row in rows}
+        self.publishers = {row.name: node.advertise(row, others.get(row.name)) for row in rows}
         """Publishers by topic."""
         self._patient = {row.name for row in rows if not row.drop}
         self._queue: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(WAITING_MAX)

@@ -24,10 +24,10 @@ from vehicle_link.machine_checks import (
     memory_lock_check,
     real_time_check,
 )
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
+from vehicle_link.messages.records import ChecksRequest, ChecksResponse
 from vehicle_link.security.certificate_checks import certificate_check
 from vehicle_link.serial.ids import THE_ONE, Identity
-from vehicle_link.topics import SERVICES
 
 PLACE: Place = "vehicle"
 VERSION = "version"
@@ -124,7 +124,7 @@ class SelfChecks:
         newest = self._newest
         return None if newest is None or self._clock() - newest[0] > ARMED_VALID else newest[1]
 
-    def answer(self, request: Message) -> Message:
+    def answer(self, request: ChecksRequest) -> ChecksResponse:
         """Run the checks on each request; the station stores the results."""
         armed = self.armed
         if armed:
@@ -133,5 +133,5 @@ class SelfChecks:
             self_checks(self._data, disarmed=armed is False, identity=self._identity, log=self._log)
         )
         return new(
-            f"{SERVICES['checks']}_Response", accepted=True, checked=time.time(), checks=checks
+            "quadlab_msgs/srv/Checks_Response", accepted=True, checked=time.time(), checks=checks
         )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import TypeVar
 
 from msgspec.structs import fields as fields_of
 
@@ -18,6 +19,7 @@ from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle_link.commands import COMMANDS, Command
 from vehicle_link.messages import Message, new
+from vehicle_link.messages.records import ChangeParametersRequest, CommandRequest
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import Idempotent, prepare
@@ -25,6 +27,7 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
 from vehicle_link.transport.time_sync import serve_time_sync
 
+Q = TypeVar("Q", bound=Message)
 CALIBRATIONS = 3
 """Calibration requests answered at once: the history must not wait for a running calibration."""
 
@@ -43,31 +46,30 @@ def serve(
         say: reports a command that arrived too late, as (level, text).
     """
 
-    def ask(command: Command, request: Message) -> Message:
+    def ask(command: Command, request: CommandRequest) -> Message:
         check_in_time(command.name, request, clock.now_ns(), say)
         return _ask_flight(flight, command, request)
 
     for name, command in COMMANDS.items():
         if command.at == "vehicle":
-            handler = partial(ask, command)
             if name == "change_parameters":
-                handler = partial(_change_parameters, parameters)
-            serve_command(node, name, handler, command.at_once)
+                change = partial(_change_parameters, parameters)
+                serve_command(node, name, change, command.at_once)
+            else:
+                serve_command(node, name, partial(ask, command), command.at_once)
     serve_command(node, "calibrate", calibrations.answer, CALIBRATIONS)
     serve_time_sync(node, clock.now_ns)
     serve_parameters(node, parameters)
 
 
-def serve_command(
-    node: Node, service: str, handler: Callable[[Message], Message], at_once: int
-) -> None:
+def serve_command(node: Node, service: str, handler: Callable[[Q], Message], at_once: int) -> None:
     """Serve a command, executing it once per request id."""
     prepare(SERVICES[service])
     node.serve(service, SERVICES[service], Idempotent(handler), at_once=at_once)
 
 
 def check_in_time(
-    name: str, request: Message, now_ns: int, say: Callable[[int, str], None]
+    name: str, request: CommandRequest, now_ns: int, say: Callable[[int, str], None]
 ) -> None:
     """Refuse a command that spent so long on the link that its sender no longer waits for it.
 
@@ -80,15 +82,16 @@ def check_in_time(
         raise RefusedError(f"it arrived {late}; send the command again")
 
 
-def _ask_flight(flight: FlightMailbox, command: Command, request: Message) -> Message:
+def _ask_flight(flight: FlightMailbox, command: Command, request: CommandRequest) -> Message:
     fields = {field.name: getattr(request, field.name) for field in fields_of(command.request)}
     if (arguments := fields.get("arguments")) is not None:
         fields["arguments"] = from_parameters(arguments)
     reply = flight.ask(lambda i: command.request(**{**fields, "request_id": i}))
-    return new(f"{command.service}_Response", accepted=reply.accepted, reason=reply.reason)
+    more = {"kind": reply.kind} if reply.kind else {}
+    return new(f"{command.service}_Response", accepted=reply.accepted, reason=reply.reason, **more)
 
 
-def _change_parameters(parameters: FlightParameters, request: Message) -> Message:
+def _change_parameters(parameters: FlightParameters, request: ChangeParametersRequest) -> Message:
     values = from_parameters(request.parameters)
     applied, revision = parameters.change(values, request.requester)
     return new(

@@ -56,7 +56,7 @@ class BearingsGuard:
         if self._navigation.source == BEARINGS:
             height = self._parameters.beacons.height_min
             raise RefusedError(
-                "not armed: bearings are too weak near the ground; press Back to tracker "
+                "not armed: bearings are too weak near the ground; go back to the tracker "
                 f"({SOURCE} = poses), take off, and fly on bearings above {height:g} m"
             )
 
@@ -67,8 +67,8 @@ class BearingsGuard:
             return
         if values.get(LAYOUT, p.layout) != p.layout and source != POSES:
             raise RefusedError(
-                f"{LAYOUT} cannot change while the vehicle flies on bearings: press Back to "
-                f"tracker first ({SOURCE} = poses)"
+                f"{LAYOUT} cannot change while the vehicle flies on bearings: go back to "
+                f"the tracker first ({SOURCE} = poses)"
             )
         if hands_over(source, values):
             self._check_place()
@@ -92,7 +92,7 @@ class BearingsGuard:
         if self._behaviors.name not in STEADY:
             raise RefusedError(
                 f"hand-over refused during {self._behaviors.name.name.lower()}, whose path may "
-                "leave the envelope for bearings; press Brake and wait until it hovers"
+                "leave the envelope for bearings; brake and wait until it hovers"
             )
 
     # ------------------------------------------------------------------ walls

@@ -215,7 +215,7 @@ def _successor(estimators: EstimatorSet, wanted: Mapping[str, str]) -> Runner:
             return one
     running = ", ".join(str(one) for one in estimators.in_parallel()) or NONE
     raise RefusedError(
-        f"{name} on {source} does not run yet (running: {running}): press Run in parallel first "
+        f"{name} on {source} does not run yet (running: {running}): run it in parallel first "
         f"({SHADOW} = {name}, {SHADOW_SOURCE} = {source})"
     )
 

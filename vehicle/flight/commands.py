@@ -77,7 +77,8 @@ class CommandHandler:
                 self._turn_motor(command)
         except QuadlabError as error:
             self.outbox.say(f"refused {command.requester}: {error}", mailbox.WARN)
-            return mailbox.Reply(command.request_id, False, str(error))
+            kind = getattr(error, "kind", "")
+            return mailbox.Reply(command.request_id, False, str(error), kind=kind)
         revision = self.configuration.store.revision
         return mailbox.Reply(command.request_id, True, "", applied, revision, previous)
 
@@ -122,7 +123,7 @@ class CommandHandler:
 
     def _expect_move(self) -> None:
         if self.modes.mode in MOTORS_ON:
-            raise RefusedError("no move expected: the motors are on; press Disarm first")
+            raise RefusedError("no move expected: the motors are on; disarm first")
         self.navigation.agreement.expect_move(self.tick.stamp_ns)
         self.integrity.begin()
 
@@ -179,16 +180,14 @@ class CommandHandler:
         if modes.mode in (Mode.STARTING, Mode.READY):
             raise RefusedError("the vehicle is not armed: there is nothing to disarm")
         if self.ground.airborne:
-            raise RefusedError(
-                "not disarmed: the vehicle is flying; press Land first, or Cut motors"
-            )
+            raise RefusedError("not disarmed: the vehicle is flying; land first, or cut the motors")
         modes.move(Mode.READY, f"disarmed by {requester}")
 
     def _start_behavior(self, command: mailbox.StartBehavior) -> None:
         modes = self.modes
         if modes.mode is Mode.EMERGENCY_LAND:
             raise RefusedError(
-                f"{command.name} refused: emergency landing; only Cut motors is allowed"
+                f"{command.name} refused: emergency landing; only cutting the motors is allowed"
             )
         if modes.mode is Mode.BENCH:
             raise RefusedError(
@@ -204,7 +203,7 @@ class CommandHandler:
         if heading.flags and command.name in WITH_HEADING:
             raise RefusedError(
                 f"{command.name} refused: heading not observed, {heading.state}; "
-                "fly back and forth with Fly to or the sticks first"
+                "fly back and forth, by fly_to or the sticks, first"
             )
         if command.name == EXTERNAL and self.own_behaviors.external is not None:
             self.own_behaviors.external.begin(self.tick.stamp_ns, self.tick.reference)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from estimation.calibration.gyroscope import GyroscopeCalibration
 from quadrotor.errors import MeasurementError
+from quadrotor.motor_state import MotorState
 from vehicle import mailbox
 from vehicle.boards.board import RawSample
 from vehicle.boards.imu import ImuCalibrator
@@ -16,7 +17,6 @@ from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.modes import Mode
 from vehicle.safety.parameters import SafetyParameters
-from vehicle_link.serial.ids import MotorState
 
 TURNING = (MotorState.ON, MotorState.EMERGENCY)
 AT_START = "start"

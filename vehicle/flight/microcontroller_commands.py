@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from control.rate_law import angles_of_rates, rates_of_wrench
+from quadrotor.motor_state import MotorState
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.boards.board import Board, BodyRates, Command, CommandKind, TakesPoses, Traits
@@ -14,7 +15,6 @@ from vehicle.boards.reference_rounding import ReferenceRounding
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.tick_record import TickRecord
 from vehicle_link.serial.attitude_command import AttitudeCommand
-from vehicle_link.serial.ids import MotorState
 
 RATE_MAX = math.radians(300.0)
 """Fastest rotation, in rad/s, that is commanded about each axis."""

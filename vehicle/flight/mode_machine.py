@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from quadrotor.errors import QuadlabError
+from quadrotor.motor_state import MotorState
 from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.boards.board import MotorReferences, RawSample
@@ -22,8 +23,6 @@ from vehicle.modes import EMERGENCY, ControlMode, Mode, check_control_move, chec
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.parameters import SafetyParameters
 from vehicle.safety.supervisor import Reaction, Supervisor, Verdict
-from vehicle_link.commands import BRAKING
-from vehicle_link.serial.ids import MotorState
 
 _ON, _TAKEN_OVER = MotorState.ON, MotorState.EMERGENCY
 MOTOR_START_GRACE_NS = 1_500_000_000
@@ -132,7 +131,7 @@ class ModeMachine:
             age = self.navigation.active.measurement_age
             if age <= self.safety.pose_land_after:
                 self._override("brake")
-                self.outbox.say(f"{BRAKING}{why}", mailbox.WARN)
+                self.outbox.say_braking(why)
             else:
                 self.descend(f"{why}, and no pose to brake with")
 

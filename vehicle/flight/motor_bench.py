@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
+from quadrotor.motor_state import MotorState
 from vehicle.boards.board import RawSample
 from vehicle.safety.parameters import SafetyParameters
-from vehicle_link.serial.ids import MotorState
 
 REFERENCE_MAX = 200
 """Largest reference, in counts; the bench test's last step is 190, the wire allows 255."""

@@ -24,7 +24,7 @@ from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.boards.offered import offer
 from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
-from vehicle.processes.config import VehicleConfig, open_rings
+from vehicle.processes.config import Rings, VehicleConfig, open_rings
 from vehicle.processes.parent import PLUGINS, TRAJECTORIES
 from vehicle.processes.terminal import say, speak_for
 from vehicle.realtime import become_real_time, freeze_garbage
@@ -64,13 +64,7 @@ def fly(config: VehicleConfig) -> None:
 
     rings = open_rings(config.rings)
     kind = find_kind(config.board)
-    ports = open_ports(config.ports, bauds=kind.bauds)
-    options, unfit = kind.configured(config.board_options), ""
-    if ports and kind.check is not None:
-        unfit = why_unfit(ports[0], options, kind.check)
-        for port in ports:
-            port.close()
-        ports = open_ports(config.ports, bauds=kind.bauds)  # restarted: its USB device is a new one
+    ports, options, unfit = _checked_ports(config, kind)
     plugins = Path(config.data, PLUGINS) if config.data else None
     for line in offer_plugins(plugins):
         say(line)
@@ -92,22 +86,11 @@ def fly(config: VehicleConfig) -> None:
     if granted.refusal and not progress.in_lockstep:  # in lockstep nothing is late: time waits
         say(granted.refusal)
     freeze_garbage()
-    # No delays from here on: the arrival of the first samples sets the vehicle's clock.
-    for ring in (rings.inbox, rings.poses, rings.bearings):
-        ring.pop_all()  # the senders of earlier commands have timed out
-    for port in ports:
-        while port.read():  # earlier samples are out of date
-            pass
+    _discard_old(rings, ports)
     mcu, pacer = _connect(ports, robot, config, kind, options, unfit)
-    loop = FlightLoop(
-        stack,
-        mcu,
-        rings,
-        pacer,
-        real_time=granted.scheduled or progress.in_lockstep,
-        later=later,
-        progress=progress if progress.in_lockstep else None,
-    )
+    is_punctual = granted.scheduled or progress.in_lockstep
+    shown = progress if progress.in_lockstep else None
+    loop = FlightLoop(stack, mcu, rings, pacer, real_time=is_punctual, later=later, progress=shown)
 
     def stop(signal_number: int, frame: object) -> None:
         loop.stop()
@@ -117,6 +100,32 @@ def fly(config: VehicleConfig) -> None:
     loop.run()
     later.close()
     stack.close()
+
+
+def _checked_ports(config: VehicleConfig, kind: Kind) -> tuple[list[Port], Parameters | None, str]:
+    """Return the open ports, the board's options, and why the board is unfit, empty if it is
+    not. Raises QuadlabError.
+    """
+    ports = open_ports(config.ports, bauds=kind.bauds)
+    options, unfit = kind.configured(config.board_options), ""
+    if ports and kind.check is not None:
+        unfit = why_unfit(ports[0], options, kind.check)
+        for port in ports:
+            port.close()
+        ports = open_ports(config.ports, bauds=kind.bauds)  # restarted: its USB device is a new one
+    return ports, options, unfit
+
+
+def _discard_old(rings: Rings, ports: Sequence[Port]) -> None:
+    """Discard what waited while the process started.
+
+    No delays may follow: the arrival of the first samples sets the vehicle's clock.
+    """
+    for ring in (rings.inbox, rings.poses, rings.bearings):
+        ring.pop_all()  # the senders of earlier commands have timed out
+    for port in ports:
+        while port.read():  # earlier samples are out of date
+            pass
 
 
 def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:

@@ -8,51 +8,22 @@ results for identical input. Only the caller's thread may use it.
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from bearing_sim.beacons import parse_layout
-from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from estimation.estimator import Estimator
 from estimation.outcome import Agreement
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle import mailbox
-from vehicle.behaviors.behaviors import OwnBehaviors
-from vehicle.boards.board import Command, CommandKind, RawSample, Traits
-from vehicle.boards.imu import ImuCalibrator
+from vehicle.boards.board import Command, RawSample, Traits
 from vehicle.boards.mikrokopter.microcontroller import TRAITS
-from vehicle.estimators.bearings_guard import BearingsGuard
-from vehicle.estimators.estimators import Estimators
-from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.repeated_poses import RepeatedPoses
-from vehicle.estimators.rescue import Rescue
-from vehicle.estimators.tracker_integrity import TrackerIntegrity
-from vehicle.flight.automatic_changes import AutomaticChanges
-from vehicle.flight.bounds_watch import BoundsWatch
-from vehicle.flight.commands import CommandHandler
-from vehicle.flight.configuration import Configuration
-from vehicle.flight.control_law import ControlLaw
-from vehicle.flight.flown_mass import FlownMass
-from vehicle.flight.gyroscope import GyroscopeStart
-from vehicle.flight.landing import Landing
 from vehicle.flight.microcontroller_commands import command_maker
-from vehicle.flight.mode_machine import ModeMachine
-from vehicle.flight.model_in_use import ModelInUse
-from vehicle.flight.motor_bench import Bench
-from vehicle.flight.near_hovering import NearHovering
-from vehicle.flight.situation import SituationReader
-from vehicle.flight.status_writer import StatusWriter
-from vehicle.flight.tick_record import Outbox, TickRecord
-from vehicle.laws.laws import Laws
+from vehicle.flight.stack_parts import StackParts
 from vehicle.modes import BENCH, DIRECT, EMERGENCY, FLYING, STARTING, ControlMode, Mode
 from vehicle.parameters import VehicleParameters
-from vehicle.safety.ground_contact import GroundContact
-from vehicle.safety.supervisor import Supervisor
-from vehicle.sensors.sensors import OwnSensors
-from vehicle_link.commands import BRAKING
 
 _GROUND, _EXTERNAL = BehaviorName.GROUND, BehaviorName.EXTERNAL
 _DESCENT, _USED = BehaviorName.EMERGENCY_LANDING, int(Agreement.USED)
@@ -89,140 +60,29 @@ class FlightStack:
         waits: bool = True,
         board: Traits = TRAITS,
     ) -> None:
-        p = self.parameters = parameters
-        tick = self._tick = TickRecord()
+        parts = StackParts(parameters, estimator, plugins, waits, board)
+        tick = self._tick = parts.tick
+        self.parameters, self.law, self.mass = parameters, parts.law, parts.mass
         self.record, self.state, self.reference = tick.record, tick.state, tick.reference
         self.estimate, self.status = tick.estimate, tick.status
-        outbox = Outbox(tick)
-        self.outbox, self.say = outbox.messages, outbox.say
-        self.law = ControlLaw(p.control, p.model, Laws(plugins, waits))
-        self.mass, self.behaviors = FlownMass(p.mass, p.model.mass), BehaviorMachine(p.behavior)
-        self.own_behaviors = OwnBehaviors(plugins, waits, self.behaviors.outside, p.behavior.plugin)
-        self.own_sensors = OwnSensors(plugins, waits, p.estimation.sensors)
-        self.supervisor = Supervisor(p.safety)
-        self.imu_calibrator = ImuCalibrator(p.imu)
-        warn = partial(outbox.say, level=mailbox.WARN)
-        self.near_hovering, self.ground = NearHovering(p.near_hovering, warn), GroundContact()
-        self.bench = Bench(p.safety, board.missing(CommandKind.MOTORS))
-        beacons, estimators = parse_layout(p.beacons.layout), Estimators(plugins, waits)
-        self.navigation = Navigation(
-            p.estimation, outbox.say, estimator, beacons, p.fallback, estimators
+        self.outbox, self.say = parts.outbox.messages, parts.outbox.say
+        self.behaviors, self.own_behaviors = parts.behaviors, parts.own_behaviors
+        self.imu_calibrator, self.own_sensors = parts.imu_calibrator, parts.own_sensors
+        self.near_hovering, self.bench = parts.near_hovering, parts.bench
+        self.ground, self.supervisor = parts.ground, parts.supervisor
+        self.navigation, self.integrity = parts.navigation, parts.integrity
+        self.modes, self.gyroscope, self.model = parts.modes, parts.gyroscope, parts.model
+        self.store, self.handle = parts.configuration.store, parts.commands.handle
+        self._say_braking = parts.outbox.say_braking
+        self._repeats = RepeatedPoses(self.say)
+        self._changes, self._landing = parts.changes, parts.landing
+        self._situation, self._bounds = parts.situation, parts.bounds
+        self._status_writer = parts.status_writer
+        self.loop_statistics, self.link_statistics = (
+            parts.status_writer.loop,
+            parts.status_writer.link,
         )
-        self._repeats = RepeatedPoses(outbox.say)
-        self.integrity = TrackerIntegrity(p.safety, outbox.say)
-        self.guard = BearingsGuard(p, tick.state, self.navigation, self.behaviors, self.ground)
-        self.rescue = Rescue(p.estimation, self.navigation, tick.state)
-        self.modes = ModeMachine(
-            safety=p.safety,
-            tick=tick,
-            outbox=outbox,
-            behaviors=self.behaviors,
-            law=self.law,
-            navigation=self.navigation,
-            ground=self.ground,
-            supervisor=self.supervisor,
-            mass=self.mass,
-            guard=self.guard,
-            bench=self.bench,
-            reports_pressure=board.reports_pressure,
-        )
-        self.gyroscope = GyroscopeStart(
-            safety=p.safety,
-            tick=tick,
-            outbox=outbox,
-            modes=self.modes,
-            imu_calibrator=self.imu_calibrator,
-            navigation=self.navigation,
-        )
-        self.model = ModelInUse(
-            tick=tick,
-            modes=self.modes,
-            ground=self.ground,
-            law=self.law,
-            mass=self.mass,
-            behaviors=self.behaviors,
-        )
-        self.configuration = Configuration(
-            parameters=p,
-            tick=tick,
-            outbox=outbox,
-            modes=self.modes,
-            ground=self.ground,
-            model=self.model,
-            law=self.law,
-            mass=self.mass,
-            behaviors=self.behaviors,
-            own_behaviors=self.own_behaviors,
-            own_sensors=self.own_sensors,
-            navigation=self.navigation,
-            guard=self.guard,
-            imu_calibrator=self.imu_calibrator,
-        )
-        self.store = self.configuration.store
-        self._changes = AutomaticChanges(
-            tick=tick,
-            outbox=outbox,
-            configuration=self.configuration,
-            modes=self.modes,
-            navigation=self.navigation,
-            rescue=self.rescue,
-            guard=self.guard,
-            law=self.law,
-            own_behaviors=self.own_behaviors,
-            own_sensors=self.own_sensors,
-        )
-        commands = CommandHandler(
-            parameters=p,
-            configuration=self.configuration,
-            tick=tick,
-            outbox=outbox,
-            modes=self.modes,
-            gyroscope=self.gyroscope,
-            bench=self.bench,
-            behaviors=self.behaviors,
-            own_behaviors=self.own_behaviors,
-            navigation=self.navigation,
-            integrity=self.integrity,
-            guard=self.guard,
-            supervisor=self.supervisor,
-            ground=self.ground,
-        )
-        self._landing = Landing(
-            parameters=p,
-            tick=tick,
-            outbox=outbox,
-            modes=self.modes,
-            ground=self.ground,
-            behaviors=self.behaviors,
-            law=self.law,
-            altitude=self.near_hovering.altitude,
-        )
-        self.handle = commands.handle
-        self._make_command = command_maker(board, self._tick, self.law)
-        self._situation = SituationReader(
-            volume=p.behavior,
-            tick=tick,
-            modes=self.modes,
-            ground=self.ground,
-            integrity=self.integrity,
-        )
-        self._bounds = BoundsWatch(p, tick, self.law, outbox.say)
-        self._status_writer = StatusWriter(
-            estimation=p.estimation,
-            tick=tick,
-            modes=self.modes,
-            behaviors=self.behaviors,
-            navigation=self.navigation,
-            law=self.law,
-            supervisor=self.supervisor,
-            guard=self.guard,
-            rescue=self.rescue,
-            integrity=self.integrity,
-            ground=self.ground,
-            bounds=self._bounds,
-        )
-        self.loop_statistics = self._status_writer.loop
-        self.link_statistics = self._status_writer.link
+        self._make_command = command_maker(board, tick, self.law)
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
 
     # ------------------------------------------------------------------ the tick
@@ -301,7 +161,7 @@ class FlightStack:
             command = attitude
         if behaviors.aborted:
             why = behaviors.pop_aborted()
-            self.say(f"{BRAKING}{why}", mailbox.WARN)
+            self._say_braking(why)
             if own is not None:
                 own.failure = own.failure or why
         self._landing.watch(dt)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from control.behaviors.machine import BehaviorMachine
 from estimation.parameters import EstimationParameters
+from quadrotor.motor_state import MotorState
 from vehicle.boards.board import RawSample
 from vehicle.boards.board_link import LinkStatistics
 from vehicle.estimators.bearings_guard import BearingsGuard
@@ -20,7 +21,6 @@ from vehicle.flight.tick_record import TickRecord
 from vehicle.modes import EMERGENCY, MOTORS_ON, STARTING, Flag
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
-from vehicle_link.serial.ids import MotorState
 
 _ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
 _SUSPECT = ("suspect_beacon", "suspect_offset", "suspect_left_out")

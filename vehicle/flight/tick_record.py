@@ -8,6 +8,7 @@ from control.behaviors.ground import rest_reference
 from quadrotor.plain_rotations import tilt_of
 from quadrotor.records import ACTUATORS, Record, new_tick
 from vehicle import mailbox
+from vehicle_link.commands import BRAKING, EventKind
 
 LONGEST_GAP = 1.0
 """Longest time, in s, that estimators predict: beyond it the motion is unknown, and a stamp that
@@ -107,6 +108,10 @@ class Outbox:
         """Add a message."""
         self.messages.append(message)
 
-    def say(self, text: str, level: int = mailbox.INFO) -> None:
+    def say(self, text: str, level: int = mailbox.INFO, *kinds: EventKind) -> None:
         """Add a line for the log and the page, with the time of the newest tick."""
-        self.add(mailbox.Event(stamp_ns=self._tick.stamp_ns, level=level, text=text))
+        self.add(mailbox.Event(self._tick.stamp_ns, level, text, frozenset(kinds)))
+
+    def say_braking(self, why: str) -> None:
+        """Tell that the vehicle brakes by its own decision."""
+        self.say(f"{BRAKING}{why}", mailbox.WARN, EventKind.BRAKING)

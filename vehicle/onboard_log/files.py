@@ -29,6 +29,7 @@ from vehicle.onboard_log.file_identity import identity_of
 from vehicle.onboard_log.repair import LATER
 from vehicle.onboard_log.ring import Fetched, free_bytes
 from vehicle_link.messages import Message, new
+from vehicle_link.messages.records import OnboardFilesRequest, OnboardPartRequest
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import prepare
 from vehicle_link.transport.node import Node
@@ -138,7 +139,7 @@ class OnboardFiles:
             prepare(SERVICES[service])
             node.serve(service, SERVICES[service], answer)
 
-    def files(self, request: Message) -> Message:
+    def files(self, request: OnboardFilesRequest) -> Message:
         """Answer with the list of logs. Raises StorageError."""
         found = [facts.message() for facts in self._newest()]
         return new(
@@ -148,7 +149,7 @@ class OnboardFiles:
             free_bytes=self._free_bytes(),
         )
 
-    def part(self, request: Message) -> Message:
+    def part(self, request: OnboardPartRequest) -> Message:
         """Answer with a part of a log. Raises RefusedError or StorageError."""
         name, offset, length = str(request.name), int(request.offset), int(request.length)
         if length > PART_BYTES:

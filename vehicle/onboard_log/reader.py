@@ -14,6 +14,7 @@ from quadrotor.errors import RefusedError
 from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle_link.messages import Message, new
+from vehicle_link.messages.records import OnboardLogRequest
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import prepare
 
@@ -43,7 +44,7 @@ class OnboardReader:
         self._wait = wait
         prepare(TYPE)
 
-    def answer(self, request: Message) -> Message:
+    def answer(self, request: OnboardLogRequest) -> Message:
         """Answer a request of the service. Raises RefusedError, UsageError or StorageError."""
         start_ns, end_ns = int(request.start_ns), int(request.end_ns)
         if not 0 <= end_ns - start_ns <= LONGEST_NS:
@@ -80,7 +81,7 @@ class OnboardReader:
             damaged=found.damaged,
         )
 
-    def _read(self, written: Written, request: Message, rows: int) -> Columns:
+    def _read(self, written: Written, request: OnboardLogRequest, rows: int) -> Columns:
         return read_columns(
             written.path,
             self._vehicle,

@@ -192,6 +192,11 @@ def run_vehicle(
         line_ns=find_kind(board).traits.line_ns if ports else 0,
         instance=new_instance(),
     )
+    return _run(config, data)
+
+
+def _run(config: VehicleConfig, data: Path) -> int:
+    """Run both processes until the end; return the exit status."""
     signals = _Signals()
     try:
         torn = _torn_logs(data)
@@ -204,7 +209,7 @@ def run_vehicle(
             children.stop()
     finally:
         signals.restore()
-        for descriptor in rings.all:
+        for descriptor in config.rings.all:
             os.close(descriptor)
 
 

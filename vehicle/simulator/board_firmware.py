@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.motor_state import MotorState
 from quadrotor.records import Record
 from quadrotor.vehicle_model import Four
 from vehicle.boards.reference_rounding import REFERENCE_MAX
@@ -19,7 +20,7 @@ from vehicle.simulator.firmware.firmware import REGISTERS
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.pseudo_terminal import PseudoTerminal, ServedPort
 from vehicle.simulator.sensors import sense
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 
 PERIOD_US = 1000
 """Period, in µs, at which it receives states, returns motor values and exchanges bytes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from bearing_sim.faults.fault import OF_SIMULATOR
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
@@ -29,9 +29,6 @@ class LiveParameters:
 
     Args:
         lacking: faults that the vehicle's board cannot have, and why.
-
-    Attributes:
-        on_change: called once for each value that changed.
     """
 
     def __init__(
@@ -43,7 +40,6 @@ class LiveParameters:
         self._lock = threading.Lock()
         self._is_news = False
         self._charge: float | None = None
-        self.on_change: OnChange = lambda *_: None
 
     def descriptions(self) -> tuple[ParameterDescription, ...]:
         return self._store.descriptions()
@@ -52,9 +48,16 @@ class LiveParameters:
         return self._store.values()
 
     def change(
-        self, values: Mapping[str, ParameterValue], requester: str
+        self,
+        values: Mapping[str, ParameterValue],
+        requester: str,
+        on_change: OnChange = lambda *_: None,
     ) -> tuple[dict[str, ParameterValue], int]:
-        """Return (applied values, revision); all or nothing. Raises ParameterError."""
+        """Return (applied values, revision); all or nothing. Raises ParameterError.
+
+        Args:
+            on_change: called once for each value that changed.
+        """
         with self._lock:
             before = self._store.values()
             self._catalogue.parse(str(values.get(OF_SIMULATOR, "")), self._tree.simulator)
@@ -65,7 +68,7 @@ class LiveParameters:
                 self._charge = float(applied[CHARGE])
         for name, value in applied.items():
             if value != before[name]:
-                self.on_change(name, before[name], value, requester, revision)
+                on_change(name, before[name], value, requester, revision)
         return applied, revision
 
     def pop_charge(self) -> float | None:
@@ -83,3 +86,22 @@ class LiveParameters:
         with self._lock:
             self._is_news = False
             return self._tree.simulator.model_copy(deep=True)
+
+
+@dataclass(frozen=True)
+class ReportingParameters:
+    """Backend of the parameter services of one node, which publishes the changes."""
+
+    live: LiveParameters
+    on_change: OnChange
+
+    def descriptions(self) -> tuple[ParameterDescription, ...]:
+        return self.live.descriptions()
+
+    def values(self) -> dict[str, ParameterValue]:
+        return self.live.values()
+
+    def change(
+        self, values: Mapping[str, ParameterValue], requester: str
+    ) -> tuple[dict[str, ParameterValue], int]:
+        return self.live.change(values, requester, self.on_change)

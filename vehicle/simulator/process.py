@@ -19,7 +19,7 @@ import time
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER, find_kind
@@ -33,6 +33,7 @@ from vehicle_link.transport.session import SharedSession
 
 if TYPE_CHECKING:
     from vehicle.simulator.tracking_systems.served import ServedSystems
+    from vehicle_link.transport.session import Session
 
 PRIORITY = 40
 """SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
@@ -184,7 +185,7 @@ def side_by_side(parameters: SimulatorParameters, count: int) -> list[SimulatorP
     ]
 
 
-def _open(loopback_port: int) -> Any:
+def _open(loopback_port: int) -> Session:
     # Imported here: importing Zenoh takes a while, which the plant need not wait for.
     from vehicle_link.transport.session import loopback_session
 

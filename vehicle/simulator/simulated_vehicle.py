@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import RefusedError
+from quadrotor.motor_state import MotorState
 from quadrotor.records import STATE, Record
 from vehicle.simulator.battery import charge_battery
 from vehicle.simulator.board_firmware import BoardFirmware
@@ -25,7 +26,7 @@ from vehicle.simulator.periods import Command, compile_periods, runner
 from vehicle.simulator.plant import configure_plant, new_plant
 from vehicle.simulator.sensors import SENSORS, WARM_UP_TIME, Noise, configure_sensors, sample
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 PORTS = 2

@@ -20,7 +20,7 @@ from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
-from vehicle.simulator.live_parameters import LiveParameters
+from vehicle.simulator.live_parameters import LiveParameters, ReportingParameters
 from vehicle_link import clock
 from vehicle_link.transport.session import SharedSession
 
@@ -152,6 +152,7 @@ def connect_to_station(
 
     def connect() -> tuple[Put, Callable[[], None]]:
         from vehicle_link.messages import Message, new
+        from vehicle_link.messages.records import ChangeParametersRequest, SimulationRequest
         from vehicle_link.parameters.change import ParameterChange
         from vehicle_link.parameters.messages import from_parameters, to_parameters
         from vehicle_link.process_instance import new_instance
@@ -171,8 +172,9 @@ def connect_to_station(
             change = ParameterChange(stamp_ns, name, old, value, requester, revision, instance)
             changes.put(encode_parameter_change(change), stamp_ns)
 
-        def change(request: Message) -> Message:
-            applied, revision = live.change(from_parameters(request.parameters), request.requester)
+        def change(request: ChangeParametersRequest) -> Message:
+            values = from_parameters(request.parameters)
+            applied, revision = served.change(values, request.requester)
             return new(
                 f"{service}_Response",
                 accepted=True,
@@ -180,18 +182,17 @@ def connect_to_station(
                 revision=revision,
             )
 
-        def attend(request: Message) -> Message:
+        def attend(request: SimulationRequest) -> Message:
             attendant.ask(str(request.action))
             return new(f"{SERVICES['simulation']}_Response", accepted=True)
 
-        live.on_change = publish_change
-        serve_parameters(node, live)
+        served = ReportingParameters(live, publish_change)
+        serve_parameters(node, served)
         service = SERVICES["change_parameters"]
         node.serve("simulator/change_parameters", service, change)
         node.serve("simulator/simulation", SERVICES["simulation"], Idempotent(attend))
 
         def close() -> None:
-            live.on_change = lambda *_: None
             node.close()
             shared.close()
 

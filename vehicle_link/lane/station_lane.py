@@ -26,7 +26,7 @@ from vehicle_link.lane.datagram import (
     key_id_of,
 )
 from vehicle_link.lane.lane_socket import Address, LaneSocket
-from vehicle_link.messages import Message
+from vehicle_link.messages.records import LaneResponse
 from vehicle_link.transport.publisher import Received
 
 log = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ class StationLane:
     def __init__(
         self,
         host: str,
-        ask: Callable[[], Message],
+        ask: Callable[[], LaneResponse],
         deliver: Callable[[str, Received], None],
         changed: Callable[[bool], None] = lambda is_up: None,
     ) -> None:
@@ -142,7 +142,7 @@ class StationLane:
             self._asked = clock.monotonic()
             self._asking = False
 
-    def _use(self, vehicle: int, answer: Message) -> None:
+    def _use(self, vehicle: int, answer: LaneResponse) -> None:
         """Use the keys of this answer. Raises LinkError or OSError, and then keeps the old keys."""
         if not answer.accepted:
             raise LinkError(f"the vehicle gives no lane: {answer.reason}")

@@ -22,8 +22,8 @@ from vehicle_link.lane.datagram import (
     key_id_of,
 )
 from vehicle_link.lane.lane_socket import Address, LaneSocket
-from vehicle_link.messages import Message, new
-from vehicle_link.topics.table import SERVICES
+from vehicle_link.messages import new
+from vehicle_link.messages.records import LaneResponse
 from vehicle_link.transport.publisher import Received
 
 MAX_STATIONS = 8
@@ -92,7 +92,7 @@ class VehicleLane:
         oldest_ns = clock.monotonic_ns() - PATIENCE_NS
         return sum(_listens(lane, oldest_ns) for lane in self._lanes.values())
 
-    def grant(self, instance: int, topics: tuple[str, ...] = TO_VEHICLE) -> Message:
+    def grant(self, instance: int, topics: tuple[str, ...] = TO_VEHICLE) -> LaneResponse:
         """Answer the service `lane` with new keys for a station.
 
         The station's present keys stay valid until it uses the new ones, as the answer may be lost.
@@ -110,7 +110,7 @@ class VehicleLane:
             lane = _Lane(instance, topics, key_id, sealer, opener, clock.monotonic_ns())
             self._lanes = _with(self._lanes, lane)
         return new(
-            f"{SERVICES['lane']}_Response",
+            "quadlab_msgs/srv/Lane_Response",
             accepted=True,
             port=self.port,
             key_id=key_id,

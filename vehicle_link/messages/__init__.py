@@ -6,9 +6,10 @@ The same bytes go on the wire and into the log, so a message is serialised once.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from vehicle_link.messages.construct import Message, header, new, stamp_of, time_message
+from vehicle_link.messages.construct import header, new, stamp_of, time_message
+from vehicle_link.messages.records import Message
 from vehicle_link.messages.store import (
     dds_name,
     decode,
@@ -43,7 +44,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> Typestore:
     if name == "TYPESTORE":
         return typestore()
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

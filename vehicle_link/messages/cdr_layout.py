@@ -138,7 +138,7 @@ class FixedLayout:
             raise ValueError(f"{self.type_name}.{path}: texts of an array have no fixed place")
         self._place(path, _dtype(primitives[0]), (count, len(primitives)))
 
-    def _place(self, path: str, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:
+    def _place(self, path: str, dtype: np.dtype, shape: tuple[int, ...]) -> None:
         self._align(dtype.itemsize)
         self._fields.append((path, (dtype, shape), len(CDR_HEADER) + self._end))
         self._end += dtype.itemsize * int(np.prod(shape))
@@ -165,6 +165,6 @@ def _primitives(name: str) -> Iterator[str]:
         yield str(details[0]) if plain else ""
 
 
-def _dtype(primitive: str) -> np.dtype[Any]:
+def _dtype(primitive: str) -> np.dtype:
     octets = {"byte": "uint8", "char": "uint8", "bool": "bool"}
     return np.dtype(octets.get(primitive, primitive)).newbyteorder("<")

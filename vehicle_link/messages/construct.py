@@ -2,45 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from rosbags.interfaces import Nodetype
 
 from quadrotor.errors import UsageError
+from vehicle_link.messages.records import Header, Message, Time
 from vehicle_link.messages.store import stored_name, typestore
 
-Message = Any
-"""A dataclass made by rosbags; its fields are those of the .msg file."""
+if TYPE_CHECKING:
+    from vehicle_link.messages.records import New
 
 SECOND_NS = 1_000_000_000
 _NOT_GIVEN: Any = object()
 _BYTES = {"byte": "uint8", "char": "uint8"}  # both are octets on the wire
 
 
-def new(type_name: str, **fields: Any) -> Message:
-    """Return a message with the given fields, all others zero, empty or false.
-
-    A nested message may be given as a message, a mapping of its fields, or a sequence of them in
-    order (`position=(1.0, 0.0, 0.5)`); arrays of numbers as any sequence.
-
-    Raises:
-        TypeError: the type has no such field.
-        UsageError: there is no such type.
-    """
+def _new_message(type_name: str, **fields: Any) -> Message:
     return _new(stored_name(type_name), fields)
 
 
-def time_message(stamp_ns: int) -> Message:
+new = cast("New", _new_message)
+"""Return a message with the given fields, all others zero, empty or false.
+
+A nested message may be given as a message, a mapping of its fields, or a sequence of them in
+order (`position=(1.0, 0.0, 0.5)`); arrays of numbers as any sequence. Raises TypeError where the
+type has no such field, UsageError where there is no such type.
+"""
+
+
+def time_message(stamp_ns: int) -> Time:
     """Return builtin_interfaces/Time of integer nanoseconds."""
     seconds, rest = divmod(int(stamp_ns), SECOND_NS)
-    return typestore().types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
+    return cast("Time", _class("builtin_interfaces/msg/Time")(sec=seconds, nanosec=rest))
 
 
-def header(stamp_ns: int, frame_id: str = "world") -> Message:
+def header(stamp_ns: int, frame_id: str = "world") -> Header:
     """Return std_msgs/Header of integer nanoseconds."""
-    return typestore().types["std_msgs/msg/Header"](stamp=time_message(stamp_ns), frame_id=frame_id)
+    stamp = time_message(stamp_ns)
+    return cast("Header", _class("std_msgs/msg/Header")(stamp=stamp, frame_id=frame_id))
 
 
 def stamp_of(stamped: Message) -> int:
@@ -58,7 +60,11 @@ def _new(name: str, fields: Mapping[str, Any]) -> Message:
     if unknown := fields.keys() - entries.keys():
         raise TypeError(f"{name} has no field {', '.join(sorted(unknown))}; it has {list(entries)}")
     values = [_value(entry, fields.get(key, _NOT_GIVEN)) for key, entry in entries.items()]
-    return store.types[name](*values)
+    return _class(name)(*values)
+
+
+def _class(name: str) -> Callable[..., Message]:
+    return cast("Callable[..., Message]", typestore().types[name])
 
 
 def _value(entry: Any, value: Any) -> Any:
@@ -87,6 +93,6 @@ def _nested(name: str, value: Any) -> Message:
     if isinstance(value, Mapping):
         return _new(name, value)
     if hasattr(value, "__msgtype__"):
-        return value
+        return cast("Message", value)
     names = [key for key, _ in typestore().fielddefs[name][1]]
     return _new(name, dict(zip(names, value, strict=True)))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from rosbags.serde import SerdeError
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
     from rosbags.typesys.store import Typestore
 
-    from vehicle_link.messages.construct import Message
+    from vehicle_link.messages.records import Decode, Message
 
 FOLDER = Path(__file__).parent
 
@@ -82,15 +82,18 @@ def encode(message: Message) -> bytes:
     return bytes(typestore().serialize_cdr(message, message.__msgtype__, little_endian=True))
 
 
-def decode(payload: bytes | memoryview, type_name: str) -> Message:
-    """Decode a message from CDR. Raises LinkError when the bytes are no message of this type."""
+def _decode(payload: bytes | memoryview, type_name: str) -> Message:
     try:
-        return typestore().deserialize_cdr(payload, stored_name(type_name))
+        return cast("Message", typestore().deserialize_cdr(payload, stored_name(type_name)))
     except (SerdeError, AssertionError, IndexError, TypeError, UsageError) as error:
         raise LinkError(
             f"{len(payload)} bytes are not a {type_name} ({error}); "
             "do both ends run the same version of quadlab?"
         ) from error
+
+
+decode = cast("Decode", _decode)
+"""Decode a message from CDR. Raises LinkError when the bytes are no message of this type."""
 
 
 @cache

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from rosbags.interfaces import Nodetype
 
-from vehicle_link.messages.construct import Message
+from vehicle_link.messages.records import Message
 from vehicle_link.messages.store import stored_name, typestore
 
 Path = tuple[str | int, ...]

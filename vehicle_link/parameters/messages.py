@@ -9,11 +9,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 from quadrotor.errors import LinkError, WrongTypeError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
-from vehicle_link.messages import Message, decode, new, stamp_of
+from vehicle_link.messages import decode, new, records, stamp_of
+from vehicle_link.messages.records import Parameter, ParameterDescriptor
 from vehicle_link.parameters.change import ParameterChange
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
@@ -41,7 +41,7 @@ def decode_change(payload: bytes) -> ParameterChange:
     )
 
 
-def to_value(value: object) -> Message:
+def to_value(value: object) -> records.ParameterValue:
     """Encode as rcl_interfaces/ParameterValue. Raises WrongTypeError without a ROS scalar type."""
     if isinstance(value, bool):
         return new("rcl_interfaces/ParameterValue", type=BOOL, bool_value=value)
@@ -56,7 +56,7 @@ def to_value(value: object) -> Message:
     )
 
 
-def from_value(message: Message) -> ParameterValue:
+def from_value(message: records.ParameterValue) -> ParameterValue:
     """Return the value of a ParameterValue. Raises WrongTypeError if it is an array or not set."""
     if message.type == BOOL:
         return bool(message.bool_value)
@@ -70,7 +70,7 @@ def from_value(message: Message) -> ParameterValue:
     raise WrongTypeError(f"a value {kind} was sent; a number, true, false or a text is allowed")
 
 
-def to_parameters(values: Mapping[str, ParameterValue]) -> list[Message]:
+def to_parameters(values: Mapping[str, ParameterValue]) -> list[Parameter]:
     """Encode each value as an rcl_interfaces/Parameter. Raises WrongTypeError."""
     return [
         new("rcl_interfaces/Parameter", name=name, value=to_value(value))
@@ -78,7 +78,7 @@ def to_parameters(values: Mapping[str, ParameterValue]) -> list[Message]:
     ]
 
 
-def from_parameters(messages: Iterable[Message]) -> dict[str, ParameterValue]:
+def from_parameters(messages: Iterable[Parameter]) -> dict[str, ParameterValue]:
     """Return values by name. Raises WrongTypeError, naming the parameter."""
     values = {}
     for message in messages:
@@ -89,10 +89,10 @@ def from_parameters(messages: Iterable[Message]) -> dict[str, ParameterValue]:
     return values
 
 
-def to_descriptor(description: ParameterDescription) -> Message:
+def to_descriptor(description: ParameterDescription) -> ParameterDescriptor:
     """Encode as rcl_interfaces/ParameterDescriptor; its range only where both bounds are given."""
     low, high = description.minimum, description.maximum
-    ranges: dict[str, Any] = {}
+    ranges: dict[str, list[tuple[float, float, float]]] = {}
     if low is not None and high is not None and description.type in ("int", "float"):
         step = description.step or 0.0
         if description.type == "float":
@@ -111,7 +111,7 @@ def to_descriptor(description: ParameterDescription) -> Message:
     )
 
 
-def from_descriptor(message: Message) -> ParameterDescription:
+def from_descriptor(message: ParameterDescriptor) -> ParameterDescription:
     """Decode a description. Raises LinkError when the descriptor is not one of quadlab's."""
     try:
         kind = {number: name for name, number in ROS_TYPES.items()}[int(message.type)]

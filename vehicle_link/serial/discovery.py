@@ -17,10 +17,11 @@ from enum import Enum
 
 import msgspec
 
+from quadrotor.motor_state import MotorState
 from vehicle_link.serial.commands import decode_data, decode_instruction, encode_request
 from vehicle_link.serial.exchange import REPEAT_S, TRIES, Exchange, ask, decode_reply
 from vehicle_link.serial.frames import Frame, FrameDecoder
-from vehicle_link.serial.ids import MIRROR, TIME_PERIOD_MS, Id, MotorState
+from vehicle_link.serial.ids import MIRROR, TIME_PERIOD_MS, Id
 from vehicle_link.serial.port import BAUD_RATE, PortError, SerialPort
 from vehicle_link.serial.values import QUANTITIES
 

@@ -47,7 +47,7 @@ class Id(IntEnum):
     MIRROR_PERIOD = 29
     TIME = 30  # ms modulo 60 s, unsigned
     MIRROR_ACTIVE = 31
-    MOTOR_STATE = 32  # a MotorState
+    MOTOR_STATE = 32  # a quadrotor.motor_state.MotorState
     DRIFT_ESTIMATION_ACTIVE = 33
     COMMANDS_PER_SECOND = 34
     LONGEST_COMMAND_GAP = 35
@@ -80,15 +80,6 @@ class Id(IntEnum):
     MOTOR_REFERENCE_2 = 62
     MOTOR_REFERENCE_3 = 63
     MOTOR_REFERENCE_4 = 64
-
-
-class MotorState(IntEnum):
-    """Values of Id.MOTOR_STATE."""
-
-    INIT = 0
-    ON = 1
-    EMERGENCY = 2  # commands were missing, so the microcontroller took over
-    OFF = 3
 
 
 class FlightControlMode(IntEnum):

@@ -33,6 +33,7 @@ from vehicle_link.topics.status import (
     encode_parameter_change,
     encode_pressures,
     encode_status,
+    event_kinds,
 )
 from vehicle_link.topics.table import SERVICES, TOPICS, TRACKER_PICTURES, Priority, Topic
 from vehicle_link.topics.ticks import (
@@ -82,6 +83,7 @@ __all__ = [
     "encode_pressures",
     "encode_reading",
     "encode_status",
+    "event_kinds",
     "imu_messages",
     "odometry_messages",
     "pose_messages",

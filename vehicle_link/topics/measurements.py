@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -246,7 +247,7 @@ def encode_reading(judged: Record) -> tuple[str, bytes]:
     return f"sensor_{one['place']}", out.tobytes()
 
 
-PICTURE = "sensor_msgs/CompressedImage"
+PICTURE: Final = "sensor_msgs/CompressedImage"
 JPEG = b"\xff\xd8"
 """First bytes of every JPEG."""
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cache
 
 import numpy as np
 
 from quadrotor.records import Record
+from vehicle_link.commands import EventKind
 from vehicle_link.messages import encode, header, new, time_message
 from vehicle_link.messages.cdr_layout import FixedLayout, payloads_of
+from vehicle_link.messages.records import Log
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import to_value
 from vehicle_link.topics.ticks import VEHICLE, WORLD, body_frame, layout, set_stamps
@@ -118,13 +120,27 @@ DELAYED_PREFIX = "while the station sent nothing: "
 """Beginning of an event that repeats what the vehicle reported while the station had no contact."""
 
 
-def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:
+def encode_event(
+    stamp_ns: int, level: int, text: str, name: str, kinds: Collection[EventKind] = ()
+) -> bytes:
     """Encode `events`: rcl_interfaces/Log; level 20 info, 30 warn, 40 error; `name` is the
     node's.
     """
     return encode(
-        new("rcl_interfaces/Log", stamp=time_message(stamp_ns), level=level, name=name, msg=text)
+        new(
+            "rcl_interfaces/Log",
+            stamp=time_message(stamp_ns),
+            level=level,
+            name=name,
+            msg=text,
+            function=" ".join(sorted(kinds)),
+        )
     )
+
+
+def event_kinds(event: Log) -> frozenset[str]:
+    """Return the kinds of an event, see EventKind."""
+    return frozenset(event.function.split())
 
 
 def encode_parameter_change(change: ParameterChange) -> bytes:

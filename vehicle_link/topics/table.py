@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, cast
 
 from quadrotor.records import OWN_SENSORS
 from vehicle_link.commands import COMMANDS
 from vehicle_link.topics.rmw_keys import RELIABLE, SENSOR_DATA, Qos
+
+if TYPE_CHECKING:
+    from vehicle_link.topics.typed_tables import Services, Topics
 
 Sender = Literal["vehicle", "station", "simulator", "tracker", "web"]
 Priority = Literal["real_time", "interactive_high", "data_high", "data", "background"]
@@ -232,13 +235,13 @@ _ROWS = (
     Topic("stick_status", "quadlab_msgs/StickStatus", "station", 50),
 )
 
-TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ROWS}
+TOPICS = cast("Topics", {topic.name: topic for topic in _ROWS})
 """Topics by name."""
 
 SHARED = ("events", "parameter_changes")
 """Topics that the station sends too, with its own stamps; recorded where they are received."""
 
-SERVICES: dict[str, str] = {
+_SERVICES = {
     **{name: command.service for name, command in COMMANDS.items()},
     "time_sync": "quadlab_msgs/srv/TimeSync",
     "whoami": "quadlab_msgs/srv/WhoAmI",
@@ -254,6 +257,7 @@ SERVICES: dict[str, str] = {
     "control": "quadlab_msgs/srv/Control",
     "calibrate": "quadlab_msgs/srv/Calibrate",
 }
+SERVICES = cast("Services", _SERVICES)
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
 `/quad1/station/<name>`. Of those that are not commands only the station has `mark`, `experiment`,
 `control`, `transfer` and `recent_telemetry`, and it forwards `onboard_files` and `onboard_log` to

@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 import uuid
-from typing import Any
+from typing import TYPE_CHECKING, Generic, TypeVar, cast, overload
 
 import zenoh
 
@@ -15,7 +15,12 @@ from quadrotor.errors import LinkError, NoAnswerError, RefusedError, Unreachable
 from vehicle_link.messages import Message, decode, encode, new
 from vehicle_link.topics.rmw_keys import attachment
 
+if TYPE_CHECKING:
+    from vehicle_link.messages.records import Answer, CommandRequest, Request
+
 log = logging.getLogger(__name__)
+A = TypeVar("A", bound=Message)
+A_co = TypeVar("A_co", bound=Message, covariant=True)
 
 TIMEOUT = 1.0
 """Seconds to wait for an answer; a command should be repeated under the same request id for 5 s
@@ -56,11 +61,11 @@ def wait_for_match(entity: zenoh.Querier | zenoh.Publisher, timeout: float) -> b
             matched.set()
 
     with entity.declare_matching_listener(changed):
-        now: Any = entity.matching_status  # the listener reports changes only
+        now = cast("zenoh.MatchingStatus", entity.matching_status)  # a listener reports changes
         return now.matching or matched.wait(timeout)
 
 
-class ServiceClient:
+class ServiceClient(Generic[A_co]):
     """Client of one service, made by `Node.client`; thread-safe."""
 
     def __init__(
@@ -87,8 +92,8 @@ class ServiceClient:
         )
 
     def ask(
-        self, requester: str, *, timeout: float = TIMEOUT, tries: int = 1, **fields: Any
-    ) -> Message:
+        self, requester: str, *, timeout: float = TIMEOUT, tries: int = 1, **fields: object
+    ) -> A_co:
         """Return the answer to a request with these fields, if it was accepted.
 
         Args:
@@ -99,7 +104,7 @@ class ServiceClient:
         """
         request = new(f"{self._type}_Request", requester=requester, **fields)
         if not getattr(request, "request_id", "set"):
-            request.request_id = uuid.uuid4().hex
+            cast("CommandRequest", request).request_id = uuid.uuid4().hex
         for left in reversed(range(tries)):
             try:
                 response = self.call(request, timeout)
@@ -107,10 +112,18 @@ class ServiceClient:
             except LinkError:
                 if not left:
                     raise
-        if not response.accepted:
+        answer = cast("Answer", response)
+        if not answer.accepted:
             service = self._name.rpartition("/")[2]
-            raise RefusedError(str(response.reason) or f"{service} was refused without a reason")
+            reason = str(answer.reason) or f"{service} was refused without a reason"
+            raise RefusedError(reason, str(getattr(answer, "kind", "")))
         return response
+
+    @overload
+    def call(self, request: Request[A], timeout: float = TIMEOUT) -> A: ...
+
+    @overload
+    def call(self, request: Message, timeout: float = TIMEOUT) -> A_co: ...
 
     def call(self, request: Message, timeout: float = TIMEOUT) -> Message:
         """Return the response; blocks for at most `timeout` seconds.

@@ -10,27 +10,36 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
-from quadrotor.errors import NoAnswerError, QuadlabError
+from quadrotor.errors import NoAnswerError, QuadlabError, RefusedError
 from vehicle_link.messages import Message, decode, encode, new, stored_name, typestore
 
+if TYPE_CHECKING:
+    from vehicle_link.messages.records import CommandRequest
+
+A = TypeVar("A", bound=Message)
+Q = TypeVar("Q", bound=Message)
 KEEP = 5.0
 """Seconds for which an answer is remembered."""
 
 
-def answering(srv_type: str, handler: Callable[[Message], Message]) -> Callable[[Message], Message]:
+def answering(srv_type: str, handler: Callable[[Q], A]) -> Callable[[Message], A]:
     """Return a handler whose refusals are answers, if the service's response has `accepted`."""
     answer = f"{srv_type}_Response"
 
-    def handle(request: Message) -> Message:
+    def handle(request: Message) -> A:
         try:
-            return handler(request)
+            return handler(cast("Q", request))
         except NoAnswerError:
             raise
         except QuadlabError as error:
-            if "accepted" not in dict(typestore().fielddefs[stored_name(answer)][1]):
+            known = dict(typestore().fielddefs[stored_name(answer)][1])
+            if "accepted" not in known:
                 raise
-            return new(answer, accepted=False, reason=str(error))
+            more = {"kind": error.kind} if isinstance(error, RefusedError) else {}
+            more = {name: value for name, value in more.items() if name in known}
+            return cast("A", new(answer, accepted=False, reason=str(error), **more))
 
     return handle
 
@@ -41,7 +50,7 @@ def prepare(srv_type: str) -> None:
     decode(encode(new(f"{srv_type}_Request")), f"{srv_type}_Request")
 
 
-class Idempotent:
+class Idempotent(Generic[A]):
     """Wrapper of the handler of a service whose requests have a `request_id`.
 
     A repeated id waits while the first request is still being handled. A request with an empty id
@@ -49,17 +58,18 @@ class Idempotent:
     """
 
     def __init__(
-        self, handler: Callable[[Message], Message], clock: Callable[[], float] = time.monotonic
+        self, handler: Callable[[Q], A], clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._handler = handler
+        self._handler = cast("Callable[[Message], A]", handler)
         self._clock = clock
         self._lock = threading.Lock()
-        self._answers: dict[str, tuple[float, Future[Message]]] = {}
+        self._answers: dict[str, tuple[float, Future[A]]] = {}
 
-    def __call__(self, request: Message) -> Message:
-        if not request.request_id:
+    def __call__(self, request: Message) -> A:
+        request_id = str(cast("CommandRequest", request).request_id)
+        if not request_id:
             return self._handler(request)
-        answer, is_new = self._answer_of(str(request.request_id))
+        answer, is_new = self._answer_of(request_id)
         if is_new:
             try:
                 answer.set_result(self._handler(request))
@@ -67,7 +77,7 @@ class Idempotent:
                 answer.set_exception(error)
         return answer.result()
 
-    def _answer_of(self, request_id: str) -> tuple[Future[Message], bool]:
+    def _answer_of(self, request_id: str) -> tuple[Future[A], bool]:
         now = self._clock()
         with self._lock:
             while self._answers:  # oldest first
@@ -77,6 +87,6 @@ class Idempotent:
                 del self._answers[oldest]
             if request_id in self._answers:
                 return self._answers[request_id][1], False
-            answer: Future[Message] = Future()
+            answer: Future[A] = Future()
             self._answers[request_id] = (now, answer)
             return answer, True

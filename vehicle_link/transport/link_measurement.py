@@ -208,8 +208,9 @@ class _Test:
         """Ask background questions with long answers, several at once."""
         for attempt in range(TRIES):
             try:
-                listed = self._list.call(new(f"{LIST}_Request"), PATIENCE)
-                request = new(f"{DESCRIBE}_Request", names=list(listed.result.names)[:NAMES])
+                listed = self._list.call(new("rcl_interfaces/srv/ListParameters_Request"), PATIENCE)
+                names = list(listed.result.names)[:NAMES]
+                request = new("rcl_interfaces/srv/DescribeParameters_Request", names=names)
                 size = len(encode(self._describe.call(request, 2 * PATIENCE)))
                 break
             except LinkError:

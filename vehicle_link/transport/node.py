@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import zenoh
 from zenoh.handlers import Callback, RingChannel
@@ -41,12 +41,15 @@ from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of
 from vehicle_link.transport.executor_queue import ExecutorQueue
 from vehicle_link.transport.idempotent import answering
 from vehicle_link.transport.misrouted import PublisherTopics
-from vehicle_link.transport.publisher import Publisher, Received
+from vehicle_link.transport.publisher import OtherPath, Publisher, Received
 
 if TYPE_CHECKING:
+    from vehicle_link.messages.records import Answer, ServiceName
     from vehicle_link.topics.table import Priority, Topic
 
 log = logging.getLogger(__name__)
+A = TypeVar("A", bound=Message)
+Q = TypeVar("Q", bound=Message)
 
 # One counter for each session numbers nodes and endpoints (rmw_zenoh).
 _counters: dict[str, itertools.count[int]] = {}
@@ -89,9 +92,10 @@ class Node:
         priority: Priority = "data",
         express: bool = False,
         drop: bool = True,
+        other: OtherPath | None = None,
     ) -> Publisher:
         """Make a publisher. `drop`: on congestion its messages are dropped instead of waited
-        for.
+        for. `other`: another path that they take as well.
         """
         key, gid = self._announce("MP", topic, type_name, qos)
         publisher = self.session.declare_publisher(
@@ -106,9 +110,9 @@ class Node:
             ),
         )
         self._entities.append(publisher)
-        return Publisher(publisher, gid)
+        return Publisher(publisher, gid, other)
 
-    def advertise(self, topic: Topic) -> Publisher:
+    def advertise(self, topic: Topic, other: OtherPath | None = None) -> Publisher:
         """Make a publisher as the table of topics defines it."""
         return self.publisher(
             topic.name,
@@ -117,6 +121,7 @@ class Node:
             priority=topic.priority,
             express=topic.express,
             drop=topic.drop,
+            other=other,
         )
 
     def subscribe(
@@ -182,7 +187,7 @@ class Node:
         self,
         name: str,
         srv_type: str,
-        handler: Callable[[Message], Message],
+        handler: Callable[[Q], Message],
         *,
         direct: bool = False,
         at_once: int = 1,
@@ -231,9 +236,19 @@ class Node:
         called_back = Callback(answer if direct else hand_over, indirect=False)
         self._entities.append(self.session.declare_queryable(key, called_back, complete=True))
 
+    @overload
+    def client(  # type: ignore[overload-overlap]  # two services of the table cannot refuse
+        self, name: str, srv_type: ServiceName[A], *, priority: Priority = ...
+    ) -> ServiceClient[A]: ...
+
+    @overload
+    def client(
+        self, name: str, srv_type: str, *, priority: Priority = ...
+    ) -> ServiceClient[Answer]: ...
+
     def client(
         self, name: str, srv_type: str, *, priority: Priority = "interactive_high"
-    ) -> ServiceClient:
+    ) -> ServiceClient[Message]:
         """Make a client; `priority` applies to its requests and to their answers."""
         key, gid = self._announce("SC", name, srv_type, RELIABLE)
         return ServiceClient(

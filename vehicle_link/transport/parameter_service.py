@@ -9,7 +9,7 @@ from typing import Protocol
 
 from quadrotor.errors import ParameterError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import Message, new, records
 from vehicle_link.parameters.messages import (
     ROS_TYPES,
     from_descriptor,
@@ -65,24 +65,24 @@ class _ParameterService:
     def __init__(self, backend: ParameterBackend) -> None:
         self._backend = backend
 
-    def get_parameters(self, request: Message) -> Message:
+    def get_parameters(self, request: records.GetParametersRequest) -> Message:
         values = self._backend.values()
         unset = new("rcl_interfaces/ParameterValue")
         found = [to_value(values[n]) if n in values else unset for n in request.names]
         return new("rcl_interfaces/srv/GetParameters_Response", values=found)
 
-    def set_parameters(self, request: Message) -> Message:
+    def set_parameters(self, request: records.SetParametersRequest) -> Message:
         """Set each parameter separately, as ROS 2 specifies: a refused one does not stop the
         others.
         """
         results = [self._set([parameter]) for parameter in request.parameters]
         return new("rcl_interfaces/srv/SetParameters_Response", results=results)
 
-    def set_parameters_atomically(self, request: Message) -> Message:
+    def set_parameters_atomically(self, request: records.SetParametersAtomicallyRequest) -> Message:
         result = self._set(request.parameters)
         return new("rcl_interfaces/srv/SetParametersAtomically_Response", result=result)
 
-    def list_parameters(self, request: Message) -> Message:
+    def list_parameters(self, request: records.ListParametersRequest) -> Message:
         """List the names below any of the prefixes, at most `depth` levels deep (0 = all)."""
         names = [
             name
@@ -95,12 +95,12 @@ class _ParameterService:
             result={"names": names, "prefixes": prefixes},
         )
 
-    def get_parameter_types(self, request: Message) -> Message:
+    def get_parameter_types(self, request: records.GetParameterTypesRequest) -> Message:
         kinds = {d.name: ROS_TYPES[d.type] for d in self._backend.descriptions()}
         types = [kinds.get(name, 0) for name in request.names]
         return new("rcl_interfaces/srv/GetParameterTypes_Response", types=types)
 
-    def describe_parameters(self, request: Message) -> Message:
+    def describe_parameters(self, request: records.DescribeParametersRequest) -> Message:
         known = {d.name: d for d in self._backend.descriptions()}
         descriptors = [
             to_descriptor(known[name])
@@ -110,7 +110,7 @@ class _ParameterService:
         ]
         return new("rcl_interfaces/srv/DescribeParameters_Response", descriptors=descriptors)
 
-    def _set(self, parameters: Sequence[Message]) -> Message:
+    def _set(self, parameters: Sequence[records.Parameter]) -> Message:
         try:
             self._backend.change(from_parameters(parameters), ROS_REQUESTER)
         except ParameterError as error:

@@ -26,21 +26,29 @@ class Received:
     gid: bytes = b""  # of its publisher
 
 
-class Publisher:
-    """Publisher of one topic, made by `Node.publisher`.
+@dataclass(frozen=True, slots=True)
+class OtherPath:
+    """Another path that the messages of a publisher take as well.
 
     Attributes:
-        also_send: called with each message before it is published, to send it over another path as
-            well; returns whether that path works.
-        send_one_in: while the other path works, one message in so many is also published here.
+        send: called with each message before it is published; returns whether the path works.
+        publish_one_in: while it works, one message in so many is published, too.
     """
 
-    def __init__(self, publisher: zenoh.Publisher, gid: bytes) -> None:
+    send: Callable[[Received], bool]
+    publish_one_in: int = 1
+
+
+class Publisher:
+    """Publisher of one topic, made by `Node.publisher`."""
+
+    def __init__(
+        self, publisher: zenoh.Publisher, gid: bytes, other: OtherPath | None = None
+    ) -> None:
         self._publisher = publisher
         self._gid = gid
         self._sequence = itertools.count(1)
-        self.also_send: Callable[[Received], bool] | None = None
-        self.send_one_in = 1
+        self._other = other
 
     def put(self, payload: bytes, source_ns: int | None = None) -> None:
         """Publish CDR bytes.
@@ -53,9 +61,9 @@ class Publisher:
         """
         stamp = clock.time_ns() if source_ns is None else source_ns
         sequence = next(self._sequence)
-        if self.also_send is not None:
-            is_sent = self.also_send(Received(payload, sequence, stamp, stamp, self._gid))
-            if is_sent and sequence % self.send_one_in:
+        if (other := self._other) is not None:
+            is_sent = other.send(Received(payload, sequence, stamp, stamp, self._gid))
+            if is_sent and sequence % other.publish_one_in:
                 return
         try:
             self._publisher.put(payload, attachment=attachment(sequence, stamp, self._gid))

@@ -25,6 +25,9 @@ from vehicle_link.transport.unused_memory import map_large_buffers
 if TYPE_CHECKING:
     import zenoh
 
+    Session = zenoh.Session
+    """A session, for annotations outside this package, where Zenoh is not imported."""
+
 VEHICLE_PORT = 7447
 OPEN_S = 0.3
 """Time limit, in s, of one attempt to open a link."""
@@ -246,13 +249,13 @@ def open_session(config: dict[str, Any], place: str) -> zenoh.Session:
 class SharedSession:
     """Shared session; thread-safe. `open_session` returns a Zenoh session or raises LinkError."""
 
-    def __init__(self, open_session: Callable[[], Any]) -> None:
+    def __init__(self, open_session: Callable[[], zenoh.Session]) -> None:
         self._open_session = open_session
         self._lock = threading.Lock()
-        self._session: Any = None
+        self._session: zenoh.Session | None = None
         self._users = 0
 
-    def open(self) -> Any:
+    def open(self) -> zenoh.Session:
         """Open the session or share the open one; release it with `close`. Raises LinkError."""
         with self._lock:
             if self._session is None:
@@ -267,4 +270,5 @@ class SharedSession:
             if self._users:
                 return
             session, self._session = self._session, None
-        session.close()
+        if session is not None:
+            session.close()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from quadrotor.errors import LinkError
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import Message, new
+from vehicle_link.messages.records import TimeSyncRequest
 
 if TYPE_CHECKING:
     from vehicle_link.transport.client import ServiceClient
@@ -96,21 +97,21 @@ class ClockOffset:
 def serve_time_sync(node: Node, clock: Callable[[], int] = time_ns) -> None:
     """Serve `time_sync` on the network thread; `clock` returns this end's time in ns."""
 
-    def answer(_request: Message) -> Message:
+    def answer(_request: TimeSyncRequest) -> Message:
         received = clock()
         return new(f"{TIME_SYNC}_Response", server_received_ns=received, server_sent_ns=clock())
 
     node.serve("time_sync", TIME_SYNC, answer, direct=True)
 
 
-def exchange(client: ServiceClient, timeout: float = 1.0) -> Exchange:
+def exchange(client: ServiceClient[Message], timeout: float = 1.0) -> Exchange:
     """Make one exchange with a server of TimeSync. Raises LinkError."""
     sent = time_ns()
-    response = client.call(new(f"{TIME_SYNC}_Request", client_sent_ns=sent), timeout)
+    response = client.call(new("quadlab_msgs/srv/TimeSync_Request", client_sent_ns=sent), timeout)
     return Exchange(sent, int(response.server_received_ns), int(response.server_sent_ns), time_ns())
 
 
-def answers(client: ServiceClient, timeout: float) -> bool:
+def answers(client: ServiceClient[Message], timeout: float) -> bool:
     """Return whether the server answers within `timeout` seconds."""
     try:
         exchange(client, timeout=timeout)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from quadrotor.errors import LinkError
 from vehicle_link.messages import Message, new
+from vehicle_link.messages.records import WhoAmIRequest, WhoAmIResponse
 from vehicle_link.security.access import PILOT_WHOAMI, WHOAMI, Access
 from vehicle_link.serial.ids import Identity
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.protocol import protocol, version
 
-TYPE = SERVICES[WHOAMI]
+TYPE = SERVICES["whoami"]
 DISCOVERY_TIMEOUT = 0.3
 """Seconds to wait for the pilot's service once the other is discovered: both are announced at once,
 unless one is hidden."""
@@ -34,7 +35,7 @@ def serve_whoami(node: Node, name: str, instance: int, identity: Identity) -> No
             firmware=identity.firmware,
         )
 
-        def handle(request: Message, answer: Message = answer) -> Message:
+        def handle(request: WhoAmIRequest, answer: Message = answer) -> Message:
             return answer
 
         node.serve(service, TYPE, handle)
@@ -51,13 +52,13 @@ class WhoAmI:
         """Return whether the vehicle has this service in our version."""
         return self._clients[1].wait(0.0)
 
-    def ask(self, timeout: float = 1.0) -> Message:
+    def ask(self, timeout: float = 1.0) -> WhoAmIResponse:
         """Return quadlab_msgs/srv/WhoAmI's response, of the available service of widest access.
 
         Raises LinkError when there is no answer.
         """
         pilot, observer = self._clients
-        request = new(f"{TYPE}_Request")
+        request = new("quadlab_msgs/srv/WhoAmI_Request")
         if not self.is_there:
             raise LinkError("the vehicle does not identify itself")
         return (pilot if pilot.wait(DISCOVERY_TIMEOUT) else observer).call(request, timeout)

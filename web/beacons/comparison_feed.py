@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import asyncio
 import math
-from typing import Any
+from typing import Any, Final
 
 from fastapi import WebSocket
 
+from vehicle_link.messages.records import EstimatorComparison, EstimatorResult
 from web.latest import Live
 from web.live.conversation import converse, send_json, significant
 
 RATE = 5.0  # Hz
-TOPIC = "comparison"
+TOPIC: Final = "comparison"
 
 
 async def serve(socket: WebSocket, live: Live) -> None:
@@ -25,7 +26,7 @@ async def serve(socket: WebSocket, live: Live) -> None:
     await socket.accept()
 
     async def talk() -> None:
-        sent: Any = None
+        sent: EstimatorComparison | None = None
         while True:
             message = live.current(TOPIC)
             if message is not None and message is not sent:
@@ -36,7 +37,7 @@ async def serve(socket: WebSocket, live: Live) -> None:
     await converse(socket, talk())
 
 
-def as_json(message: Any) -> dict[str, Any]:
+def as_json(message: EstimatorComparison) -> dict[str, Any]:
     """Return the message for the page: lengths in mm, angles in degrees; null = not known."""
     return {
         "truth": message.truth,
@@ -46,7 +47,7 @@ def as_json(message: Any) -> dict[str, Any]:
     }
 
 
-def _estimator(one: Any) -> dict[str, Any]:
+def _estimator(one: EstimatorResult) -> dict[str, Any]:
     """Return an estimator's figures in a fixed order, because names would be most of the bytes.
 
     They are the position error now, its rms and maximum over the last 10 s, the rms of the attitude

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from quadrotor.errors import LinkError, QuadlabError
+from vehicle_link.messages.records import VehicleStatus
 from web.latest import Live
 
 log = logging.getLogger("quadlab.web")
@@ -194,7 +195,7 @@ class EmergencyCommands:
             return status is not None
         return press.action == "land" and self._lands(status)
 
-    def _lands(self, status: Any) -> bool:
+    def _lands(self, status: VehicleStatus) -> bool:
         """Return whether the vehicle lands as chosen, or worse.
 
         Without a pose it cannot land by one.

@@ -18,6 +18,7 @@ from fastapi import WebSocket
 
 from console.trackers.camera_figures import figures_text
 from vehicle_link.clock import real_time_factor, wall_time
+from vehicle_link.messages import records
 from web.access.roles import Session
 from web.latest import CHARTED, STALE, Live
 from web.live.conversation import converse, send_json, significant
@@ -165,7 +166,7 @@ def session_fields(session: Session) -> Message:
     return {"label": session.label, "role": session.role.value, "account": session.has_account}
 
 
-def _station(message: Any) -> Message | None:
+def _station(message: records.StationStatus | None) -> Message | None:
     """Return the fields of the station's status.
 
     In a simulation the real-time factor is that of this process, because the simulated time may be
@@ -175,19 +176,20 @@ def _station(message: Any) -> Message | None:
     return {**fields, "real_time_factor": factor} if fields and factor else fields
 
 
-def _tracker(message: Any, markers: str) -> Message | None:
+def _tracker(message: records.TrackerStatus | None, markers: str) -> Message | None:
     """Return the fields of a tracker's status, and a text on how well each camera sees."""
-    fields = _fields(message, ("cameras",))
-    return fields and {**fields, "sees": [figures_text(one, markers) for one in message.cameras]}
+    if message is None or (fields := _fields(message, ("cameras",))) is None:
+        return None
+    return {**fields, "sees": [figures_text(one, markers) for one in message.cameras]}
 
 
-def _battery(message: Any) -> Message | None:
+def _battery(message: records.BatteryState | None) -> Message | None:
     if message is None:
         return None
     return {"voltage": round(float(message.voltage), 2), "percentage": _number(message.percentage)}
 
 
-def _estimate(message: Any) -> Message | None:
+def _estimate(message: records.EstimatorStatus | None) -> Message | None:
     """Return how well the estimate in use and its measurements agree.
 
     The values are rounded, so that they change only when it matters.
@@ -198,7 +200,7 @@ def _estimate(message: Any) -> Message | None:
     return {name: significant(float(getattr(message, name)), 2) for name in names}
 
 
-def _fields(message: Any, others: Collection[str] = ()) -> Message | None:
+def _fields(message: records.Message | None, others: Collection[str] = ()) -> Message | None:
     """Return the flat fields of a message, without its header and these others."""
     if message is None:
         return None

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from vehicle_link.topics.table import TOPICS
 
 if TYPE_CHECKING:
     from vehicle_link.transport.node import Node
     from vehicle_link.transport.publisher import Received
+    from vehicle_link.transport.session import Session
 
 
 class OptionalTopics:
@@ -29,7 +30,7 @@ class OptionalTopics:
         self._vehicle, self._prefix = vehicle, prefix
         self.wanted: Mapping[str, Callable[[Received], None]] = {}
         self._nodes: dict[str, Node] = {}
-        self._session: Any = None
+        self._session: Session | None = None
         self._lock = threading.Lock()
 
     def want(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
@@ -41,7 +42,7 @@ class OptionalTopics:
             self.wanted = dict(topics)
             self._renew()
 
-    def join(self, session: Any) -> None:
+    def join(self, session: Session) -> None:
         """Subscribe in this session from now on."""
         with self._lock:
             self._session = session

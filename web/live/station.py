@@ -19,6 +19,7 @@ from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link.clock import host_time_ns
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
+from vehicle_link.messages.records import Answer
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change, from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from vehicle_link.transport.node import Node
     from vehicle_link.transport.parameter_service import ParameterClient
     from vehicle_link.transport.publisher import Publisher, Received
+    from vehicle_link.transport.session import Session
 
 CALL_TIMEOUT = 1.5  # s
 PATIENCE = {
@@ -70,12 +72,12 @@ class Station:
 
     def __init__(
         self,
-        open_session: Callable[[], Any],
+        open_session: Callable[[], Session],
         vehicle: str,
         live: Live,
         hub: EventHub,
         reactions: Reactions,
-        close_session: Callable[[Any], None] = lambda session: session.close(),
+        close_session: Callable[[Session], None] = lambda session: session.close(),
     ) -> None:
         self._open_session, self._close_session = open_session, close_session
         self._watched = OptionalTopics(vehicle, "web_")
@@ -88,7 +90,7 @@ class Station:
         self._node: Node | None = None
         self._stick: Publisher | None = None
         self._presence: Publisher | None = None
-        self._clients: dict[str, ServiceClient] = {}
+        self._clients: dict[str, ServiceClient[Answer]] = {}
         self._parameters: dict[str, ParameterClient] = {}
         self._making = threading.Lock()
         self._closing = threading.Event()
@@ -237,7 +239,7 @@ class Station:
             self._join(session)
             return
 
-    def _join(self, session: Any) -> None:
+    def _join(self, session: Session) -> None:
         from vehicle_link.transport.node import Node
 
         node = Node(session, f"/{self._vehicle}", "web")

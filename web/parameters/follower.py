@@ -15,6 +15,7 @@ from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import FieldOfView
 from quadrotor.errors import QuadlabError
+from vehicle_link.messages.records import VehicleStatus
 from vehicle_link.parameters.change import SIMULATOR, STATION, VEHICLE, authority_of
 from web.latest import Live
 from web.live.station import Station
@@ -76,7 +77,7 @@ class ParameterFollower:
         self._shown = values
         show_bearings(self._scene.beacons, values)
 
-    def _is_due(self, status: Any) -> bool:
+    def _is_due(self, status: VehicleStatus) -> bool:
         self._replica.note_status(int(status.instance), int(status.parameter_revision))
         return self._replica.is_due
 
@@ -91,7 +92,7 @@ class ParameterFollower:
         self._surprises = self._surprises + 1 if is_there != is_known else 0
         return self._surprises > (1 if is_known else 0)
 
-    async def _read(self, status: Any) -> None:
+    async def _read(self, status: VehicleStatus) -> None:
         """Read the parameters of vehicle, station and, if there is one, simulator.
 
         If the vehicle does not answer, the next period tries again.

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from console.atomic_file import replacing
 from flight_log import read_attachments, read_log, summarize
 from flight_log.attached import json_value, logged_value
 from quadrotor.errors import os_errors
 from vehicle_link.messages import decode
+from vehicle_link.messages.records import ParameterChange
 from vehicle_link.topics import TOPICS
 from web.latest import Live
 from web.parameters.follower import BEARINGS, bearing_values, show_bearings
@@ -79,7 +80,7 @@ class _Flight:
                     progress(share)
             self._now = now
             if name == CHANGES:
-                self._change(decode(message.payload, message.type_name))
+                self._change(cast("ParameterChange", decode(message.payload, message.type_name)))
             else:
                 self._types[TOPICS[name].type_name] = message.type_name
                 self._live.put(name, message.payload)
@@ -89,7 +90,7 @@ class _Flight:
     def _decode(self, payload: bytes, type_name: str) -> Any:
         return decode(payload, self._types.get(type_name, type_name))
 
-    def _change(self, change: Any) -> None:
+    def _change(self, change: ParameterChange) -> None:
         """Apply a change of a parameter that the 3D view shows."""
         if change.name == f"{BEARINGS}layout":
             self._values[change.name] = str(logged_value(change.new_value))

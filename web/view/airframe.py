@@ -6,12 +6,17 @@ All nodes are children of one frame (`/vehicle`), so that one pose moves everyth
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from web.view.shapes import Point
+
+if TYPE_CHECKING:
+    from viser import MeshHandle, SceneApi
+
+    from web.view.shapes import Point, Quaternion
 
 ROTORS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Directions of the front, left, rear and right rotors, body axes (x forward, y left)."""
@@ -37,7 +42,7 @@ class Airframe:
 
     def __init__(
         self,
-        scene: Any,
+        scene: SceneApi,
         name: str,
         *,
         arm: float = 0.25,
@@ -46,7 +51,7 @@ class Airframe:
         opacity: float = 0.25,
     ) -> None:
         self.frame = scene.add_frame(name, show_axes=False, visible=False)
-        self._propellers: list[Any] = []
+        self._propellers: list[MeshHandle] = []
         self._angles = [0.0] * 4
         frame = [_box((0.13, 0.13, 0.045)), *(_motor(arm * x, arm * y) for x, y in ROTORS)]
         front, *others = (_arm(arm, x, y) for x, y in ROTORS)
@@ -80,7 +85,7 @@ class Airframe:
                 )
             )
 
-    def pose(self, position: Any, quaternion: Any) -> None:
+    def pose(self, position: Point, quaternion: Quaternion) -> None:
         """Set position (m) and quaternion (w, x, y, z), body to world."""
         self.frame.position = position
         self.frame.wxyz = quaternion
@@ -96,7 +101,7 @@ class Airframe:
 
 
 def _add(
-    scene: Any, name: str, solids: list[Mesh], color: tuple[int, int, int], **look: Any
+    scene: SceneApi, name: str, solids: list[Mesh], color: tuple[int, int, int], **look: Any
 ) -> None:
     """Add solids of one colour as one mesh: the browser's time goes by meshes, not by faces."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in solids)])

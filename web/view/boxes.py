@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from control.keep_out import KeepOut
 from web.view.lines import REFUSED
+
+if TYPE_CHECKING:
+    from viser import BoxHandle, LabelHandle, SceneApi
 
 
 class BoxesView:
@@ -14,11 +17,11 @@ class BoxesView:
     Nodes are hidden when not needed, because viser keeps a tombstone of every removed one.
     """
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: SceneApi) -> None:
         self._api = api
         self._boxes: KeepOut = ()
         self._visible = True
-        self._nodes: list[tuple[Any, Any]] = []
+        self._nodes: list[tuple[BoxHandle, LabelHandle]] = []
 
     def set_boxes(self, boxes: KeepOut) -> None:
         """Draw these boxes in place of those before."""
@@ -42,7 +45,8 @@ class BoxesView:
             solid, label = self._nodes[k]
             x, y, z = ((a + b) / 2 for a, b in zip(box.low_w, box.high_w, strict=True))
             solid.position = (x, y, z)
-            solid.dimensions = tuple(b - a for a, b in zip(box.low_w, box.high_w, strict=True))
+            width, depth, height = (b - a for a, b in zip(box.low_w, box.high_w, strict=True))
+            solid.dimensions = (width, depth, height)
             label.position, label.text = (x, y, box.high_w[2]), box.name
         self.show(self._visible)
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from quadrotor.plain_rotations import Array
 from web.view.ground import add_ground
 from web.view.server import ViewServer
 from web.view.shapes import Point, Quaternion, matrix_of
+
+if TYPE_CHECKING:
+    from viser import CameraHandle, ClientHandle
 
 Camera = Literal["free", "follow", "top", "side", "first"]
 OFFSETS = {"top": (0.0, -0.02, 4.5), "side": (0.0, -3.2, 0.4)}
@@ -27,7 +31,9 @@ class Cameras:
         self.shows_ground = True
         self._chosen: dict[str, Camera] = {}
         self._unplaced: set[str] = set()
-        self._plain: dict[str, Any] = {}  # view that is drawn simply → its client that was told
+        self._plain: dict[
+            str, ClientHandle | None
+        ] = {}  # view that is drawn simply → its client that was told
 
     def choose(self, view: str, camera: Camera) -> None:
         self._chosen.pop(view, None)
@@ -52,7 +58,7 @@ class Cameras:
                 self._plain[view] = client
                 self._draw(client, plain=True)
 
-    def _draw(self, client: Any, *, plain: bool) -> None:
+    def _draw(self, client: ClientHandle, *, plain: bool) -> None:
         client.scene.configure_default_lights(cast_shadow=not plain)
         add_ground(client.scene, plain=plain).visible = self.shows_ground
 
@@ -76,7 +82,7 @@ class Cameras:
             self._unplaced.discard(view)
 
 
-def _put(camera: Any, position: Any, look_at: Any) -> None:
+def _put(camera: CameraHandle, position: Array, look_at: Array) -> None:
     if (
         np.linalg.norm(position - camera.position) + np.linalg.norm(look_at - camera.look_at)
         > STILL

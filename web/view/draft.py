@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from web.view.drag import FARTHEST, Click, Drag
 from web.view.lines import PLANNED, REFUSED, edges, line_color
 from web.view.server import ViewServer
 from web.view.shapes import Point, along_axis, cones, distance_to_ray, on_plane, turns_from_z
+
+if TYPE_CHECKING:
+    from viser import LineSegmentsHandle, MeshHandle, SceneClickEvent
 
 Kind = Literal["target", "waypoints", "trajectory", "volume", "keep_out"]
 MOST = 12  # way-points, as the vehicle's behavior takes them
@@ -111,10 +114,10 @@ class DraftView:
         self._api = server.viser.scene
         self._draft: Draft | None = None
         self._marks: list[Mark] = []
-        self._cones: list[Any] = []
+        self._cones: list[MeshHandle] = []
         self._grips: dict[str, int] = {}
         self._offset: Point | None = None
-        self._box: Any = None
+        self._box: LineSegmentsHandle | None = None
 
     def show(self, draft: Draft | None, is_good: bool = True) -> None:
         """Draw a draft, red where the vehicle would refuse it; None takes it away."""
@@ -148,7 +151,7 @@ class DraftView:
         if opens:
             self._listen(draft is not None)
 
-    def _cone(self, k: int) -> Any:
+    def _cone(self, k: int) -> MeshHandle:
         if k == len(self._cones):
             node = self._api.add_mesh_simple(
                 f"/draft/along_{k}",
@@ -216,7 +219,7 @@ class DraftView:
             self._on_edit(draft.clicked(met))
 
 
-def _only_offered(_: Any) -> None:
+def _only_offered(_: SceneClickEvent) -> None:
     """Do nothing, as `only_offered`."""
 
 

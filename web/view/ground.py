@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from web.view.lines import line_color
+
+if TYPE_CHECKING:
+    from viser import SceneApi, SceneNodeHandle
 
 CELL, SECTION = (72, 82, 92), (104, 116, 128)
 """Visible on a dark and on a light background."""
 SIZE, STEP = 6.0, 0.5  # m, from the middle to an edge, and between two lines
 
 
-def add_ground(api: Any, *, plain: bool = False) -> Any:
+def add_ground(api: SceneApi, *, plain: bool = False) -> SceneNodeHandle:
     """Add the node `/ground`, in place of one of that name.
 
     Args:

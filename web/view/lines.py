@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import numpy.typing as npt
 
 from control.behaviors.parameters import Box
 
@@ -22,7 +21,7 @@ def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
     return (red, green, blue)
 
 
-def edges(box: Box) -> Any:
+def edges(box: Box) -> npt.NDArray[np.float32]:
     """Return the 12 edges of a box, shape (12, 2, 3)."""
     corners = np.array(np.meshgrid(*box, indexing="ij"), np.float32).reshape(3, 2, 2, 2)
     edges = [

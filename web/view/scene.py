@@ -11,12 +11,14 @@ import asyncio
 import math
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from control.behaviors.parameters import Box, flight_volume, keep_out
 from quadrotor.constants import GRAVITY
+from quadrotor.plain_rotations import Array
+from vehicle_link.messages.records import Odometry, Reference
 from web.latest import Live
 from web.view.airframe import Airframe
 from web.view.beacons.scene import BeaconScene
@@ -28,6 +30,9 @@ from web.view.options import ViewOptions, ramp
 from web.view.server import ViewServer
 from web.view.shapes import Point, point_of, wxyz_of
 from web.view.trails import Color, Trail
+
+if TYPE_CHECKING:
+    from viser import LineSegmentsHandle, SceneApi, SceneNodeHandle
 
 RATE, UNWATCHED = 30.0, 5.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
@@ -49,7 +54,7 @@ class Scene:
         api = server.viser.scene
         api.set_up_direction("+z")
         self._ground = _add_room(api)
-        self._volume: Any = None
+        self._volume: LineSegmentsHandle | None = None
         self._volume_box: Box | None = None
         self.boxes = BoxesView(api)
         self._vehicle = Airframe(api, "/vehicle")
@@ -102,7 +107,7 @@ class Scene:
         self._flown.show(options.flown)
         self._wanted.show(options.reference)
 
-    def plan(self, points: np.ndarray[Any, Any] | None, feasible: bool = True) -> None:
+    def plan(self, points: Array | None, feasible: bool = True) -> None:
         """Show a path that may be flown next, m, world, shape (N, 3), until it has been flown or
         for PLAN_SHOWN; None takes it away.
         """
@@ -155,8 +160,9 @@ class Scene:
             self._target.position = point
         shown = self.options
         self._target.visible = reference is not None and self._airborne and shown.reference
-        self._error.visible = shown.error and None not in (state, reference) and self._airborne
-        if self._error.visible:
+        self._error.visible = False
+        if shown.error and self._airborne and state is not None and reference is not None:
+            self._error.visible = True
             self._show_error(state, reference)
         truth = self._live.current("truth")
         if truth is not None:
@@ -178,7 +184,7 @@ class Scene:
         status = self._live.current("status")
         return status is not None and bool(status.airborne)
 
-    def _show_vehicle(self, state: Any, now: float) -> None:
+    def _show_vehicle(self, state: Odometry, now: float) -> None:
         point = point_of(state.pose.pose.position)
         turn = wxyz_of(state.pose.pose.orientation)
         self._vehicle.pose(point, turn)
@@ -188,25 +194,27 @@ class Scene:
         self._drop.visible = point[2] > 0.05
         self.cameras.move(point, turn)
 
-    def _show_error(self, state: Any, reference: Any) -> None:
+    def _show_error(self, state: Odometry, reference: Reference) -> None:
         start = np.array(point_of(state.pose.pose.position))
         error = np.array(point_of(reference.position)) - start
         self._error.points = np.array([[start, start + self.options.magnified * error]], np.float32)
 
-    def _color(self, state: Any, point: Point) -> Color:
+    def _color(self, state: Odometry, point: Point) -> Color:
         """Return the colour of the path here: that of the chosen signal, grey while unknown."""
         if self.options.color == "none":
             return ORANGE
         if self.options.color == "speed":
             velocity = point_of(state.twist.twist.linear)
             return ramp("speed", math.hypot(*velocity))
-        source = "reference" if self.options.color == "error" else "actuators"
-        message = self._live.current(source)
-        if message is None or (source == "actuators" and self.mass <= 0.0):
+        if self.options.color == "error":
+            reference = self._live.current("reference")
+            if reference is None:
+                return DROP
+            return ramp("error", math.dist(point, point_of(reference.position)))
+        actuators = self._live.current("actuators")
+        if actuators is None or self.mass <= 0.0:
             return DROP
-        if source == "reference":
-            return ramp("error", math.dist(point, point_of(message.position)))
-        return ramp("thrust", message.thrust / (self.mass * GRAVITY))
+        return ramp("thrust", actuators.thrust / (self.mass * GRAVITY))
 
     def _spin(self) -> None:
         status, actuators = self._live.current("status"), self._live.current("actuators")
@@ -219,7 +227,7 @@ class Scene:
             self._vehicle.spin([0.1 + float(r) * 0.0011 for r in actuators.motor_references])
 
 
-def _add_room(api: Any) -> list[Any]:
+def _add_room(api: SceneApi) -> list[SceneNodeHandle]:
     origin = np.zeros((3, 2, 3), np.float32)
     origin[:, 1] = 0.5 * np.eye(3)
     rgb = np.array([line_color(c) for c in AXES], np.uint8)

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from viser.transforms import SO3
 
 from quadrotor.plain_rotations import rows_of
+from vehicle_link.messages import records
 
 Array = npt.NDArray[np.float64]
 Point = tuple[float, float, float]
@@ -26,12 +26,12 @@ DEVIATIONS = 3.0
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
-def point_of(v: Any) -> Point:
+def point_of(v: records.Vector3 | records.Point) -> Point:
     """Return the point of a message with x, y, z."""
     return (v.x, v.y, v.z)
 
 
-def wxyz_of(q: Any) -> Quaternion:
+def wxyz_of(q: records.Quaternion) -> Quaternion:
     """Return the (w, x, y, z) of a geometry_msgs/Quaternion."""
     return (q.w, q.x, q.y, q.z)
 

@@ -12,12 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from web.view.lines import line_color
+
+if TYPE_CHECKING:
+    from viser import LineSegmentsHandle, SceneApi
 
 HEAD = 16  # segments
 CHUNK = 128  # segments
@@ -128,10 +131,10 @@ class Trail:
     """Trail drawn with reused line nodes; `color` is sRGB, 0 to 255, of all that has no own."""
 
     def __init__(
-        self, scene: Any, name: str, color: tuple[int, int, int], thickness: float
+        self, scene: SceneApi, name: str, color: tuple[int, int, int], thickness: float
     ) -> None:
         self._ring = TrailRing()
-        self._nodes: dict[int, Any] = {}
+        self._nodes: dict[int, LineSegmentsHandle] = {}
         self._color = color
         self._many = False  # colours, of which each segment then has its own
         self._shown = True

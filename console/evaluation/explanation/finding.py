@@ -16,7 +16,7 @@ from flight_log.fields import ATTITUDE, MARKED, POSITION, TRACKED
 from flight_log.run import Series
 from quadrotor.parameter_description import ParameterValue
 
-Array = npt.NDArray[np.floating[Any]]
+Array = npt.NDArray[np.floating]
 Topics = Mapping[str, Series]
 Parameters = Mapping[str, ParameterValue]
 Spans = list[tuple[float, float]]

@@ -31,13 +31,13 @@ from extensions.betaflight.board.sticks import TRAITS, Sticks
 from extensions.betaflight.msp.crsf import encode_channels
 from extensions.betaflight.msp.frames import ERROR, Message, MessageDecoder, encode
 from quadrotor.errors import LinkError, OutOfBoundsError
+from quadrotor.motor_state import MotorState
 from quadrotor.parameters import Parameters
 from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
 from vehicle.boards.kind import Kind
 from vehicle_link import clock
 from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import BAUD_RATE, Port
 
 ASKED_AGAIN_S = 0.02

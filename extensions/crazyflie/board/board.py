@@ -38,13 +38,13 @@ from extensions.crazyflie.board.traits import TRAITS
 from extensions.crazyflie.crtp.packets import CrtpPort, FrameReader, Packet, decode, frame
 from extensions.crazyflie.crtp.radio import RadioPort
 from quadrotor.errors import LinkError, OutOfBoundsError
+from quadrotor.motor_state import MotorState
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
 from vehicle_link import clock
 from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import Port
 
 AGAIN_S = 0.1

@@ -151,7 +151,7 @@ class FakeNode:
 
     def serve(self, name: str, srv_type: str, handler: Any) -> None:
         assert (name, srv_type) == ("station/onboard_log", TYPE)
-        self.handler = answering(srv_type, handler)
+        self.handler: Any = answering(srv_type, handler)
 
 
 def test_the_station_passes_questions_on_last_of_all_and_not_over_a_lost_link() -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from console.beacon_layout import STATION_LAYOUT, VEHICLE_LAYOUT
 from quadrotor.errors import ParameterError
+from quadrotor.motor_state import MotorState
 from tests.waiting import until
 from vehicle.modes import Mode
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.transport.parameter_service import ParameterClient
 
 

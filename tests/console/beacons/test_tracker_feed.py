@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from bearing_sim import (
 from console.tracker_feed import ENDED, TrackerFeed
 from quadrotor.plain_rotations import matrix_of
 from tests.support.narrowing import now
+from vehicle_link.messages import new
 
 HERE, LEVEL = np.array([0.1, 0.2, 1.0]), np.array([1.0, 0, 0, 0])
 MS = 1_000_000
@@ -129,7 +129,9 @@ def test_beside_a_camera_on_board_no_bearings_are_emulated_and_its_problems_are_
     )
     feed.truth(0, HERE, LEVEL)
     assert (len(sink.frames), feed.bearings_nominal, feed.camera_alarm) == (1, 30.0, None)
-    feed.note_camera_status(SimpleNamespace(problem="the picture is black", frame_rate=20.0))
+    feed.note_camera_status(
+        new("quadlab_msgs/TrackerStatus", problem="the picture is black", frame_rate=20.0)
+    )
     for k in range(1, 50):
         feed.truth(10 * k * MS, HERE, LEVEL)
     assert len(sink.frames) == 1
@@ -143,7 +145,7 @@ def test_beside_a_camera_on_board_no_bearings_are_emulated_and_its_problems_are_
     clock[0] += 0.5
     assert "its process is silent" in str(feed.camera_alarm)
     assert not feed.forget_ended_camera(), "it was not ended on purpose"
-    feed.note_camera_status(SimpleNamespace(problem=ENDED, frame_rate=0.0))
+    feed.note_camera_status(new("quadlab_msgs/TrackerStatus", problem=ENDED, frame_rate=0.0))
     assert feed.camera_alarm == f"camera on board: {ENDED}", "until the vehicle is disarmed"
     frames = len(sink.frames)
     assert feed.forget_ended_camera()

@@ -25,6 +25,7 @@ from quadrotor.records import TICK
 from tests.support.station import LinkedStation
 from tests.waiting import LIMIT, until
 from vehicle_link import topics
+from vehicle_link.commands import EventKind
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import from_descriptor, from_parameters, to_parameters
@@ -110,8 +111,8 @@ class ScriptedVehicle:
         )
         self._out["status"].put(encode(status))
 
-    def say(self, text: str) -> None:
-        self._out["events"].put(encode(new("rcl_interfaces/Log", level=30, msg=text)))
+    def say(self, text: str, *kinds: EventKind) -> None:
+        self._out["events"].put(topics.encode_event(0, 30, text, "vehicle", kinds))
 
     def falls_back(self) -> None:
         """Let the vehicle change a parameter by itself."""
@@ -637,11 +638,17 @@ def test_a_lost_link_ends_it_and_nothing_is_sent_when_it_is_back(bench: Bench) -
     bench.vehicle.reset()
 
 
-@pytest.mark.parametrize("prefix", ["", topics.DELAYED_PREFIX])
-def test_a_vehicle_that_brakes_by_itself_ends_it_and_is_held(bench: Bench, prefix: str) -> None:
+@pytest.mark.parametrize(
+    ("prefix", "kinds"),
+    [("", {EventKind.BRAKING}), (topics.DELAYED_PREFIX, {EventKind.BRAKING, EventKind.DELAYED})],
+)
+def test_a_vehicle_that_brakes_by_itself_ends_it_and_is_held(
+    bench: Bench, prefix: str, kinds: set[EventKind]
+) -> None:
     bench.flying()
     line = f"{prefix}braking: no heartbeat from the station for 0.40 s"
-    bench.vehicle.say(line)
+    bench.vehicle.say("braking: but of words alone")
+    bench.vehicle.say(line, *kinds)
     done = bench.ended()
     assert done.phase == "stopped"
     assert done.reason == (

@@ -21,7 +21,7 @@ from vehicle.comms.publish import LinkRadio
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import TOPICS, encode_heartbeat
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.publisher import Received
+from vehicle_link.transport.publisher import OtherPath, Received
 from vehicle_link.transport.session import loopback_session, vehicle_session
 
 WAIT = 15.0  # s: a bound, not an expectation
@@ -30,7 +30,7 @@ WAIT = 15.0  # s: a bound, not an expectation
 class Ends:
     """A vehicle's radio and lane, a station's, and a node of a third party on the base."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, publish_one_in: int = 1) -> None:
         files = ensure_certificates(folder)
         udp = free_port(socket.SOCK_DGRAM)
         self._link = StationLink(udp, files)
@@ -48,23 +48,19 @@ class Ends:
             )
         )
         self._nodes = [base, at_station, at_vehicle]
-        self.radio = LinkRadio(at_vehicle)
         self.at_vehicle: dict[str, list[Received]] = {}
         self.vehicle = CommsLane(at_vehicle, 0)
-        self.vehicle.send(self.radio.publishers)
+        self.radio = LinkRadio(at_vehicle, self.vehicle.paths(publish_one_in))
         for name in ("tracker_pose", "joy", "station_heartbeat"):
             self.vehicle.subscribe(name, self.at_vehicle.setdefault(name, []).append)
         self.vehicle.start()
         self.link = LinkMonitor()
         self.telemetry: list[Received] = []
-        self.heartbeats = at_station.advertise(TOPICS["station_heartbeat"])
         self.station = VehicleLane(
-            at_station,
-            "127.0.0.1",
-            self.link,
-            self.telemetry.append,
-            lambda received: None,
-            self.heartbeats,
+            at_station, "127.0.0.1", self.link, self.telemetry.append, lambda received: None
+        )
+        self.heartbeats = at_station.advertise(
+            TOPICS["station_heartbeat"], OtherPath(self.station.send_heartbeat, publish_one_in)
         )
         self.over_zenoh: list[int] = []
         for name in ("vehicle_heartbeat", "station_heartbeat"):
@@ -211,12 +207,12 @@ def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -
     assert before.isdisjoint(ends.vehicle._lane._lanes)
 
 
-def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(ends: Ends) -> None:
-    """Only a publisher with this setting does so; without the lane all are sent over Zenoh."""
+def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(
+    tmp_path: Path,
+) -> None:
+    """Without the lane all are sent over Zenoh."""
+    ends = Ends(tmp_path, publish_one_in=4)
     ends.send_until(ends.by_the_lane_alone)
-    beats = ends.radio.publishers["vehicle_heartbeat"], ends.heartbeats
-    for publisher in beats:
-        publisher.send_one_in = 4
     by_lane = ends.heartbeats_by_lane()
     try:
         before = len(ends.over_zenoh)
@@ -239,5 +235,4 @@ def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(en
         one, other = ends.over_zenoh[before : before + 2]
         assert other == one + 1
     finally:
-        for publisher in beats:
-            publisher.send_one_in = 1
+        ends.close()

@@ -57,7 +57,7 @@ def own(tmp_path: Path) -> Path:
 
 def events(log: Path) -> list[str]:
     found = read_log(log, {"/quad1/events"})
-    return [decode(message.payload, message.type_name).msg for message in found]
+    return [decode(message.payload, "rcl_interfaces/Log").msg for message in found]
 
 
 def fly(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, Any, str]:

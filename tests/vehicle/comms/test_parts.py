@@ -6,6 +6,8 @@ import math
 import threading
 import time
 from collections import Counter
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from vehicle import mailbox
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.deferred_events import DeferredEvents
 from vehicle.comms.inbound import Inbound
-from vehicle.comms.publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
+from vehicle.comms.publish import Publisher, flag_names, samples_a_packet
 from vehicle.comms.services import check_in_time
 from vehicle.comms.vehicle_clock import WINDOW_NS, VehicleClock
 from vehicle.modes import Flag, Mode
@@ -252,7 +254,7 @@ class FakeRadio:
     def count(self, topic: str) -> int:
         return sum(name == topic for name, _, _ in self.sent)
 
-    def decoded(self, topic: str) -> list[messages.Message]:
+    def decoded(self, topic: str) -> list[Any]:
         type_name = topics.TOPICS[topic].type_name
         return [messages.decode(p, type_name) for name, p, _ in self.sent if name == topic]
 
@@ -260,7 +262,17 @@ class FakeRadio:
 class Sender:
     def __init__(self, rate: float = 500.0) -> None:
         self.radio, self.log, self.rate = FakeRadio(), FakeLog(), rate
-        self.publisher = Publisher(self.radio, self.log, VehicleClock(), "quad1")
+        self.station = SimpleNamespace(is_lost=False, holder=0)
+        self.estimator = "complementary"
+        self.publisher = Publisher(
+            self.radio,
+            self.log,
+            VehicleClock(),
+            "quad1",
+            estimator=lambda: self.estimator,
+            station=self.station,
+            instance=7,
+        )
         self.number = 0
 
     def ticks(self, count: int, **status: int) -> Record:
@@ -356,10 +368,8 @@ def test_status_speaks_words(sender: Sender) -> None:
 
 
 def test_the_estimator_flown_on_is_named(sender: Sender) -> None:
-    sender.publisher.estimator = "complementary"
     sender.run(0.1)
-    change = ParameterChange(START_NS, FLOWN_ON, "complementary", "mine", "anna", 2)
-    sender.publisher.parameter_change(change)
+    sender.estimator = "mine"
     sender.run(0.1)
     names = [status.estimator for status in sender.radio.decoded("estimator")]
     assert set(names) == {"complementary", "mine"}
@@ -367,12 +377,12 @@ def test_the_estimator_flown_on_is_named(sender: Sender) -> None:
 
 
 def test_a_lost_station_is_probed_and_the_log_keeps_all(sender: Sender) -> None:
-    sender.publisher.station_lost = True
+    sender.station.is_lost = True
     sender.run(4.0)
     for topic in ("telemetry", "estimator", "pressure", "status"):
         assert 18 <= sender.radio.count(topic) <= 22, topic
     assert sender.log.kept["estimator"] == pytest.approx(200, abs=2)
-    sender.publisher.station_lost = False
+    sender.station.is_lost = False
     sender.radio.sent.clear()
     sender.run(1.0)
     assert sender.radio.count("telemetry") == pytest.approx(100, abs=1)
@@ -386,7 +396,7 @@ def test_an_old_backlog_is_not_sent_as_telemetry(sender: Sender) -> None:
 
 
 def test_events_leave_even_when_the_station_is_lost(sender: Sender) -> None:
-    sender.publisher.station_lost = True
+    sender.station.is_lost = True
     for k in range(3):
         sender.publisher.event(mailbox.Event(START_NS + k, mailbox.WARN, f"line {k}"))
     assert [log.msg for log in sender.radio.decoded("events")] == ["line 0", "line 1", "line 2"]
@@ -394,7 +404,6 @@ def test_events_leave_even_when_the_station_is_lost(sender: Sender) -> None:
 
 
 def test_a_parameter_change_has_its_values_and_who_counts(sender: Sender) -> None:
-    sender.publisher.instance = 7
     sender.publisher.parameter_change(ParameterChange(START_NS, "model.mass", 1.3, 1.4, "anna", 2))
     (change,) = sender.radio.decoded("parameter_changes")
     assert (change.name, change.revision, change.instance) == ("model.mass", 2, 7)

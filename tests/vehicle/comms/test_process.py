@@ -19,6 +19,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,7 +35,6 @@ from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.repair import torn_logs
 from vehicle.processes.parent import DEATHS_OUTLASTED
 from vehicle_link import messages, telemetry, topics
-from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.transport.node import Node
@@ -113,7 +113,7 @@ class FakeStation:
         self._link = StationLink(vehicle.link_port, files, vehicle.loopback_port)
         self.node = Node(self._link.session, "/quad1", "station")
         self.counts: Counter[str] = Counter()
-        self.newest: dict[str, Message] = {}
+        self.newest: dict[str, Any] = {}
         self.events: list[str] = []
         self.changes: list[str] = []
         self.ticks: Record | None = None
@@ -128,12 +128,12 @@ class FakeStation:
         self._thread = threading.Thread(target=self._beat)
         self._thread.start()
 
-    def call(self, service: str, **fields: object) -> Message:
+    def call(self, service: str, **fields: object) -> Any:
         srv_type = topics.SERVICES[service]
         client = self.node.client(service, srv_type)
         return client.call(messages.new(f"{srv_type}_Request", **fields), 3.0)
 
-    def command(self, service: str, request_id: str, **fields: object) -> Message:
+    def command(self, service: str, request_id: str, **fields: object) -> Any:
         return self.call(service, request_id=request_id, requester="anna", **fields)
 
     def send_bearings(self, stamp_ns: int) -> None:
@@ -160,7 +160,7 @@ class FakeStation:
             if topic.name == "telemetry":
                 self.ticks = telemetry.unpack(received.payload)[1]
                 return
-            message = messages.decode(received.payload, topic.type_name)
+            message: Any = messages.decode(received.payload, topic.type_name)
             self.newest[topic.name] = message
             if topic.name == "events":
                 self.events.append(message.msg)

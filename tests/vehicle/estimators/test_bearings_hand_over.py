@@ -86,7 +86,7 @@ def test_taking_off_on_bearings_is_refused_with_what_to_do() -> None:
     parameters.estimation.source = "bearings"
     parameters.estimation.estimator = "error_state"
     reason = refusal(Lab(parameters).ready().arm)
-    assert "press Back to tracker" in reason
+    assert "go back to the tracker" in reason
     assert "above 0.3 m" in reason
 
 
@@ -248,7 +248,7 @@ def test_the_layout_is_checked_and_stays_while_bearings_are_flown_on() -> None:
     lab.hand_over()
     lab.wait(2.0)
     assert lab.error() < 0.06  # the positions were taken over
-    assert "press Back to tracker first" in refused_unchanged(lab, {"beacons.layout": "paper"})
+    assert "go back to the tracker first" in refused_unchanged(lab, {"beacons.layout": "paper"})
     lab.change({"estimation.source": "poses"})
     lab.change({"beacons.layout": "paper"})
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from quadrotor.errors import OutOfBoundsError
+from quadrotor.motor_state import MotorState
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
 from vehicle import mailbox
 from vehicle.boards.board import BodyRates, CommandKind, RawSample, Traits
@@ -12,7 +13,6 @@ from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.stack import FlightStack
 from vehicle.parameters import new_parameters
 from vehicle_link.serial.attitude_command import AttitudeCommand
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import memory_port_pair
 
 RATES = Traits("rated", (CommandKind.RATES,))

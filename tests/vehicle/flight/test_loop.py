@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import LinkError
+from quadrotor.motor_state import MotorState
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import JUDGED_READING, Record, bearings_sample, new_tick, pose_sample
@@ -28,7 +29,6 @@ from vehicle.processes.config import Rings, create_rings, open_rings
 from vehicle_link import clock
 from vehicle_link.link_counts import LinkCounts
 from vehicle_link.lockstep import one_clock
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import SerialPort
 
 PERIOD_NS = 2_000_000

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import RefusedError
+from quadrotor.motor_state import MotorState
 from tests.support.narrowing import now
 from vehicle import mailbox
 from vehicle.flight.motor_bench import REFERENCE_MAX
 from vehicle.modes import LEGAL_MOVES, Mode
-from vehicle_link.serial.ids import MotorState
 
 
 def refusal(reply: mailbox.Reply) -> str:

@@ -10,6 +10,7 @@ import pytest
 
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError
+from quadrotor.motor_state import MotorState
 from quadrotor.records import Record
 from tests.support.lab import Lab
 from tests.support.narrowing import now
@@ -18,7 +19,7 @@ from vehicle.boards.board import RawSample
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.stack import FlightStack
 from vehicle.modes import ControlMode, Mode
-from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id
 
 
 class FailingLab(Lab):

@@ -11,6 +11,7 @@ from benchmarks.firmware import chip
 from benchmarks.firmware.image import judge
 from benchmarks.firmware.streams import Step, answer, flown, fuzzed
 from quadrotor.errors import StorageError
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.firmware import header, native
 from vehicle.simulator.firmware.constants import HALF_TURN
 from vehicle.simulator.firmware.firmware import Firmware
@@ -19,7 +20,7 @@ from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial import commands as c
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 
 
 def test_the_header_has_the_numbers_of_the_python_firmware() -> None:

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial import commands as c
 from vehicle_link.serial.attitude_command import AttitudeCommand
-from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id
 
 TOUCHING = 0.005  # m
 

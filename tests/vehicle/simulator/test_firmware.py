@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from quadrotor.motor_state import MotorState
 from tests.support.narrowing import now
 from vehicle.simulator.firmware.firmware import (
     BATTERY_LAND,
@@ -16,7 +17,7 @@ from vehicle.simulator.firmware.firmware import (
 )
 from vehicle_link.serial import commands as c
 from vehicle_link.serial.frames import Frame, FrameDecoder
-from vehicle_link.serial.ids import MIRROR, FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import MIRROR, FlightControlMode, Id
 
 HOVER = (127, 127, 127, 127)
 STOPPED = (0, 0, 0, 0)

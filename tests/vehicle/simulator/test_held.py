@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from quadrotor.motor_state import MotorState
 from quadrotor.rotations import quaternion_from_euler, quaternion_log, quaternion_multiply
 from quadrotor.vehicle_model import thrust_of_reference
 from tests.support.arrays import Array
@@ -15,7 +16,7 @@ from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.force_sensor import FORCE_STEP, TORQUE_STEP, ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 
 COUNT = 0.0039 * 9.81
 STEP = 0.002

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from quadrotor.motor_state import MotorState
 from quadrotor.plain_rotations import quaternion_of, rotate
 from quadrotor.vehicle_model import GRAVITY
 from tests.support.faulty_vehicle import QUIET, Flown, fly, truth
@@ -15,7 +16,7 @@ from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.presets import ROUGH
 from vehicle.simulator.sensors import ACCELEROMETER_SCALE, GYROSCOPE_SCALE, ZERO
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 
 
 def test_faults_that_are_off_change_no_bit_before_or_after() -> None:

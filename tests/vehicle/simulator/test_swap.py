@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import RefusedError
+from quadrotor.motor_state import MotorState
 from tests.support.arrays import Array
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator import attendant as attendant_module
@@ -15,7 +16,6 @@ from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.live_parameters import CHARGE, LiveParameters
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.serial.ids import MotorState
 
 FULL = 16.8
 """Voltage without load, of four cells, V."""

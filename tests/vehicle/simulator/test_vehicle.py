@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from quadrotor.motor_state import MotorState
 from vehicle.boards.board import RawSample
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.serial.ids import MotorState
 
 CLIMB = (135, 135, 135, 135)
 

@@ -78,7 +78,7 @@ def test_new_takes_nested_fields_as_sequence_mapping_or_message() -> None:
         jerk=new("geometry_msgs/Vector3", z=5.0),
         yaw=0.5,
     )
-    back = decode(encode(message), "quadlab_msgs/msg/Reference")
+    back = decode(encode(message), "quadlab_msgs/Reference")
     assert stamp_of(back) == 3_000_000_007
     assert (back.header.stamp.sec, back.header.stamp.nanosec) == (3, 7)
     assert (back.position.x, back.position.y, back.position.z) == (1.0, 2.0, 3.0)

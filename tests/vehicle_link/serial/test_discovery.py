@@ -16,6 +16,7 @@ import pytest
 from serial.tools import list_ports
 
 from quadrotor.errors import LinkError
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle_link.serial.commands import (
     decode_value,
@@ -33,7 +34,7 @@ from vehicle_link.serial.devices import (
 )
 from vehicle_link.serial.discovery import STALE_MS, Clock, Device, Finding, discover
 from vehicle_link.serial.frames import FrameDecoder
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 from vehicle_link.serial.port import SerialPort
 
 

@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from quadrotor.motor_state import MotorState
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle_link.serial import commands as c
 from vehicle_link.serial.frames import MAX_FRAME, Frame, FrameDecoder, encode_frame
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 from vehicle_link.serial.port import memory_port_pair
 
 BYTES = 10_000_000

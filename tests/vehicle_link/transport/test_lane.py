@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any, Final
 
 import pytest
 
@@ -35,12 +36,12 @@ from vehicle_link.lane.replay_window import SIZE, NewestOnly, ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.lockstep import Page
-from vehicle_link.messages import Message, decode, encode
+from vehicle_link.messages import decode, encode
 from vehicle_link.transport.publisher import Received
 
 WAIT = 10.0  # s: a bound, not an expectation
 KEY, KEY_ID = bytes(range(32)), 7
-RESPONSE = "quadlab_msgs/srv/Lane_Response"
+RESPONSE: Final = "quadlab_msgs/srv/Lane_Response"
 
 
 def message(sequence: int = 5, payload: bytes = b"a payload") -> Received:
@@ -224,7 +225,7 @@ class Ends:
         self.vehicle = VehicleLane(0, self.at_vehicle, "127.0.0.1")
         self._stack.callback(self.vehicle.close)
 
-    def ask(self, station: int, wire: Callable[[int], int]) -> Message:
+    def ask(self, station: int, wire: Callable[[int], int]) -> Any:
         """Call as over the link: bytes there and back."""
         self.asked += 1
         answer = decode(encode(self.vehicle.grant(station)), RESPONSE)

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from quadrotor.errors import (
     LinkError,
     NoAnswerError,
     ParameterError,
+    Refusal,
     RefusedError,
     UnreachableError,
     UsageError,
@@ -29,7 +31,7 @@ from quadrotor.records import TICK
 from quadrotor.vehicle_model import VehicleModel
 from tests.support.station import StationLink
 from tests.waiting import free_port, wait_for
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.telemetry import pack, unpack
@@ -98,7 +100,7 @@ class Inbox:
         return self._queue.get(timeout=WAIT)
 
 
-def _ok(request: Message) -> Message:
+def _ok(request: Any) -> Any:
     return new(RESPONSE, accepted=True, reason=f"{request.request_id} of {request.requester}")
 
 
@@ -218,7 +220,7 @@ def test_service_of_the_station_answers_the_client(link: Link) -> None:
 def test_a_request_sent_twice_takes_effect_once(link: Link) -> None:
     count = itertools.count(1)
 
-    def handler(_request: Message) -> Message:
+    def handler(_request: Any) -> Any:
         return new(RESPONSE, accepted=True, reason=str(next(count)))
 
     link.vehicle.serve("once", SERVICES["arm"], Idempotent(handler))
@@ -228,13 +230,29 @@ def test_a_request_sent_twice_takes_effect_once(link: Link) -> None:
     assert reasons == ["1", "1", "2"]
 
 
+def test_the_kind_of_a_refusal_reaches_the_caller(link: Link) -> None:
+    def refuses(_request: Any) -> Any:
+        raise RefusedError("it moves still", Refusal.NOT_AT_REST)
+
+    for service in ("start_behavior", "arm"):  # the answer of `arm` has no field for it
+        link.vehicle.serve(f"{service}_of_a_kind", SERVICES[service], refuses)
+    kinds = []
+    for service in ("start_behavior", "arm"):
+        client = link.web.client(f"{service}_of_a_kind", SERVICES[service])
+        assert client.wait(WAIT)
+        with pytest.raises(RefusedError, match="it moves still") as refused:
+            client.ask("ada")
+        kinds.append(refused.value.kind)
+    assert kinds == [Refusal.NOT_AT_REST, Refusal.NONE]
+
+
 def test_what_a_service_raises_reaches_the_caller_as_text(
     link: Link, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def refuses(_request: Message) -> Message:
+    def refuses(_request: Any) -> Any:
         raise RefusedError("the motors are hot")
 
-    def breaks(_request: Message) -> Message:
+    def breaks(_request: Any) -> Any:
         raise KeyError("defect")
 
     link.vehicle.serve("refuses", SERVICES["arm"], refuses)
@@ -259,7 +277,7 @@ def test_what_a_service_raises_reaches_the_caller_as_text(
 def test_a_service_that_is_slow_or_absent_is_a_link_error(link: Link) -> None:
     proceed = threading.Event()
 
-    def slow(request: Message) -> Message:
+    def slow(request: Any) -> Any:
         proceed.wait(WAIT)
         return _ok(request)
 
@@ -278,7 +296,7 @@ def test_a_service_that_is_slow_or_absent_is_a_link_error(link: Link) -> None:
 def test_a_service_that_is_lost_while_it_works_may_have_carried_it_out(link: Link) -> None:
     entered, proceed = threading.Event(), threading.Event()
 
-    def slow(request: Message) -> Message:
+    def slow(request: Any) -> Any:
         entered.set()
         proceed.wait(WAIT)
         return _ok(request)
@@ -323,7 +341,7 @@ def test_a_request_that_is_held_up_delays_no_other(link: Link, service: str) -> 
     """Requests to the other threads of a service of several, and to another service."""
     entered, proceed = threading.Event(), threading.Event()
 
-    def hold_up(request: Message) -> Message:
+    def hold_up(request: Any) -> Any:
         if request.request_id == "land":
             entered.set()
             proceed.wait(WAIT)
@@ -336,7 +354,7 @@ def test_a_request_that_is_held_up_delays_no_other(link: Link, service: str) -> 
     other = held_up if several else link.web.client(f"beside_{service}", SERVICES["arm"])
     assert held_up.wait(WAIT)
     assert other.wait(WAIT)
-    answers: list[Message] = []
+    answers: list[Any] = []
     landing = new(REQUEST, request_id="land")
     thread = threading.Thread(target=lambda: answers.append(held_up.call(landing, WAIT)))
     thread.start()
@@ -473,16 +491,16 @@ def test_ros_gets_types_lists_and_unset_values(link: Link, authority: Authority)
     request = new("rcl_interfaces/srv/GetParameterTypes_Request", names=names)
     assert types.call(request).types.tolist() == [1, 2, 3, 4, 0]
     get = link.web.client("vehicle/get_parameters", "rcl_interfaces/srv/GetParameters")
-    request = new("rcl_interfaces/srv/GetParameters_Request", names=["nothing", "model.arm"])
-    unset, arm = get.call(request).values
+    wanted = new("rcl_interfaces/srv/GetParameters_Request", names=["nothing", "model.arm"])
+    unset, arm = get.call(wanted).values
     assert (unset.type, from_value(arm)) == (0, 0.25)
     listing = link.web.client("vehicle/list_parameters", "rcl_interfaces/srv/ListParameters")
-    request = new("rcl_interfaces/srv/ListParameters_Request", prefixes=["position"], depth=1)
-    result = listing.call(request).result
+    below = new("rcl_interfaces/srv/ListParameters_Request", prefixes=["position"], depth=1)
+    result = listing.call(below).result
     assert result.names == [f"position.{field}" for field in _Gains.model_fields]
     assert result.prefixes == ["position"]
-    request = new("rcl_interfaces/srv/ListParameters_Request", depth=1)
-    assert listing.call(request).result.names == []
+    below = new("rcl_interfaces/srv/ListParameters_Request", depth=1)
+    assert listing.call(below).result.names == []
 
 
 def test_ros_tools_find_node_topic_and_service(link: Link) -> None:

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import threading
+from typing import Final
 
 import numpy as np
 import pytest
 
 from quadrotor.errors import RefusedError
 from tests.support.narrowing import now
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import new
+from vehicle_link.messages.records import CommandRequest, CommandResponse
 from vehicle_link.transport.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.time_sync import ClockOffset, Exchange
 
 MS = 1_000_000
-REQUEST = "quadlab_msgs/srv/Command_Request"
-RESPONSE = "quadlab_msgs/srv/Command_Response"
+REQUEST: Final = "quadlab_msgs/srv/Command_Request"
+RESPONSE: Final = "quadlab_msgs/srv/Command_Response"
 
 
 def _exchange(at: int, offset: int, there: int, back: int) -> Exchange:
@@ -99,14 +101,14 @@ class _Counter:
     def __init__(self) -> None:
         self.calls = 0
 
-    def __call__(self, request: Message) -> Message:
+    def __call__(self, request: CommandRequest) -> CommandResponse:
         self.calls += 1
         if request.requester == "nobody":
             raise RefusedError("nobody may")
         return new(RESPONSE, reason=str(self.calls))
 
 
-def _request(request_id: str, requester: str = "anna") -> Message:
+def _request(request_id: str, requester: str = "anna") -> CommandRequest:
     return new(REQUEST, request_id=request_id, requester=requester)
 
 
@@ -143,7 +145,7 @@ def test_the_same_id_waits_for_the_answer_under_way() -> None:
     entered, proceed = threading.Event(), threading.Event()
     answers: list[str] = []
 
-    def slow(request: Message) -> Message:
+    def slow(request: CommandRequest) -> CommandResponse:
         entered.set()
         assert proceed.wait(10)
         return new(RESPONSE, reason=f"{request.requester} first")

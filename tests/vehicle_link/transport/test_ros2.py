@@ -22,6 +22,7 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 from tests.waiting import free_port
 from vehicle_link import messages
 from vehicle_link.messages import encode, header, new
+from vehicle_link.messages.records import CommandRequest, Message
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import SERVICES, TOPICS, decode_external_reference, decode_joy, decode_pose
 from vehicle_link.transport.node import Node
@@ -250,11 +251,11 @@ def _sent_until_heard(
 
 def test_a_node_calls_a_service(vehicle: Node, peer: Peer) -> None:
     kind = SERVICES["arm"]
-    vehicle.serve(
-        "arm",
-        kind,
-        lambda r: new(f"{kind}_Response", accepted=False, reason=f"not for {r.requester}"),
-    )
+
+    def refuse(request: CommandRequest) -> Message:
+        return new(f"{kind}_Response", accepted=False, reason=f"not for {request.requester}")
+
+    vehicle.serve("arm", kind, refuse)
     answer = peer(
         "call",
         "/quad1/arm",

@@ -37,7 +37,7 @@ def filled(type_name: str) -> Any:
     message = new(type_name)
     for i, (path, _) in enumerate(numbers(type_name, 0)):
         *outer, last = path
-        place = message
+        place: Any = message
         for step in outer:
             place = place[step] if isinstance(step, int) else getattr(place, step)
         if isinstance(last, int):

@@ -6,6 +6,7 @@ import asyncio
 import threading
 from collections.abc import Iterator
 from typing import Any
+from unittest import mock
 
 import pytest
 
@@ -289,7 +290,7 @@ def test_sticks_carry_their_owner_and_the_stations_answer_finds_back(
 
 
 def test_before_the_first_session_commands_say_so() -> None:
-    station = Station(lambda: None, "quad1", Live(decode), EventHub(), Reactions())
+    station = Station(mock.Mock(), "quad1", Live(decode), EventHub(), Reactions())
     with pytest.raises(UnreachableError):
         asyncio.run(station.command("arm", "operator 1"))
 

@@ -67,7 +67,7 @@ def samples(log: Path) -> tuple[Any, Any]:
     """Return times (s) and heights (m) of the state, read by the message decoder."""
     found = []
     for message in read_log(log, topics=["/quad1/state"]):
-        height = decode(message.payload, message.type_name).pose.pose.position.z
+        height = decode(message.payload, "nav_msgs/Odometry").pose.pose.position.z
         found.append((message.publish_ns, height))
     stamps, heights = zip(*found, strict=True)
     times = (np.array(stamps) - stamps[0]) / 1e9

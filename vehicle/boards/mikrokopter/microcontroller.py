@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from quadrotor.errors import OutOfBoundsError
+from quadrotor.motor_state import MotorState
 from quadrotor.parameters import Parameters
 from vehicle.boards.board import Command, CommandKind, RawSample, Traits
 from vehicle.boards.kind import Kind
@@ -46,7 +47,6 @@ from vehicle_link.serial.ids import (
     FlightControlMode,
     Id,
     Identity,
-    MotorState,
 )
 from vehicle_link.serial.port import Port
 

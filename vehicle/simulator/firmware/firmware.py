@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.firmware.hovering import DEFAULT_GAINS
 from vehicle.simulator.firmware.memory import new_program, set_period
 from vehicle.simulator.firmware.program import period
@@ -26,7 +27,7 @@ from vehicle_link.serial.commands import (
 )
 from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import MIRROR as DEFAULT_MIRROR
-from vehicle_link.serial.ids import TIME_PERIOD_MS, FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import TIME_PERIOD_MS, FlightControlMode, Id
 
 COMMAND_TIMEOUT_MS = 250
 BATTERY_LAND = 131

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from quadrotor.checkout import ROOT
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.firmware import constants, firmware, hovering
 from vehicle_link.serial import ids
 
 PATH = ROOT / "firmware" / "core" / "constants.h"
-_ENUMS = {"ID": ids.Id, "STATE": ids.MotorState, "MODE": ids.FlightControlMode}
+_ENUMS = {"ID": ids.Id, "STATE": MotorState, "MODE": ids.FlightControlMode}
 _OPENING = """/* Written by `python -m vehicle.simulator.firmware.header`: edit constants.py there.
  * Units and sources of the numbers are in that file. */
 #ifndef CONSTANTS_H

@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.firmware.firmware import REGISTERS
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 
 FOLDER = ROOT / "firmware"
 _ROOM = 34

@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
+from quadrotor.motor_state import MotorState
 from vehicle.simulator.firmware import constants as k
 from vehicle.simulator.firmware.descent import begin_descent, descend, stop, watch_thrust
 from vehicle.simulator.firmware.estimation import estimate_attitude, estimate_climb
 from vehicle.simulator.firmware.fixed import bounded, by16
 from vehicle.simulator.firmware.hovering import hold_angles
-from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id
 
 Item = Any
 """One record `array[k]` inside compiled code."""

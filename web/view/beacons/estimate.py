@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from vehicle_link.messages.records import EstimatorComparison, PoseWithCovarianceStamped
 from web.view.airframe import Airframe
 from web.view.shapes import Array, Point, Quaternion, ellipsoid, point_of, wxyz_of
+
+if TYPE_CHECKING:
+    from viser import SceneApi
 
 TINT = (186, 142, 226)
 OPACITY = 0.16
@@ -29,14 +33,14 @@ class Estimate(NamedTuple):
         return all(map(math.isfinite, (*self.position, *self.quaternion)))
 
 
-def of_one_frame(message: Any) -> Estimate:
+def of_one_frame(message: PoseWithCovarianceStamped) -> Estimate:
     """Return the estimate of a `bearing_pose` message (PoseWithCovarianceStamped)."""
     pose = message.pose.pose
     covariance = np.array(message.pose.covariance, float).reshape(6, 6)[:3, :3]
     return Estimate(point_of(pose.position), wxyz_of(pose.orientation), covariance)
 
 
-def of_comparison(message: Any, name: str) -> Estimate | None:
+def of_comparison(message: EstimatorComparison, name: str) -> Estimate | None:
     """Return the result of this name, or None if it is missing or not yet initialized."""
     for one in message.estimators:
         if one.name == name and one.initialized:
@@ -49,7 +53,7 @@ def of_comparison(message: Any, name: str) -> Estimate | None:
 class EstimateGhost:
     """Ghost of an estimate: the nodes `/estimate/body` and `/estimate/covariance`."""
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: SceneApi) -> None:
         self._frame = api.add_frame("/estimate", show_axes=False, visible=False)
         self._body = Airframe(api, "/estimate/body", ghost=True, tint=TINT, opacity=0.4)
         self._body.frame.visible = True

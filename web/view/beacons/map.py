@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 from bearing_sim.beacons import Beacons
 from bearing_sim.observability import FieldOfView, bound_map
 from control.behaviors.parameters import Box
 from web.view.beacons.bound_image import Scale, legend, picture
+
+if TYPE_CHECKING:
+    from viser import ImageHandle, SceneApi
 
 PERIOD = 0.2  # shortest time between two maps, in s, as when a beacon is dragged
 SPACING = 0.1  # shortest spacing, m
@@ -32,9 +35,9 @@ class MapRequest:
 class BoundSlice:
     """Node `/bound`. `update` does not block: a thread computes the newest request."""
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: SceneApi) -> None:
         self._api = api
-        self._node: Any = None
+        self._node: ImageHandle | None = None
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="bound-map")
         self._work: Future[Scale | None] | None = None
         self._working_on: MapRequest | None = None

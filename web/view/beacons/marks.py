@@ -6,10 +6,16 @@ viser keeps a tombstone of every removed node.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from bearing_sim.beacons import Beacons
-from web.view.shapes import IDENTITY, Point, handle, turns_from_z
+from quadrotor.plain_rotations import Array
+from web.view.shapes import IDENTITY, Point, Quaternion, handle, turns_from_z
+
+if TYPE_CHECKING:
+    from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 
 SEEN, UNSEEN = (224, 196, 110), (122, 128, 134)
 HANDLE = (224, 196, 110)
@@ -21,7 +27,7 @@ THINNEST = 0.01  # m, the height of a post on the ground
 class Mark:
     """Nodes of one marked point, such as a beacon: ball, post to the ground, label and handle."""
 
-    def __init__(self, api: Any, name: str) -> None:
+    def __init__(self, api: SceneApi, name: str) -> None:
         self.id: int | str | None = None
         self.frame = api.add_frame(name, show_axes=False, visible=False)
         self.ball = api.add_icosphere(
@@ -39,8 +45,8 @@ class Mark:
         )
         self.handle_name = f"{name}/handle"
         self._api = api
-        self._handle: Any = None
-        self._wanted: Any = None
+        self._handle: MeshHandle | None = None
+        self._wanted: IcosphereHandle | None = None
 
     def place(self, id: int | str, position: Point) -> None:
         z = position[2]
@@ -62,7 +68,7 @@ class Mark:
         self.frame.visible = False
         self.want(None)
 
-    def show_handle(self, shown: bool, turn: Any) -> None:
+    def show_handle(self, shown: bool, turn: Quaternion | Array) -> None:
         if self._handle is None:
             if not shown:
                 return
@@ -93,9 +99,7 @@ class Mark:
                 cast_shadow=False,
             )
         if position is not None:
-            self._wanted.position = [
-                w - p for w, p in zip(position, self.frame.position, strict=True)
-            ]
+            self._wanted.position = np.subtract(position, self.frame.position)
         self._wanted.visible = position is not None
 
 
@@ -106,11 +110,11 @@ class BeaconMarks:
         api: viser's scene.
     """
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: SceneApi) -> None:
         self._api = api
         self._slots: list[Mark] = []
         self._handles_shown = False
-        self._turn: Any = IDENTITY
+        self._turn: Quaternion | Array = IDENTITY
         self.beacons: Beacons | None = None
         self.places: dict[int, Point] = {}
         api.add_frame("/beacons", show_axes=False)
@@ -153,7 +157,7 @@ class BeaconMarks:
             slot.want(positions.get(slot.id) if isinstance(slot.id, int) else None)
 
 
-async def only_offered(_: Any) -> None:
+async def only_offered(_: SceneNodeDragEvent[MeshHandle]) -> None:
     """Do nothing: a callback only makes the browser offer the drag or click, whose messages end at
     the pump.
     """

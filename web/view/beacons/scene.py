@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from bearing_sim.observability import FieldOfView
 from control.behaviors.parameters import Box
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import stamp_of
+from vehicle_link.messages.records import BearingArray
 from web.latest import STALE, Live
 from web.view.beacons.estimate import (
     ONE_FRAME,
@@ -60,6 +61,10 @@ class BeaconView:
             )
 
 
+MOTION: tuple[Literal["truth"], Literal["state"]] = ("truth", "state")
+"""Topics with the pose of the vehicle, the better one first."""
+
+
 class BeaconScene:
     """Nodes `/beacons`, `/rays`, `/cones`, `/estimate` and `/bound`.
 
@@ -84,7 +89,7 @@ class BeaconScene:
         self._volume: Box | None = None
         self._lit: dict[int, float] = {}
         self._now = self._due = -math.inf
-        self._drawn: Any = None  # the newest frame of bearings, once it is drawn
+        self._drawn: BearingArray | None = None  # the newest frame of bearings, once it is drawn
         self.set_beacons(PAPER_BEACONS, self._sigma)
 
     def on_moved(self, react: Callable[[int, tuple[float, float, float], str], None]) -> None:
@@ -154,7 +159,7 @@ class BeaconScene:
             self._ghost.show(self._estimate())
 
     def _remember(self) -> None:
-        for source in ("truth", "state"):
+        for source in MOTION:
             message = self._live.current(source)
             if message is not None:
                 self._history.add(source, message)

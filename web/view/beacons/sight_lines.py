@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vehicle_link.messages import stamp_of
+from vehicle_link.messages.records import BearingArray, Odometry
 from web.view.lines import line_color
 from web.view.shapes import (
     Array,
@@ -27,6 +28,9 @@ from web.view.shapes import (
     turns_from_z,
     wxyz_of,
 )
+
+if TYPE_CHECKING:
+    from viser import SceneApi
 
 RATE = 15.0  # largest rate, Hz
 HISTORY = 2.0  # s
@@ -42,7 +46,7 @@ class PoseHistory:
         self._source = ""
         self._poses: deque[tuple[int, Point, Quaternion]] = deque()
 
-    def add(self, source: str, message: Any) -> None:
+    def add(self, source: str, message: Odometry) -> None:
         """Add an odometry; another source or an earlier stamp clears the history first."""
         stamp_ns = stamp_of(message)
         if source != self._source or (self._poses and stamp_ns < self._poses[-1][0]):
@@ -85,7 +89,7 @@ class PoseHistory:
 class SightLines:
     """Nodes `/rays` and `/cones`."""
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: SceneApi) -> None:
         self._rays = api.add_line_segments(
             "/rays",
             np.zeros((4, 2, 3), np.float32),
@@ -118,7 +122,7 @@ class SightLines:
 
     def show(
         self,
-        frame: Any,
+        frame: BearingArray,
         pose: tuple[Array, Array],
         places: dict[int, Point],
         *,

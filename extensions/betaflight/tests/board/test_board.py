@@ -14,9 +14,9 @@ from extensions.betaflight.board.messages import Function
 from extensions.betaflight.board.options import BetaflightOptions
 from extensions.betaflight.msp.frames import ERROR, REPLY, MessageDecoder, encode
 from quadrotor.errors import OutOfBoundsError
+from quadrotor.motor_state import MotorState
 from vehicle.boards.board import BodyRates, RawSample
 from vehicle_link.serial.attitude_command import AttitudeCommand
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 BOXES = bytes((0, 1, 2, 27))  # arm, angle, horizon, failsafe

@@ -14,9 +14,9 @@ from extensions.betaflight.board.configuration import mode_lines, required
 from extensions.betaflight.board.options import BetaflightOptions
 from extensions.betaflight.simulated.process import REST, BetaflightProcess
 from quadrotor.errors import LinkError
+from quadrotor.motor_state import MotorState
 from quadrotor.vehicle_model import Four
 from vehicle.boards.board import RawSample
-from vehicle_link.serial.ids import MotorState
 
 pytestmark = pytest.mark.needs("betaflight")
 STEP_NS = 1_000_000

@@ -15,13 +15,13 @@ from extensions.crazyflie.board.options import CrazyflieOptions
 from extensions.crazyflie.crtp.packets import CrtpPort, Packet, frame
 from extensions.crazyflie.tests.board.bench import Bench
 from quadrotor.errors import OutOfBoundsError
+from quadrotor.motor_state import MotorState
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import STATE
 from vehicle.boards.board import BodyRates, TakesPoses
 from vehicle.boards.offered import FIRMWARE, offer
 from vehicle.parameters import VehicleParameters, new_parameters
 from vehicle_link.serial.attitude_command import AttitudeCommand
-from vehicle_link.serial.ids import MotorState
 
 HOVER = BodyRates((0.0, 0.0, 0.0), 0.0, 0.24)
 READY_MS = 800

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from quadrotor.motor_state import MotorState
 from quadrotor.records import IMU_SAMPLE, Record
 from vehicle.boards.board import RawSample
 from vehicle.boards.imu import ImuCalibration, ImuCalibrator
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.serial.ids import MotorState
 
 
 def raw(accelerometer: tuple[int, int, int], gyroscope: tuple[int, int, int]) -> RawSample:

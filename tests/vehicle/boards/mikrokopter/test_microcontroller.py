@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 
 from quadrotor.errors import LinkError
+from quadrotor.motor_state import MotorState
 from vehicle.boards.board import RawSample
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.firmware.firmware import Firmware
@@ -15,7 +16,7 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.commands import encode_data, encode_mirrored, encode_value
 from vehicle_link.serial.exchange import TRIES
 from vehicle_link.serial.frames import FrameDecoder
-from vehicle_link.serial.ids import MIRROR, Id, Identity, MotorState
+from vehicle_link.serial.ids import MIRROR, Id, Identity
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 LEVEL = (512, 512, 768, 512, 512, 512)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from quadrotor.errors import LinkError
+from quadrotor.motor_state import MotorState
 from tests.support.narrowing import now
 from vehicle.boards.board import Command, RawSample
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
@@ -13,7 +14,7 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.commands import decode_instruction
 from vehicle_link.serial.frames import FrameDecoder
-from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 DIRECT, NEAR_HOVERING = FlightControlMode.DIRECT, FlightControlMode.NEAR_HOVERING

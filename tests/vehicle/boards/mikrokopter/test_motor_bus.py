@@ -8,13 +8,14 @@ from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
+from quadrotor.motor_state import MotorState
 from vehicle.boards.mikrokopter.motor_bus import NO_ANSWER, PERIOD_S, REFERENCES, MotorBus
 from vehicle.modes import Mode
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.commands import decode_instruction
 from vehicle_link.serial.frames import FrameDecoder
-from vehicle_link.serial.ids import Id, MotorState
+from vehicle_link.serial.ids import Id
 
 REST = (0, 0, 0, 0)
 
