@@ -185,6 +185,31 @@ class PageFeature(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PagePanel(Offer):
+    """A part of the page: a tab, or a section of a place that a document of the page has.
+
+    The target is a script of the folder `page` beside the declaration and the function in it that
+    shows the panel, as "page/tune.js:show". It is called with the panel's element and an object of
+    the parts of the page. A script imports others by a relative address, and those of the page by
+    "/static/…".
+
+    Attributes:
+        place: "tabs", or the place of a section.
+        title: the label of the tab, or the name of the section.
+        styles: stylesheets of the folder.
+        icon: of a tab, the path of an SVG on 20 × 20.
+        after: the tab after which it stands; "" for the last one.
+    """
+
+    kind: ClassVar[str] = "panel of the page"
+    place: str
+    title: str
+    styles: tuple[str, ...] = ()
+    icon: str = ""
+    after: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutSurvey(Offer):
     """A survey of the beacons' positions from a recorded flight, for the page.
 

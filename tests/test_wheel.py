@@ -55,6 +55,10 @@ from quadlab.flight_log.provenance import provenance
 assert run(provenance) == provenance()  # in a process of its own
 from quadlab.web.static_files import FILES
 print(FILES.document("console/index.html").body.decode())
+from quadlab.web.features import panels_of_extensions
+from quadlab.web.static_files import files_with
+panels = tuple(panels_of_extensions())
+assert panels and files_with(panels).problems == []
 """
 
 

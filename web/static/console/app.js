@@ -26,8 +26,8 @@ import { Events, Telemetry } from "../core/sockets.js";
 import { addSticks } from "../sticks/panel.js";
 import { Simulation } from "./simulation_strip.js";
 import { StateTable } from "./state_table.js";
+import { showPanels } from "../core/panels.js";
 import { tabs } from "./tabs.js";
-import { Tune } from "../tune/tune.js";
 import { addVehicleStrip } from "../core/vehicle_strip.js";
 import { View } from "./scene_view.js";
 import { DraftBar } from "../view/draft.js";
@@ -59,9 +59,10 @@ async function start() {
   new StateTable($("table"), telemetry, description, ages);
   const charts = new Charts($("charts"), telemetry, description, events);
   new Beacons({ events, history: charts.history, description, gains, isOperator, ages });
-  new Tune($("tab-tune"), { events, session, isOperator });
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
   new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
+
+  showPanels({ events, session, telemetry, description, gains, fly, ages, isOperator, history: charts.history });
 
   const panel = new FaultsPanel($("faults"), { gains, isOperator });
   new Simulation($("simulation"), { events, gains, fly, isOperator, panel });

@@ -1,7 +1,7 @@
 // Set-points (dashed) and actual values (solid) of step tests, aligned at the first edge.
 
-import { element } from "../core/dom.js";
-import { axisLook, font, onTheme, paint } from "../core/theme.js";
+import { element } from "/static/core/dom.js";
+import { axisLook, font, onTheme, paint } from "/static/core/theme.js";
 import { DEGREES } from "./units.js";
 
 const AXIS = { x: "var(--x)", y: "var(--y)", z: "var(--z)", yaw: "var(--z)" };

@@ -1,7 +1,7 @@
 // Figures of the chosen tests side by side, and the gains that differ between them.
 
-import { element } from "../core/dom.js";
-import { exact, fixed, NONE } from "../core/format.js";
+import { element } from "/static/core/dom.js";
+import { exact, fixed, NONE } from "/static/core/format.js";
 import { FIGURES, figure, unitOf } from "./units.js";
 
 const letterHead = (letter, color) => {

@@ -1,9 +1,9 @@
 // The last step tests: a box to draw each, what was wrong with it, delete and undo.
 
-import { request } from "../core/api.js";
-import { element } from "../core/dom.js";
-import { timeOf } from "../core/format.js";
-import { icon } from "../icons/icons.js";
+import { request } from "/static/core/api.js";
+import { element } from "/static/core/dom.js";
+import { timeOf } from "/static/core/format.js";
+import { icon } from "/static/icons/icons.js";
 import { describe } from "./units.js";
 
 export class TuneRuns {

@@ -1,6 +1,6 @@
 // Figures of step tests in the units people read: lengths in mm, angles in degrees.
 
-import { fixed, NONE, words } from "../core/format.js";
+import { fixed, NONE, words } from "/static/core/format.js";
 
 export const DEGREES = 180 / Math.PI;
 const TIME = { unit: "s", digits: 2 };

@@ -1,9 +1,9 @@
 // The Tune tab: a step or doublet on one axis, drawn and judged from the vehicle's own log.
 
-import { command, get, request } from "../core/api.js";
-import { flightButton } from "../core/flight_button.js";
-import { attempt, element, optionsOf, setText, showNote } from "../core/dom.js";
-import { exact, words } from "../core/format.js";
+import { command, get, request } from "/static/core/api.js";
+import { flightButton } from "/static/core/flight_button.js";
+import { attempt, element, optionsOf, setText, showNote } from "/static/core/dom.js";
+import { exact, words } from "/static/core/format.js";
 import { colorsOf, TunePlot } from "./plot.js";
 import { TuneRuns } from "./runs.js";
 import { figuresTable, gainsTable } from "./tables.js";
@@ -15,7 +15,11 @@ const SHOWN = { idle: "", flying: "Flying", fetching: "Fetching the vehicle's lo
 const AXES = ["x", "y", "z", "yaw"], SHAPES = ["step", "doublet"];
 const CACHED = 20;
 
-export class Tune {
+export function show(place, { events, session, isOperator }) {
+  new Tune(place, { events, session, isOperator });
+}
+
+class Tune {
   axis; shape; amplitude; unit; duration; repeats; start; stop; bar; progress; line; reason; figures; gains; list; plot; // made by build()
 
   // session: of /api/session
