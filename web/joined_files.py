@@ -16,18 +16,18 @@ that it shares with the page's script are run once, by that script.
 
 from __future__ import annotations
 
-import json
 import posixpath
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from types import MappingProxyType
+
+from web.source_map import source_map
 
 Read = Callable[[str], str]
 """Function that returns the text of a file by its name. Raises FileNotFoundError."""
 
-PANELS = "core/panels.js"
+PANELS = "console/panels.js"
 """Module of the page to which a panel's script gives the function that shows it."""
 _ROOT = "/static/"
 _SHARED = "globalThis.$$shared"
@@ -38,7 +38,6 @@ _EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function|class) )", re.MUL
 _BINDING = re.compile(r"([A-Za-z_$][\w$]*)(?: as ([A-Za-z_$][\w$]*))?")
 _OTHER = re.compile(r"^\s*(?:import|export)\b(?!\s*[:=(.]).*|\bimport\s*(?:\(|\.\s*meta\b)", re.M)
 _AWAIT = re.compile(r"^(?:(?:export )?(?:const|let|var)\s[^=\n]*=\s*)?await\b", re.MULTILINE)
-_DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 
 
 class JoinError(Exception):
@@ -161,7 +160,7 @@ def _joined(
         lines += [f"return {{ {given} }};", "})();"]
         places += [None, None, *own, None, None]
     lines += [*tail, f"//# sourceMappingURL={map_address}"]
-    return Joined("\n".join(lines) + "\n", _source_map(modules, places, place))
+    return Joined("\n".join(lines) + "\n", source_map(modules, places, place))
 
 
 def join_styles(names: Iterable[str], read: Read) -> str:
@@ -275,40 +274,3 @@ def _check_export(importer: str, module: _Module, name: str) -> None:
 def _variable(name: str) -> str:
     """Return the variable for a module; no name in the page's files begins like it."""
     return "$$" + name.removesuffix(".js").replace("/", "$").replace("-", "_")
-
-
-# ---------------------------------------------------------------------- source map
-def _source_map(
-    modules: Mapping[str, _Module], places: list[tuple[int, int] | None], place: str
-) -> str:
-    """Return a source map, version 3.
-
-    Each line of the script is a line of a file, or belongs to no file.
-    """
-    known = [(0, 0), *(one for one in places if one is not None)]
-    steps = iter([(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(known)])
-    mappings = []
-    for one in places:
-        if one is None:
-            mappings.append("")
-            continue
-        file, line = next(steps)
-        mappings.append("A" + _vlq(file) + _vlq(line) + "A")
-    return json.dumps(
-        {
-            "version": 3,
-            "sources": [f"{place}{name}" for name in modules],
-            "names": [],
-            "mappings": ";".join(mappings),
-        }
-    )
-
-
-def _vlq(value: int) -> str:
-    """Encode an integer in base 64, five bits a digit, with the sign in the lowest bit."""
-    rest, digits = (-value << 1 | 1) if value < 0 else value << 1, ""
-    while True:
-        digit, rest = rest & 31, rest >> 5
-        digits += _DIGITS[digit | 32 if rest else digit]
-        if not rest:
-            return digits

@@ -20,9 +20,9 @@ from web.panels import TABS, Panel
 from web.static_files import STATIC, CachedFiles
 
 PAGE = {
-    "core/panels.js": "export function addPanel() {}\n",
+    "console/panels.js": "export function addPanel() {}\n",
     "core/dom.js": "export const $ = 1, element = 2;\nexport const unused = 3;\n",
-    "page/page.js": 'import { $ } from "../core/dom.js";\nimport "../core/panels.js";\n$;\n',
+    "page/page.js": 'import { $ } from "../core/dom.js";\nimport "../console/panels.js";\n$;\n',
     "page/page.html": """<!doctype html>
 <html lang="en">
 <head>
@@ -120,14 +120,14 @@ def test_a_panels_script_uses_the_modules_of_the_page_and_runs_its_own(
     files = made()
     page = fetched(files, "joined/page/page.js").text
     ours = fetched(files, "joined/extensions/tunnel/wind.js").text
-    shared = '{ "core/dom.js": $$core$dom, "core/panels.js": $$core$panels };\n// ---- page/page.js'
-    assert f"globalThis.$$shared = {shared}" in page
+    shared = '{ "console/panels.js": $$console$panels, "core/dom.js": $$core$dom };\n'
+    assert f"globalThis.$$shared = {shared}// ---- page/page.js" in page
     assert "return { $, element };" in page
     assert 'const $$core$dom = globalThis.$$shared["core/dom.js"];' in ours
     assert re.findall(r"^// ---- (\S+)$", ours, re.MULTILINE) == [
         *("extensions/tunnel/speed.js", "extensions/tunnel/wind.js")
     ]
-    assert '\n$$core$panels.addPanel("wind", show);\n' in ours
+    assert '\n$$console$panels.addPanel("wind", show);\n' in ours
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ import { Events, Telemetry } from "../core/sockets.js";
 import { addSticks } from "../sticks/panel.js";
 import { Simulation } from "./simulation_strip.js";
 import { StateTable } from "./state_table.js";
-import { showPanels } from "../core/panels.js";
+import { showPanels } from "./panels.js";
 import { tabs } from "./tabs.js";
 import { addVehicleStrip } from "../core/vehicle_strip.js";
 import { View } from "./scene_view.js";

@@ -1,6 +1,7 @@
-// Panels of extensions: the server puts an element for each into the document, and a script of its own beside the page's.
+// Panels of extensions: the server puts an element for each into the document, and a script of its own
+// beside that of the page.
 
-import { element } from "./dom.js";
+import { element } from "../core/dom.js";
 
 const waiting = new Map(); // functions by panel, before the page has begun
 let parts;
@@ -28,9 +29,11 @@ function fill(name, show) {
 
 // All scripts have run or failed by then.
 function tellMissing() {
-  for (const place of document.querySelectorAll("[data-panel]:not([data-shown])")) tell(place, "its script did not run");
+  const empty = document.querySelectorAll("[data-panel]:not([data-shown])");
+  for (const place of empty) tell(place, "its script did not run");
 }
 
 function tell(place, why) {
-  place.append(element("p", { className: "bad", role: "alert" }, `The extension ${place.dataset.extension} cannot show this: ${why}`));
+  const line = `The extension ${place.dataset.extension} cannot show this: ${why}`;
+  place.append(element("p", { className: "bad", role: "alert" }, line));
 }
