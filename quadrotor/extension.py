@@ -210,6 +210,21 @@ class PagePanel(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StationPart(Offer):
+    """A part of the base station of each vehicle; the name is the group of its parameters.
+
+    The target is a function of a `console.part.PartContext` that returns a `console.part.Part`.
+
+    Attributes:
+        parameters: module and name of the `quadrotor.parameters.Parameters` that the station has as
+            `station.NAME`; "" for none.
+    """
+
+    kind: ClassVar[str] = "part of the station"
+    parameters: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutSurvey(Offer):
     """A survey of the beacons' positions from a recorded flight, for the page.
 

@@ -15,7 +15,7 @@ def known_defaults() -> dict[str, ParameterValue]:
     # Imported here: they load compiled code.
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
-    from console.parameters.station import StationParameters
+    from console.parameters.station import station_parameters
     from control.behaviors.parameters import BehaviorParameters
     from control.parameters import ControlParameters
     from estimation.identification.mass_estimator import MassParameters
@@ -31,7 +31,7 @@ def known_defaults() -> dict[str, ParameterValue]:
         "behavior": BehaviorParameters(),
         "tracker": TrackerParameters(),
         "bearings": BearingParameters(),
-        "station": StationParameters(),
+        "station": station_parameters(),
     }
     return {
         f"{prefix}.{one.name}": one.default

@@ -22,7 +22,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from bearing_sim.emulator import BearingParameters
 from console.catalogue.catalogue import Catalogue
-from console.comparison.parameters import ComparisonParameters
 from console.trackers.camera_store import CameraStore
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
@@ -59,9 +58,13 @@ class _Root(Parameters):
     gains: _Gains = _Gains()
 
 
+class Compared(Parameters):
+    estimators: str = parameter("", description="estimators compared at the station")
+
+
 class _OnBearings(Parameters):
     bearings: BearingParameters = BearingParameters()
-    comparison: ComparisonParameters = ComparisonParameters()
+    comparison: Compared = Compared()
 
 
 class _BearingsRoot(Parameters):

@@ -58,11 +58,12 @@ async function start() {
   addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
   new StateTable($("table"), telemetry, description, ages);
   const charts = new Charts($("charts"), telemetry, description, events);
-  new Beacons({ events, history: charts.history, description, gains, isOperator, ages });
+  const beacons = new Beacons({ events, gains, isOperator, ages });
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
   new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
 
-  showPanels({ events, session, telemetry, description, gains, fly, ages, isOperator, history: charts.history });
+  const shown = { gains, fly, ages, beacons, history: charts.history };
+  showPanels({ events, session, telemetry, description, isOperator, ...shown });
 
   const panel = new FaultsPanel($("faults"), { gains, isOperator });
   new Simulation($("simulation"), { events, gains, fly, isOperator, panel });

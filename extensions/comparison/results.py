@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from console.comparison.statistics import NOTHING, Summary
+from extensions.comparison.statistics import NOTHING, Summary
 from quadrotor.records import Array
 from vehicle_link.messages import header, new
 

@@ -1,4 +1,4 @@
-"""`/ws/comparison`: estimators of the comparison and residuals, for an open Beacons tab.
+"""The websocket `/comparison`: estimators of the comparison and residuals, for an open Beacons tab.
 
 It sends JSON at 5 Hz, because people read numbers no faster, and nothing while there is no
 comparison. Charts get the same figures at their own rate as signals (web.signals). A page opens
@@ -11,13 +11,24 @@ import asyncio
 import math
 from typing import Any
 
-from fastapi import WebSocket
+from fastapi import FastAPI, WebSocket
 
+from web.feature import Feature
 from web.latest import Live
 from web.live.conversation import converse, send_json, significant
+from web.vehicle_context import VehicleContext
 
 RATE = 5.0  # Hz
 TOPIC = "comparison"
+
+
+def add_comparison(app: FastAPI, context: VehicleContext) -> None:
+    @app.websocket("/comparison")
+    async def comparison(socket: WebSocket) -> None:
+        await serve(socket, context.live)
+
+
+FEATURE = Feature(add_comparison)
 
 
 async def serve(socket: WebSocket, live: Live) -> None:

@@ -21,12 +21,12 @@ from bearing_sim.beacons import Beacons
 from bearing_sim.emulator import BearingMeasurement
 from bearing_sim.observability import frame_bound
 from bearing_sim.pose_track import Pose
-from console.comparison.bearings import residuals
-from console.comparison.results import Comparison, Result
-from console.comparison.samples import PacketEvent, SampleQueue
-from console.comparison.shadow import Shadow
-from console.comparison.statistics import QUATERNION, ErrorStatistics, errors
-from console.comparison.truth import Row, Source, TruthMerge
+from extensions.comparison.bearings import residuals
+from extensions.comparison.results import Comparison, Result
+from extensions.comparison.samples import PacketEvent, SampleQueue
+from extensions.comparison.shadow import Shadow
+from extensions.comparison.statistics import QUATERNION, ErrorStatistics, errors
+from extensions.comparison.truth import Row, Source, TruthMerge
 from quadrotor.plain_rotations import rows_of
 from quadrotor.records import STATE, Array, Record, beacon_ids_of, bearings_sample
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from console.comparison.statistics import POSITION, QUATERNION, RATE, VELOCITY
+from extensions.comparison.statistics import POSITION, QUATERNION, RATE, VELOCITY
 from quadrotor.plain_rotations import matrices_of, product_of
 from quadrotor.records import Array, Record
 

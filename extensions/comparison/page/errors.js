@@ -1,12 +1,13 @@
 // Errors against the truth, a row for each estimate compared; the name chooses it as the ghost.
 
-import { colorOf, OFFERED, partsOf, wordsOf } from "./estimate_names.js";
-import { attempt, element, setText } from "../core/dom.js";
-import { duration, fixed, NONE } from "../core/format.js";
+import { colorOf, partsOf, wordsOf } from "/static/beacons/estimate_names.js";
+import { attempt, element, setText } from "/static/core/dom.js";
+import { duration, fixed, NONE } from "/static/core/format.js";
 
-const COMPARED = "station.comparison.estimators";
+export const COMPARED = "station.comparison.estimators";
+const OFFERED = ["error_state", "complementary:resolved", "complementary:bearings", "complementary:paper"];
 const TRUTHS = { truth: "the simulator's truth", tracker: "the tracker" };
-const DIGITS = [0, 0, 0, 2, 0, 0, 1]; // of the figures in web/comparison_feed.py, in their order
+const DIGITS = [0, 0, 0, 2, 0, 0, 1]; // of the figures of ../routes.py, in their order
 
 export class Errors {
   // choose(name): the ghost and the residuals

@@ -11,9 +11,9 @@ import pytest
 
 from estimation import registry
 from estimation.parameters import PRESETS as GAINS
+from extensions.comparison.routes import RATE, as_json
 from tests.support.clock import Clock
 from vehicle_link.messages import decode, encode, new
-from web.beacons.comparison_feed import RATE, as_json
 from web.latest import STALE, Live
 from web.signals import COMPARED, INDEX, snapshot
 
@@ -95,7 +95,7 @@ def test_an_open_tab_costs_at_most_six_kilobytes_a_second() -> None:
 def test_the_feed_speaks_when_there_is_news(
     site: Any, operator: httpx.Client, station: Any
 ) -> None:
-    with site.websocket("/ws/comparison", site.cookie(operator)) as page:
+    with site.websocket("/comparison", site.cookie(operator)) as page:
         station.compare(("vehicle", "error_state"))
         while len(first := json.loads(page.recv(timeout=10.0))["estimators"]) != 2:
             pass  # of an earlier test

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bearing_sim.pose_track import Pose
-from console.comparison.comparison import EstimatorComparison
-from console.comparison.statistics import ErrorStatistics, errors
+from extensions.comparison.comparison import EstimatorComparison
+from extensions.comparison.statistics import ErrorStatistics, errors
 from quadrotor.plain_rotations import quaternion_of
 from quadrotor.records import TICK
 

@@ -13,10 +13,10 @@ from bearing_sim import PAPER_BEACONS, BearingEmulator, BearingMeasurement, Bear
 from bearing_sim.beacons import PRESETS as LAYOUTS
 from bearing_sim.beacons import parse_layout
 from bearing_sim.observability import frame_bound
-from console.comparison.comparison import EstimatorComparison
-from console.comparison.results import message_of
 from estimation import registry
 from estimation.parameters import EstimationParameters
+from extensions.comparison.comparison import EstimatorComparison
+from extensions.comparison.results import message_of
 from quadrotor.plain_rotations import quaternion_of
 from quadrotor.records import BEARINGS_SAMPLE, ESTIMATE, TICK, Record, new_state
 from vehicle_link.messages import decode, encode

@@ -1,13 +1,13 @@
 // Position error of what is compared against the bound of one frame, from zero up or logarithmic.
 // While nothing is compared, or the tab is hidden, it has no signals and draws nothing.
 
-import { BOUND, colorOf, wordsOf } from "./estimate_names.js";
-import { Chart } from "../charts/chart.js";
-import { LiveSignals } from "../charts/live_signals.js";
-import { pointingByKeys } from "../charts/pointer.js";
-import { TimeAxis } from "../charts/time_axis.js";
-import { element, optionsOf } from "../core/dom.js";
-import { fixed } from "../core/format.js";
+import { BOUND, colorOf, wordsOf } from "/static/beacons/estimate_names.js";
+import { Chart } from "/static/charts/chart.js";
+import { LiveSignals } from "/static/charts/live_signals.js";
+import { pointingByKeys } from "/static/charts/pointer.js";
+import { TimeAxis } from "/static/charts/time_axis.js";
+import { element, optionsOf } from "/static/core/dom.js";
+import { fixed } from "/static/core/format.js";
 
 const ERROR = "comparison.position_error.";
 const DEVIATION = "comparison.deviation.error_state";

@@ -20,7 +20,8 @@ from functools import partial
 from typing import IO, Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
-from console.comparison.parameters import ComparisonParameters
+from console.part import Part, PartContext
+from extensions.comparison.parameters import ComparisonParameters
 from quadrotor.errors import JobError, LinkError, QuadlabError
 from quadrotor.records import Array
 from vehicle_link.jobs import Job
@@ -38,7 +39,7 @@ PATIENCE = 2.0
 TOPIC = "comparison"
 
 
-class ComparisonFeed:
+class ComparisonFeed(Part):
     """Feeds the comparison process. Everything but `close` may be called from any thread, and costs
     one append.
 
@@ -173,13 +174,19 @@ class ComparisonFeed:
                 print(text, file=sys.stderr, flush=True)
 
 
+def make(context: PartContext) -> ComparisonFeed:
+    """Return the comparison of one vehicle's station."""
+    needed = partial(context.is_wanted, TOPIC)
+    return ComparisonFeed(context.parameters, context.publish, context.say, needed)
+
+
 def compare(orders: int, report: Callable[[Any], None]) -> None:
     """Compare estimators until the orders end; this is the process.
 
     Orders are pickled batches of the station's messages; reports are results, ten a second, lines
     for the operator, and lines for the log.
     """
-    from console.comparison.process import ComparisonWorker  # loads code that the station lacks
+    from extensions.comparison.process import ComparisonWorker  # loads code that the station lacks
 
     # The station may run before others (negative niceness); what is only looked at may not.
     os.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))

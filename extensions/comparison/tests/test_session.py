@@ -8,19 +8,20 @@ import pickle
 import signal
 import threading
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from bearing_sim import BearingEmulator, BearingMeasurement, BearingParameters, PoseMeasurement
-from console.comparison import feed as comparison_feed
-from console.comparison.feed import ComparisonFeed
-from console.comparison.kernels import CompiledEstimators
-from console.comparison.parameters import ComparisonParameters, parse_estimators
-from console.comparison.process import ComparisonWorker
 from console.parameters.store import StationStore
 from estimation import registry
+from extensions.comparison import feed as comparison_feed
+from extensions.comparison.feed import ComparisonFeed
+from extensions.comparison.kernels import CompiledEstimators
+from extensions.comparison.parameters import ComparisonParameters, parse_estimators
+from extensions.comparison.process import ComparisonWorker
 from flight_log import read_log
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import TICK
@@ -116,7 +117,7 @@ def test_wrong_texts_are_refused_with_what_is_allowed(text: str, reason: str) ->
     store.change({NAME: "error_state"}, "ada")
     with pytest.raises(OutOfBoundsError, match=reason):
         store.change({NAME: text, "station.bearings.sigma": 3.0}, "ada")
-    assert store.parameters.comparison.estimators == "error_state"
+    assert store.values()[NAME] == "error_state"
     assert store.parameters.bearings.sigma == 1.5
 
 
@@ -135,7 +136,7 @@ def test_a_process_that_dies_is_said_and_started_again(
     if linked.vehicle is None:
         linked.connect()
     heard = Heard(linked.page)
-    feed = linked.station.parts.comparison
+    feed = linked.station.parts.added.by_name["comparison"]
     assert until(lambda: heard.count() > 2)
     monkeypatch.setattr(comparison_feed, "RESTART_PERIOD", 0.0)
     said: list[str] = []
@@ -287,3 +288,26 @@ def test_each_range_alone_is_refused_beyond_the_other_and_both_at_once_may_pass_
     store.change({high: 1.0, low: 0.5}, "ada")
     bearings = store.parameters.bearings
     assert (bearings.range_min, bearings.range_max) == (0.5, 1.0)
+
+
+def test_estimators_are_compared_only_while_somebody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (("CHECK_PERIOD", 0.0), ("LINGER", 0.01)):
+        monkeypatch.setattr(comparison_feed, name, value)
+    looking = threading.Event()
+    comparison = ComparisonFeed(
+        ComparisonParameters(), lambda *_: None, lambda _: None, looking.is_set
+    )
+    try:
+        comparison.telemetry(b"")
+        assert until(lambda: not comparison._queue), "what nobody wants is not kept"
+        assert comparison._child is None
+        looking.set()
+        comparison.telemetry(b"")
+        child = until(lambda: comparison._child)
+        assert child is not None
+        process = Path(f"/proc/{child.pid}")
+        assert process.exists()
+        looking.clear()
+        assert until(lambda: comparison._child is None and not process.exists())
+    finally:
+        comparison.close()

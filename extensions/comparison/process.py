@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from bearing_sim import PAPER_BEACONS, BearingMeasurement
-from console.comparison.comparison import EstimatorComparison
-from console.comparison.kernels import CompiledEstimators
-from console.comparison.parameters import EstimatorChoice, parse_estimators
-from console.comparison.results import message_of
+from extensions.comparison.comparison import EstimatorComparison
+from extensions.comparison.kernels import CompiledEstimators
+from extensions.comparison.parameters import EstimatorChoice, parse_estimators
+from extensions.comparison.results import message_of
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import encode
 from vehicle_link.telemetry import unpack
