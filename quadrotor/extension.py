@@ -250,10 +250,20 @@ class Experiment(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReportWriter(Offer):
+    """The writer of reports of runs; the first one is used.
+
+    The target is a `console.reports.writer.Write`.
+    """
+
+    kind: ClassVar[str] = "writer of reports"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportFigures(Offer):
     """The figures of an experiment in the report of a flight; the name is the experiment's.
 
-    The target is a `console.reports.experiment_figures.Maker`.
+    The target is an `extensions.reports.experiment_figures.Maker`.
     """
 
     kind: ClassVar[str] = "figures of the report"

@@ -32,6 +32,7 @@ BUILT_IN = (
     "mavlink",
     "mocap",
     "offline",
+    "reports",
     "tuning",
 )
 """The folders of `extensions`. A folder that was taken away is no error."""

@@ -11,7 +11,6 @@ from quadlab.commands.table import Command, actions, chosen
 from quadlab.log_commands.export import Export
 from quadlab.log_commands.fetch import Fetch
 from quadlab.log_commands.info_and_check import Check, Info, Recover
-from quadlab.log_commands.report import Report
 
 _OWN: dict[str, type[Command]] = {
     "info": Info,
@@ -19,7 +18,6 @@ _OWN: dict[str, type[Command]] = {
     "recover": Recover,
     "export": Export,
     "fetch": Fetch,
-    "report": Report,
 }
 ACTIONS = _OWN | actions("log")
 """The actions by their words: those of quadlab itself, and those of extensions."""

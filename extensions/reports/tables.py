@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 
 from console.reports.content import Block, Heading, Table, Text
 from console.reports.judgement import Judgement
-from console.reports.references import FIGURES
 from console.reports.run_log import RunLog
+from extensions.reports.references import FIGURES
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import QuadlabError
 from quadrotor.parameter_description import ParameterValue

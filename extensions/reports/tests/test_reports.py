@@ -12,17 +12,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from console.experiments.catalogue import experiments
 from console.reports.content import Picture
 from console.reports.flight import flight_of
-from console.reports.html import render
 from console.reports.judgement import Judgement, judge
-from console.reports.report import assemble, write_report
 from console.reports.run_log import read_run
 from console.runs.report_folders import report_folder, write_result
+from extensions.reports.experiment_figures import MAKERS
+from extensions.reports.html import render
+from extensions.reports.report import assemble, write_report
 from flight_log import LogWriter
 from flight_log.reader import read_log
 from quadlab.__main__ import main
-from quadlab.log_commands.report import new_defaults
+from quadlab.simulated.parameters import new_defaults
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 from vehicle_link.messages import encode, new
@@ -356,3 +358,7 @@ def test_without_matplotlib_it_is_told(
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(UsageError, match="pip install matplotlib"):
         write_report(log, tmp_path)
+
+
+def test_the_figures_of_reports_are_of_experiments() -> None:
+    assert set(MAKERS) <= set(experiments())

@@ -10,7 +10,7 @@ import pytest
 from console.plots import POINTS, broken, thinned
 from console.reports.bench_steps import law_figures
 from console.reports.run_log import read_run
-from console.reports.tables import figure, number
+from extensions.reports.tables import figure, number
 from flight_log import LogWriter
 from quadrotor.plain_rotations import rotation_vectors_between
 from vehicle_link.messages import encode, new

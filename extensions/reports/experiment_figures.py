@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from console.reports.calibration_figures import gyroscope, inertia, residuals
 from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
-from console.reports.paper_figures import bearings, figure_eight, mass, motor_bench
 from console.reports.run_log import RunLog
+from extensions.reports.calibration_figures import gyroscope, inertia, residuals
+from extensions.reports.paper_figures import bearings, figure_eight, mass, motor_bench
 from quadrotor.errors import QuadlabError
 from quadrotor.extension import ReportFigures
 from quadrotor.extensions import registry

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from console.reports.content import Block, Heading, Table, Text
-from console.reports.defaults import Defaults
 from console.reports.judgement import Judgement
 from console.reports.run_log import ON_CHANGE, RunLog
-from console.reports.tables import NOT_RECORDED, shown
+from console.reports.writer import Defaults
+from extensions.reports.tables import NOT_RECORDED, shown
 from flight_log.attached import json_value
 
 MOST_GAPS = 60

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from quadlab.log_commands.log_file import LogFile, check_log_file
 from quadlab.option_types import Flag, Folder
-
-if TYPE_CHECKING:
-    from quadrotor.parameter_description import ParameterValue
 
 
 @dataclass
@@ -25,22 +21,11 @@ class Report:
 
     def run(self) -> int:
         check_log_file(self.file)
-        from console.reports.report import write_report
+        from extensions.reports.report import write_report
+        from quadlab.simulated.parameters import new_defaults
 
         here = self.file.resolve()
         folder = self.out or (here if here.is_dir() else here.parent)
         for path in write_report(self.file, folder, pdf=not self.no_pdf, defaults=new_defaults):
             print(path)
         return 0
-
-
-def new_defaults() -> dict[str, ParameterValue]:
-    """Return the default of every parameter of this version by name; the station's begin with
-    `station.`.
-    """
-    from console.parameters.station import StationTree
-    from quadlab.simulated.parameters import FlightParameters
-    from quadrotor.parameters import ParameterStore
-
-    trees = (FlightParameters(), StationTree())
-    return {one.name: one.default for tree in trees for one in ParameterStore(tree).descriptions()}

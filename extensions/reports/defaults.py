@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 from quadrotor.parameter_description import ParameterValue
-
-Defaults = Callable[[], Mapping[str, ParameterValue]]
-"""Function that returns name → default, called only for logs without defaults."""
 
 
 def known_defaults() -> dict[str, ParameterValue]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from console.plots import STYLE
 from console.reports.content import WIDTH, Heading, Picture, Report, Table, Text
-from console.reports.html import GENERATOR, LOUD, WORDS
+from extensions.reports.html import GENERATOR, LOUD, WORDS
 
 PAGE = (8.27, 11.69)
 MARGIN = (PAGE[0] - WIDTH) / 2

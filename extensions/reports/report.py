@@ -9,22 +9,23 @@ from console.atomic_file import replacing
 from console.evaluation.explanation.explain import explain
 from console.evaluation.result import Result
 from console.plots import require_matplotlib
-from console.reports import html
 from console.reports.content import Block, Heading, Report, Text
-from console.reports.defaults import Defaults, known_defaults
-from console.reports.experiment_figures import experiment_pictures
-from console.reports.explanation_figures import explanation_blocks
 from console.reports.flight import flight_of
-from console.reports.flight_figures import flight_pictures
 from console.reports.judgement import Judgement, judge
-from console.reports.log_tables import (
+from console.reports.run_log import RunLog, read_run
+from console.reports.writer import Defaults
+from extensions.reports import html
+from extensions.reports.defaults import known_defaults
+from extensions.reports.experiment_figures import experiment_pictures
+from extensions.reports.explanation_figures import explanation_blocks
+from extensions.reports.flight_figures import flight_pictures
+from extensions.reports.log_tables import (
     parameter_blocks,
     recording_blocks,
     timeline_blocks,
     version_blocks,
 )
-from console.reports.run_log import RunLog, read_run
-from console.reports.tables import calibration_blocks, day, metrics_blocks, proposal_blocks
+from extensions.reports.tables import calibration_blocks, day, metrics_blocks, proposal_blocks
 from flight_log.run_folder import log_of
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import StorageError
@@ -41,7 +42,7 @@ def write_report(
     pdf: bool = True,
     result: Result | None = None,
     proposal: CalibrationRecord | None = None,
-    defaults: Defaults = known_defaults,
+    defaults: Defaults | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Path]:
     """Write `folder`/<name of the log>.html, and .pdf; earlier ones of this log are replaced.
@@ -49,7 +50,8 @@ def write_report(
     Args:
         result, proposal: of a flight that has just ended; otherwise result.json is used, or else
             the log is judged here.
-        defaults: returns the parameters' defaults, for logs without them.
+        defaults: returns the parameters' defaults, for logs without them; None for those that the
+            station knows.
         progress: called with the share that is done, 0 to 1.
 
     Raises:
@@ -63,7 +65,7 @@ def write_report(
         _check_ours(target)
     run = read_run(log)
     progress(0.3)
-    report = assemble(run, result, defaults, proposal)
+    report = assemble(run, result, defaults or known_defaults, proposal)
     progress(0.5)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -71,7 +73,7 @@ def write_report(
             file.writelines(html.render(report))
         progress(0.7 if pdf else 1.0)
         if pdf:
-            from console.reports.pdf import write_pdf
+            from extensions.reports.pdf import write_pdf
 
             with replacing(targets[1]) as path:
                 write_pdf(report, path)
