@@ -122,6 +122,17 @@ class Importer(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Exporter(Offer):
+    """A format of tables, for `quadlab log export --format NAME`.
+
+    The target is a function of a folder, the log's name and the metadata of the run, which returns
+    an `extensions.export.formats.Format`.
+    """
+
+    kind: ClassVar[str] = "exporter"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Board(Offer):
     """A kind of flight board, for `--board NAME`; the target is a `vehicle.boards.kind.Kind`."""
 

@@ -25,6 +25,7 @@ BUILT_IN = (
     "betaflight",
     "comparison",
     "crazyflie",
+    "export",
     "fmu",
     "foxglove",
     "identification",

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from console.log_export.formats import ColumnFiles, Format, MatFile
-from console.log_export.tables import Tables
+from console.log_tables import Tables
+from extensions.export.formats import Format
 from quadrotor.errors import LogFormatError, StorageError, UsageError
-
-FORMATS = ("csv", "parquet", "mat")
+from quadrotor.extension import Exporter
+from quadrotor.extensions import registry
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,21 +42,19 @@ def export(
     end: float = np.inf,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Exported:
-    """Export a log. Arguments are those of `console.log_export.tables.Tables`; `progress` is called
+    """Export a log. Arguments are those of `console.log_tables.Tables`; `progress` is called
     with the share done, 0…1.
 
     Raises UsageError, LogFormatError, also when there is nothing to export, or StorageError; then
     no file has been created.
     """
-    if kind not in FORMATS:
-        raise UsageError(f"unknown format {kind!r}; there are {', '.join(FORMATS)}")
+    formats = registry().offers(Exporter)
+    if kind not in formats:
+        raise UsageError(f"unknown format {kind!r}; there are {', '.join(formats)}")
+    make = formats[kind].load()
     tables = Tables(log, topics, begin, end, lambda share: progress(0.5 * share))
     made = _make(folder)
-    files: Format = (
-        MatFile(folder, log.stem, tables.run)
-        if kind == "mat"
-        else ColumnFiles(folder, kind, tables.run)
-    )
+    files: Format = make(folder, log.stem, tables.run)
     rows = 0
     try:
         for piece in tables:

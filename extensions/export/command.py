@@ -5,13 +5,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
 from quadlab.option_types import Folder, Names, optional
 from quadrotor.errors import UsageError
+from quadrotor.extension import Exporter
+from quadrotor.extensions import registry
+
+PAGE = "page"
+FORMATS = (*registry().offers(Exporter, taken=(PAGE,)), PAGE)
+if TYPE_CHECKING:
+    FormatName = str
+else:
+    FormatName = Literal[FORMATS]
 
 
 @dataclass
@@ -21,7 +30,7 @@ class Export:
 
     file: LogFile
     """the MCAP file"""
-    format: Literal["csv", "parquet", "mat", "page"] = "csv"
+    format: FormatName = "csv"
     """csv, parquet: a file a topic, units in its header or the fields' metadata; mat: one file;
     page: the replay page with the whole flight, opened from disk by a browser"""
     out: Folder = None
@@ -37,12 +46,12 @@ class Export:
     charts: 'speed = norm(state.velocity.x, state.velocity.y)'"""
 
     def run(self) -> int:
-        from console.log_export.export import export
+        from extensions.export.export import export
 
         check_log_file(self.file)
         folder = self.out or self.file.with_name(f"{self.file.stem}_{self.format}")
         topics = [part for word in self.topics for part in word.split(",") if part]
-        if self.format == "page":
+        if self.format == PAGE:
             return self._page(folder)
         if self.derive:
             raise UsageError("--derive is for --format page; a table has the log's own numbers")

@@ -6,15 +6,19 @@ import csv
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from pyarrow import parquet
 
-from console.log_export import formats, tables
-from console.log_export.export import export
+from console import log_tables as tables
+from extensions.export import export as exporting
+from extensions.export import formats
+from extensions.export.export import export
 from flight_log import LogWriter
 from quadlab.__main__ import main
 from quadrotor.checkout import ROOT
@@ -226,3 +230,31 @@ def test_the_commands_say_what_they_did(
     assert "  experiment: hover\n" in capsys.readouterr().out
     assert main(["log", "check", str(tmp_path)]) == 1
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_format_of_another_extension_gets_the_pieces(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[str, int]] = []
+
+    class Counted:
+        def __init__(self, folder: Path, stem: str, run: Mapping[str, str]) -> None:
+            self.path = folder / f"{stem}.count"
+
+        def write(self, piece: tables.Piece) -> None:
+            seen.append((piece.topic, piece.table.num_rows))
+
+        def finish(self) -> list[Path]:
+            return [self.path]
+
+        def discard(self) -> None:
+            raise AssertionError("nothing failed")
+
+    offered = SimpleNamespace(load=lambda: Counted)
+    registry = SimpleNamespace(offers=lambda _: {"count": offered})
+    monkeypatch.setattr(exporting, "registry", lambda: registry)
+    done = export(log, tmp_path / "out", "count", ["state"])
+    assert seen == [("state", done.rows)]
+    assert done.files == (tmp_path / "out" / "run.count",)
+    with pytest.raises(UsageError, match="unknown format 'csv'; there are count"):
+        export(log, tmp_path / "other", "csv")

@@ -15,7 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
 
-from console.log_export.tables import Piece
+from console.log_tables import Piece
 from quadrotor.errors import StorageError
 
 MAT_NAME = 63
@@ -27,6 +27,8 @@ COMPRESSED_BYTES = 20_000_000
 
 
 class Format(Protocol):
+    """The files of an export, which take pieces of tables."""
+
     def write(self, piece: Piece) -> None: ...
 
     def finish(self) -> list[Path]:
@@ -107,6 +109,16 @@ class ColumnFiles:
         from pyarrow.csv import CSVWriter
 
         return CSVWriter(self._aside(topic), schema)
+
+
+def csv_files(folder: Path, stem: str, run: Mapping[str, str]) -> ColumnFiles:
+    """Return CSV files, one a topic."""
+    return ColumnFiles(folder, "csv", run)
+
+
+def parquet_files(folder: Path, stem: str, run: Mapping[str, str]) -> ColumnFiles:
+    """Return Parquet files, one a topic."""
+    return ColumnFiles(folder, "parquet", run)
 
 
 def _with_units_in_names(table: Any) -> Any:
