@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
+from quadrotor.parameters import Parameters
 from quadrotor.records import Array
 
 log = logging.getLogger(__name__)
@@ -19,14 +19,14 @@ class PartContext:
 
     Attributes:
         vehicle: the vehicle's name.
-        parameters: its own parameters, live: read them when they are needed.
+        parameters: its own parameters, if it has any, live: read them when they are needed.
         publish: publishes a message of a topic: topic, payload and stamp (ns). Raises LinkError.
         say: tells operators a line.
         is_wanted: returns whether the messages of a topic are recorded or shown.
     """
 
     vehicle: str
-    parameters: Any
+    parameters: Parameters | None
     publish: Callable[[str, bytes, int], None]
     say: Callable[[str], None]
     is_wanted: Callable[[str], bool]

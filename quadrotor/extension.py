@@ -186,6 +186,13 @@ class ServedSystem(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Function(Offer):
+    """A function of the package, for notebooks: `quadlab.NAME`; the target is the function."""
+
+    kind: ClassVar[str] = "function of quadlab"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PageFeature(Offer):
     """Routes of the web process, below `/api/NAME/`; a websocket is at `/NAME`.
 

@@ -22,6 +22,7 @@ from quadrotor.packaged_files import packaged
 GROUP = "quadlab.extensions"
 FOLDER = f"{PREFIX}extensions"
 BUILT_IN = (
+    "batches",
     "betaflight",
     "comparison",
     "crazyflie",

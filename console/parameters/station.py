@@ -56,7 +56,9 @@ def station_parameters() -> StationParameters:
             with suppress(UsageError):  # told by the station, which makes the part
                 kind = offered.load(offered.offer.parameters)
                 added[name] = kind, kind()
-    return create_model("StationParameters", __base__=StationParameters, **added)()
+    kind = create_model("StationParameters", __base__=StationParameters, **added)  # type: ignore[call-overload]
+    made: StationParameters = kind()
+    return made
 
 
 class StationTree(Parameters):

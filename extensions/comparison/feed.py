@@ -177,6 +177,7 @@ class ComparisonFeed(Part):
 def make(context: PartContext) -> ComparisonFeed:
     """Return the comparison of one vehicle's station."""
     needed = partial(context.is_wanted, TOPIC)
+    assert isinstance(context.parameters, ComparisonParameters)
     return ComparisonFeed(context.parameters, context.publish, context.say, needed)
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation.complementary_filter import predict_one
+from extensions.batches.onboard import SETTINGS, steer
+from extensions.batches.sensing import TRACKER, read_imu, track
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.rigid_body import motor_share
 from vehicle.boards.reference_rounding import _round as whole_references
-from vehicle.closed_loop.onboard import SETTINGS, steer
-from vehicle.closed_loop.sensing import TRACKER, read_imu, track
 from vehicle.simulator.plant import move
 from vehicle.simulator.sensors import SENSORS
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from bearing_sim.tracker import TrackerParameters
 from estimation.complementary_filter import correct_one
+from extensions.batches.noise import normals, uniform
 from quadrotor.compiled import compiled
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import POSE_SAMPLE, Record
 from quadrotor.vectors import turned
-from vehicle.closed_loop.noise import normals, uniform
 from vehicle.simulator.sensors import (
     ACCELEROMETER_SCALE,
     GYROSCOPE_SCALE,

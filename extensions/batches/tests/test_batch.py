@@ -7,14 +7,15 @@ import math
 import numpy as np
 import pytest
 
+import quadlab
 from bearing_sim.tracker import TrackerParameters
 from control.parameters import ControlParameters, PositionGains
 from control.trajectories.figure_eight import FigureEight
 from control.trajectories.trajectory import sample_many
+from extensions.batches.batch import BatchResult, Scenario, fly_batch, prepare
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import STATE
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.closed_loop.batch import BatchResult, Scenario, fly_batch
 from vehicle.simulator.parameters import SimulatorParameters
 
 QUIET = {
@@ -196,3 +197,13 @@ def test_more_poses_under_way_than_are_kept_are_refused() -> None:
 def test_no_scenarios_give_an_empty_result() -> None:
     flights = fly_batch([], 1.0)
     assert len(flights.outcome) == 0
+
+
+def test_a_batch_refuses_faults_that_it_would_leave_out() -> None:
+    truth = SimulatorParameters(faults="motors.fade")
+    with pytest.raises(OutOfBoundsError, match="no faults with schedules"):
+        prepare([Scenario(truth=truth)])
+
+
+def test_it_is_a_function_of_the_package() -> None:
+    assert quadlab.batch is fly_batch

@@ -23,13 +23,13 @@ from bearing_sim.tracker import TrackerParameters
 from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.parameters import EstimationParameters
+from extensions.batches.loop import CASE, HISTORY, OUTCOME, fly
+from extensions.batches.noise import seeded
+from extensions.batches.onboard import new_onboard, new_settings
+from extensions.batches.sensing import new_tracker
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import STATE, Record
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
-from vehicle.closed_loop.loop import CASE, HISTORY, OUTCOME, fly
-from vehicle.closed_loop.noise import seeded
-from vehicle.closed_loop.onboard import new_onboard, new_settings
-from vehicle.closed_loop.sensing import new_tracker
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import PLANT, SUBSTEP, new_plant
 from vehicle.simulator.sensors import new_sensors

@@ -13,9 +13,9 @@ from benchmarks.peers.cpp_twin import BUILT, CppTwin
 from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.parameters import EstimationParameters
+from extensions.batches.batch import Scenario, fly_batch, prepare
+from extensions.batches.onboard import new_onboard, new_settings
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.closed_loop.batch import Scenario, fly_batch, prepare
-from vehicle.closed_loop.onboard import new_onboard, new_settings
 
 pytestmark = pytest.mark.needs("gcc")
 

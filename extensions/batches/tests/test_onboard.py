@@ -11,9 +11,9 @@ from control.parameters import AttitudeGains, ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import EstimationParameters
+from extensions.batches.onboard import new_onboard, new_settings
 from quadrotor.records import ACTUATORS, IMU_SAMPLE, POSE_SAMPLE, Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.closed_loop.onboard import new_onboard, new_settings
 
 PERIOD, TICKS = 0.002, 2000
 

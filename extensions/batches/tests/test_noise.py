@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vehicle.closed_loop.noise import EDGES, LAYERS, TAIL, normals, seeded, uniform, word
+from extensions.batches.noise import EDGES, LAYERS, TAIL, normals, seeded, uniform, word
 
 MASK = (1 << 64) - 1
 
