@@ -1,4 +1,4 @@
-// The page's modules in web/static, and their tests. Undefined names are found by tsc.
+// The page's modules in web/static and in extensions, and their tests. Undefined names are found by tsc.
 import js from "@eslint/js";
 
 export default [

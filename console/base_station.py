@@ -71,7 +71,7 @@ class BaseStation:
         parts.experiments.close()
         parts.sticks.close()
         parts.tracker.close()
-        parts.comparison.close()
+        parts.added.close()
         for thread in self._threads:
             thread.join(CLOSE_PATIENCE)
         parts.pictures.close()

@@ -25,7 +25,6 @@ from console.commands.gateway import CommandGateway
 from console.commands.lease_service import LeaseService
 from console.commands.marks import MarkService
 from console.commands.stick_control import StickHandler
-from console.comparison.feed import ComparisonFeed
 from console.context import StationContext
 from console.exchange.heartbeat import Heartbeat
 from console.exchange.message_handlers import MessageHandlers
@@ -42,14 +41,19 @@ from console.link.outbox import INFO, WARN, Outbox
 from console.link.wakeup_rates import wakeup_rates
 from console.parameters.history import ParameterHistory
 from console.parameters.history_writer import ParameterHistoryWriter
+from console.parameters.station import StationParameters
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
+from console.part import Part, PartContext, Parts
 from console.runs.housekeeping import Housekeeping
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from console.transfers.service import Transfers
-from quadrotor.errors import ParameterError, RefusedError
+from quadrotor.errors import ParameterError, RefusedError, UsageError
+from quadrotor.extension import StationPart
+from quadrotor.extensions import registry
 from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters
 from quadrotor.records import has_attitude
 from vehicle_link.lockstep import STATION_PROCESS, ProcessProgress
 from vehicle_link.process_instance import new_instance
@@ -102,21 +106,19 @@ class StationOptions:
 class Measurements:
     """The parts that take what the tracker and the emulated cameras measure."""
 
-    def __init__(
-        self, outbox: Outbox, comparison: ComparisonFeed, experiments: ExperimentRunner
-    ) -> None:
-        self._outbox, self._comparison, self._experiments = outbox, comparison, experiments
+    def __init__(self, outbox: Outbox, parts: Part, experiments: ExperimentRunner) -> None:
+        self._outbox, self._parts, self._experiments = outbox, parts, experiments
 
     def bearings(self, frame: BearingMeasurement) -> None:
         """Pass on one frame of bearings."""
         self._outbox.bearings(frame)
-        self._comparison.bearings(frame)
+        self._parts.bearings(frame)
 
     def pose(self, pose: PoseMeasurement) -> None:
         """Pass on one pose."""
         self._outbox.pose(pose)
         if has_attitude(pose.quaternion_wb):
-            self._comparison.pose(pose)
+            self._parts.pose(pose)
             self._experiments.readings.pose(pose)
 
 
@@ -272,18 +274,32 @@ class StationParts:
 
     # ------------------------------------------------------------------ measurements
     @cached_property
-    def comparison(self) -> ComparisonFeed:
-        return ComparisonFeed(
-            self.store.parameters.comparison,
+    def added(self) -> Parts:
+        """Return the parts that extensions add."""
+        made = {}
+        for name, offered in registry().offers(StationPart, StationParameters.model_fields).items():
+            try:
+                make, own = offered.load(), getattr(self.store.parameters, name, None)
+                if own is None and offered.offer.parameters:
+                    offered.load(offered.offer.parameters)  # raises its error again
+                made[name] = make(self._part_context(own))
+            except UsageError as error:
+                self.outbox.say(WARN, str(error))
+        return Parts(made, self.alarms.set)
+
+    def _part_context(self, parameters: Parameters | None) -> PartContext:
+        return PartContext(
+            self.options.vehicle,
+            parameters,
             self.outbox.put,
             partial(self.outbox.say, INFO),
-            lambda: self.options.is_alone or self.outbox.has_subscribers("comparison"),
+            lambda topic: self.options.is_alone or self.outbox.has_subscribers(topic),
         )
 
     @cached_property
     def tracker(self) -> TrackerFeed:
         parameters = self.store.parameters
-        taken = Measurements(self.outbox, self.comparison, self.experiments)
+        taken = Measurements(self.outbox, self.added, self.experiments)
         return TrackerFeed(
             parameters.tracker,
             parameters.bearings,
@@ -304,7 +320,7 @@ class StationParts:
     def subscriptions(self) -> Subscriptions:
         telemetry = TelemetryReception(
             self.context,
-            self.comparison,
+            self.added,
             self.observed,
             self.experiments,
             self.progress.vehicle_received,
@@ -317,7 +333,7 @@ class StationParts:
             history=self.history_writer,
             runs=self.runs,
             experiments=self.experiments,
-            comparison=self.comparison,
+            parts=self.added,
             calibrations=self.calibrations,
             sticks=self.sticks,
             tracker=self.tracker,

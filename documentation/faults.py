@@ -60,7 +60,7 @@ AFTER = f"""
 - `share` and `spell` make it random. The seed is that of simulator, tracker or bearings.
 - Two faults of one name may not overlap, except on different motors, axes, sensors or beacons.
 - When a fault ends, what it had moved is back at once.
-- Faults act once for each sample or pose. Batches (`vehicle.closed_loop`) refuse them.
+- Faults act once for each sample or pose. Batches (`extensions.batches`) refuse them.
 
 ## Faults
 """

@@ -16,7 +16,7 @@ def page() -> str:
     """Return the whole page as Markdown."""
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
-    from console.parameters.station import StationParameters
+    from console.parameters.station import station_parameters
     from extensions.mavlink.parameter_names import has_short_name, is_faithful, short_name
     from quadlab.simulated.parameters import CameraParameters, OutsideCameraParameters
     from quadrotor.extension import Board
@@ -37,7 +37,7 @@ def page() -> str:
             for name in registry().offers(Board)
             if (options := find_kind(name).options) is not None
         ),
-        ("Station", "station.", StationParameters()),
+        ("Station", "station.", station_parameters()),
     ]
     parts = [
         "# Parameters\n\n"

@@ -26,7 +26,7 @@ from benchmarks.harness import CHROMIUM
 from benchmarks.page.laboratory import started, until
 from benchmarks.page.late_ticks import DRAWING
 from benchmarks.page.up_cost import PATIENCE, Pilot, pilot
-from console.reports.report import write_report
+from extensions.reports.report import write_report
 from quadrotor.checkout import ROOT
 
 PORT, LINK_PORT = 28140, 28510

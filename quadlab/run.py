@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from console.log_export.tables import Tables
+from console.log_tables import Tables
 from flight_log.run_folder import log_of
 from flight_log.summary import LogSummary, summarize
 from quadrotor.errors import StorageError, UsageError

@@ -122,6 +122,17 @@ class Importer(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Exporter(Offer):
+    """A format of tables, for `quadlab log export --format NAME`.
+
+    The target is a function of a folder, the log's name and the metadata of the run, which returns
+    an `extensions.export.formats.Format`.
+    """
+
+    kind: ClassVar[str] = "exporter"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Board(Offer):
     """A kind of flight board, for `--board NAME`; the target is a `vehicle.boards.kind.Kind`."""
 
@@ -175,6 +186,13 @@ class ServedSystem(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Function(Offer):
+    """A function of the package, for notebooks: `quadlab.NAME`; the target is the function."""
+
+    kind: ClassVar[str] = "function of quadlab"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PageFeature(Offer):
     """Routes of the web process, below `/api/NAME/`; a websocket is at `/NAME`.
 
@@ -182,6 +200,46 @@ class PageFeature(Offer):
     """
 
     kind: ClassVar[str] = "feature of the page"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PagePanel(Offer):
+    """A part of the page: a tab, or a section of a place that a document of the page has.
+
+    The target is a script of the folder `page` beside the declaration and the function in it that
+    shows the panel, as "page/tune.js:show". It is called with the panel's element and an object of
+    the parts of the page. A script imports others by a relative address, and those of the page by
+    "/static/…".
+
+    Attributes:
+        place: "tabs", or the place of a section.
+        title: the label of the tab, or the name of the section.
+        styles: stylesheets of the folder.
+        icon: of a tab, the path of an SVG on 20 × 20.
+        after: the tab after which it stands; "" for the last one.
+    """
+
+    kind: ClassVar[str] = "panel of the page"
+    place: str
+    title: str
+    styles: tuple[str, ...] = ()
+    icon: str = ""
+    after: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationPart(Offer):
+    """A part of the base station of each vehicle; the name is the group of its parameters.
+
+    The target is a function of a `console.part.PartContext` that returns a `console.part.Part`.
+
+    Attributes:
+        parameters: module and name of the `quadrotor.parameters.Parameters` that the station has as
+            `station.NAME`; "" for none.
+    """
+
+    kind: ClassVar[str] = "part of the station"
+    parameters: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,10 +268,20 @@ class Experiment(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReportWriter(Offer):
+    """The writer of reports of runs; the first one is used.
+
+    The target is a `console.reports.writer.Write`.
+    """
+
+    kind: ClassVar[str] = "writer of reports"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportFigures(Offer):
     """The figures of an experiment in the report of a flight; the name is the experiment's.
 
-    The target is a `console.reports.experiment_figures.Maker`.
+    The target is an `extensions.reports.experiment_figures.Maker`.
     """
 
     kind: ClassVar[str] = "figures of the report"

@@ -22,8 +22,11 @@ from quadrotor.packaged_files import packaged
 GROUP = "quadlab.extensions"
 FOLDER = f"{PREFIX}extensions"
 BUILT_IN = (
+    "batches",
     "betaflight",
+    "comparison",
     "crazyflie",
+    "export",
     "fmu",
     "foxglove",
     "identification",
@@ -31,6 +34,7 @@ BUILT_IN = (
     "mavlink",
     "mocap",
     "offline",
+    "reports",
     "tuning",
 )
 """The folders of `extensions`. A folder that was taken away is no error."""
@@ -46,13 +50,13 @@ class Offered(NamedTuple, Generic[Kind]):
     """Package to which the target of the offer is relative."""
     extension: Extension | None = None
 
-    def load(self) -> Any:
-        """Return the code of the offer.
+    def load(self, target: str = "") -> Any:
+        """Return the code of the offer, or that of another target of it.
 
         Raises UsageError if an extension's code cannot be imported; a part of quadlab itself raises
         its own error.
         """
-        module, _, name = self.offer.target.partition(":")
+        module, _, name = (target or self.offer.target).partition(":")
         try:
             return attrgetter(name)(import_module(module, self.package))
         except Exception as error:

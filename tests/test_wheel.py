@@ -55,6 +55,10 @@ from quadlab.flight_log.provenance import provenance
 assert run(provenance) == provenance()  # in a process of its own
 from quadlab.web.static_files import FILES
 print(FILES.document("console/index.html").body.decode())
+from quadlab.web.features import panels_of_extensions
+from quadlab.web.static_files import files_with
+panels = tuple(panels_of_extensions())
+assert panels and files_with(panels).problems == []
 """
 
 
@@ -117,7 +121,7 @@ def test_imports_are_put_below_quadlab_and_a_bare_one_is_refused() -> None:
 def test_no_text_of_the_product_is_the_name_of_one_of_its_modules() -> None:
     """Name a module by its `__name__` or `__package__`: "console.reports" is none in a wheel."""
     names = re.compile(rf"[\"']((?:{'|'.join(PACKAGES)})(?:\.\w+)+)[\"']")
-    named = {"vehicle/flight/kernels.py", "console/comparison/kernels.py"}  # for `kept`
+    named = {"vehicle/flight/kernels.py", "extensions/comparison/kernels.py"}  # for `kept`
     parameter = "estimation.estimator"
     found = [
         f"{file}: {match[1]}"

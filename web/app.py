@@ -48,7 +48,7 @@ from web.parameters.routes import add_parameters
 from web.setup.routes import add_setup
 from web.signals import described
 from web.signals.expression import answers
-from web.static_files import FILES, STATIC
+from web.static_files import FILES, STATIC, CachedFiles
 from web.summary import Summary
 from web.vehicle_context import VehicleContext
 from web.view import proxy as pump
@@ -82,6 +82,7 @@ def create_app(
     fleet: Fleet,
     features: Iterable[Feature],
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
+    files: CachedFiles = FILES,
 ) -> FastAPI:
     """Create one vehicle's application with the routes of these features."""
     app = FastAPI(
@@ -93,7 +94,8 @@ def create_app(
         openapi_url="/api/openapi.json",
     )
     _add_error_handlers(app)
-    app.mount("/static", FILES)  # mounted first: most requests are for these
+    app.mount("/static", files)  # mounted first: most requests are for these
+    _add_pages(app, files)
     _add_reading(app, context, fleet)
     add_commands(app, context.station, context.emergency, context.trajectories)
     add_trajectories(app, context.trajectories)
@@ -118,23 +120,26 @@ def create_app(
     return app
 
 
-def _add_page(app: FastAPI, place: str, document: str) -> None:
+def _add_page(app: FastAPI, files: CachedFiles, place: str, document: str) -> None:
     @app.get(place, include_in_schema=False)
     def page() -> HTMLResponse:
-        return FILES.document(document)
+        return files.document(document)
 
 
-def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
+def _add_pages(app: FastAPI, files: CachedFiles) -> None:
     for place, document in PAGES.items():
-        _add_page(app, place, document)
+        _add_page(app, files, place, document)
 
     @app.get("/design", include_in_schema=False)
     def design_page(_: Admin) -> HTMLResponse:
-        return FILES.document("design/design.html")
+        return files.document("design/design.html")
 
     @app.get("/favicon.ico", include_in_schema=False)
     def icon() -> FileResponse:
         return FileResponse(STATIC / "core/icon.svg", media_type="image/svg+xml")
+
+
+def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
 
     @app.get("/vendor/{name}", include_in_schema=False)
     def vendor(name: str, request: Request) -> Response:

@@ -15,6 +15,7 @@ from starlette.types import ASGIApp
 
 from console.catalogue.catalogue import Catalogue
 from console.trackers.camera_store import CameraStore
+from quadrotor.extensions import registry
 from web.access.gate import Gate
 from web.access.passwords import Passwords
 from web.access.people import open_people
@@ -23,11 +24,12 @@ from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import create_app
 from web.beacons.survey import SurveyRun
-from web.features import built_in, of_extensions
+from web.features import built_in, of_extensions, panels_of_extensions
 from web.fleet.fleet import Fleet
 from web.fleet.vehicle_router import VehicleRouter
 from web.live.events import EventHub
 from web.setup.camera_calibration import CameraCalibrations
+from web.static_files import files_with
 from web.vehicle_context import Connect, Runs, SharedServices, VehicleContext
 from web.view.server import ViewServer
 
@@ -91,6 +93,9 @@ def assemble(
         *built_in(survey, cameras or CameraCalibrations(CameraStore(data))),
         *of_extensions(say),
     )
+    files = files_with(tuple(panels_of_extensions()))
+    for line in (*registry().problems, *files.problems):
+        say("error", line)
     fleet = Fleet(contexts)
 
     def sign_in_link() -> str:
@@ -118,8 +123,10 @@ def assemble(
             people.stop()
 
     first, *others = contexts
-    apps = {first.vehicle: create_app(first, fleet, features, lifespan)}
-    apps |= {context.vehicle: create_app(context, fleet, features) for context in others}
+    apps = {first.vehicle: create_app(first, fleet, features, lifespan, files)}
+    apps |= {
+        context.vehicle: create_app(context, fleet, features, files=files) for context in others
+    }
     return Gate(
         VehicleRouter(apps),
         base_url=base_url,

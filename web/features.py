@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
 
 from quadrotor.errors import UsageError
-from quadrotor.extension import PageFeature
+from quadrotor.extension import PageFeature, PagePanel
 from quadrotor.extensions import registry
 from web.beacons.routes import add_beacons
 from web.beacons.survey import SurveyRun, add_survey
@@ -18,6 +20,7 @@ from web.experiments.calibrations import add_calibration
 from web.experiments.experiments import add_experiments
 from web.experiments.reports import add_reports
 from web.feature import Feature
+from web.panels import TAKEN, Panel
 from web.replay.routes import add_replay
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
@@ -50,3 +53,13 @@ def of_extensions(say: Callable[[str, str], None]) -> Iterator[Feature]:
             say("error", str(error))
         else:
             yield replace(feature, name=name)
+
+
+def panels_of_extensions() -> Iterator[Panel]:
+    """Yield the panels that extensions offer; their files may be missing."""
+    for offered in registry().offers(PagePanel, TAKEN).values():
+        spec = find_spec(offered.package)
+        assert offered.extension is not None
+        assert spec is not None
+        assert spec.origin is not None
+        yield Panel(offered.offer, offered.extension.name, Path(spec.origin).parent / "page")

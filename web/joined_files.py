@@ -7,27 +7,37 @@ run them. Any other form is refused with its file and line:
     import { a, b as c } from "../other.js";     import "./other.js";
     export const …       export function …       export async function …       export class …
 
-Lines stay as they are, and a source map leads a browser's tools back to the files.
+A file can also be named from the root, as "/static/core/dom.js". Lines stay as they are, and a
+source map leads a browser's tools back to the files.
+
+An extension's panel has a script of its own, so that an error in it stops nothing else. The modules
+that it shares with the page's script are run once, by that script.
 """
 
 from __future__ import annotations
 
-import json
 import posixpath
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from types import MappingProxyType
+
+from web.source_map import source_map
 
 Read = Callable[[str], str]
 """Function that returns the text of a file by its name. Raises FileNotFoundError."""
 
-_IMPORT = re.compile(r'^import(?:\s*\{([^{}]*)\}\s*from)?\s*"(\.\.?/[\w./-]+\.js)";', re.M)
+PANELS = "console/panels.js"
+"""Module of the page to which a panel's script gives the function that shows it."""
+_ROOT = "/static/"
+_SHARED = "globalThis.$$shared"
+_IMPORT = re.compile(
+    rf'^import(?:\s*\{{([^{{}}]*)\}}\s*from)?\s*"((?:\.\.?/|{_ROOT})[\w./-]+\.js)";', re.M
+)
 _EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function|class) )", re.MULTILINE)
 _BINDING = re.compile(r"([A-Za-z_$][\w$]*)(?: as ([A-Za-z_$][\w$]*))?")
 _OTHER = re.compile(r"^\s*(?:import|export)\b(?!\s*[:=(.]).*|\bimport\s*(?:\(|\.\s*meta\b)", re.M)
 _AWAIT = re.compile(r"^(?:(?:export )?(?:const|let|var)\s[^=\n]*=\s*)?await\b", re.MULTILINE)
-_DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 
 
 class JoinError(Exception):
@@ -43,6 +53,15 @@ class Joined:
 
 
 @dataclass(frozen=True)
+class PanelScript:
+    """The script of a panel: the panel's name, its module, and the function that shows it."""
+
+    name: str
+    module: str
+    function: str
+
+
+@dataclass(frozen=True)
 class _Module:
     name: str
     code: str  # with as many lines as the file
@@ -50,36 +69,98 @@ class _Module:
     needs: tuple[str, ...]  # in the order of its imports
 
 
-def join_modules(entry: str, read: Read, map_address: str, place: str) -> Joined:
+def join_modules(
+    entry: str, read: Read, map_address: str, place: str, panels: Iterable[PanelScript] = ()
+) -> Joined:
     """Join the modules of a page into one script. Raises JoinError.
 
     Args:
         entry: name of the module that the page loads.
         map_address: address of the source map, relative to the script.
         place: address of the folder of the files, for the map.
+        panels: the panels of the page, whose scripts use modules of this one.
     """
     modules = _in_order(entry, read)
+    wanted = _wanted(modules, modules)
+    shared = set()
+    for panel in panels:
+        for name, names in _of_panel(panel, read, modules)[1].items():
+            if name in modules:
+                wanted[name] |= names
+                shared.add(name)
+    given = ", ".join(f'"{name}": {_variable(name)}' for name in sorted(shared))
+    before_entry = [f"{_SHARED} = {{ {given} }};"] if shared else []
+    return _joined(modules, wanted, ([], before_entry, []), (map_address, place))
+
+
+def join_panel(panel: PanelScript, page: str, read: Read, map_address: str, place: str) -> Joined:
+    """Join the modules of a panel, without those that it shares with the page. Raises JoinError.
+
+    Args:
+        page: name of the module that the page loads.
+        map_address, place: as for `join_modules`.
+    """
+    known = _in_order(page, read)
+    modules, wanted = _of_panel(panel, read, known)
+    shared = sorted(name for name in wanted if name in known)
+    head = [f'const {_variable(name)} = {_SHARED}["{name}"];' for name in shared]
+    tail = [f'{_variable(PANELS)}.addPanel("{panel.name}", {panel.function});']
+    return _joined(modules, wanted, (head, [], tail), (map_address, place))
+
+
+def _of_panel(
+    panel: PanelScript, read: Read, known: Mapping[str, _Module]
+) -> tuple[dict[str, _Module], dict[str, set[str]]]:
+    """Return the modules of a panel alone, and what it imports of these and of the page's."""
+    modules = _in_order(panel.module, read, known)
+    _check_export("the page", modules[panel.module], panel.function)
+    wanted = _wanted(modules, {**known, **modules})
+    if (page := list(known)[-1]) in wanted:
+        raise JoinError(f"{panel.module} imports {page}, which the page runs itself")
+    return modules, {**wanted, PANELS: wanted.get(PANELS, set()) | {"addPanel"}}
+
+
+def _wanted(modules: Mapping[str, _Module], known: Mapping[str, _Module]) -> dict[str, set[str]]:
+    """Return the names that modules import, by the modules of which they import them."""
     wanted: dict[str, set[str]] = {name: set() for name in modules}
     for module in modules.values():
         for other, names in _imports(module):
             for name in names:
-                _check_export(module.name, modules[other], name)
-            wanted[other].update(names)
-    lines: list[str] = []
-    places: list[tuple[int, int] | None] = []  # for each line: (which file, which line)
+                _check_export(module.name, known[other], name)
+            wanted.setdefault(other, set()).update(names)
+    return wanted
+
+
+def _joined(
+    modules: Mapping[str, _Module],
+    wanted: Mapping[str, set[str]],
+    more: tuple[Sequence[str], Sequence[str], Sequence[str]],
+    addresses: tuple[str, str],
+) -> Joined:
+    """Return the script of modules, each after those that it imports.
+
+    Args:
+        wanted: names of each module that others import.
+        more: lines at the beginning, before the last module, which is the entry, and at the end.
+        addresses: of the source map, and of the folder of the files.
+    """
+    (head, before_entry, tail), (map_address, place) = more, addresses
+    lines = list(head)
+    places: list[tuple[int, int] | None] = [None] * len(head)  # (which file, which line) or none
+    *_, entry = modules
     for number, module in enumerate(modules.values()):
         code = module.code.rstrip("\n").split("\n")
         own = [(number, line) for line in range(len(code))]
-        if module.name == entry:  # the last one: unchanged, so that it may await
-            lines += [f"// ---- {module.name}", *code]
-            places += [None, *own]
+        if module.name == entry:  # unchanged, so that it may await
+            lines += [*before_entry, f"// ---- {module.name}", *code]
+            places += [None] * len(before_entry) + [None, *own]
             continue
         given = ", ".join(sorted(wanted[module.name]))
         lines += [f"// ---- {module.name}", f"const {_variable(module.name)} = (() => {{", *code]
         lines += [f"return {{ {given} }};", "})();"]
         places += [None, None, *own, None, None]
-    lines.append(f"//# sourceMappingURL={map_address}")
-    return Joined("\n".join(lines) + "\n", _source_map(modules, places, place))
+    lines += [*tail, f"//# sourceMappingURL={map_address}"]
+    return Joined("\n".join(lines) + "\n", source_map(modules, places, place))
 
 
 def join_styles(names: Iterable[str], read: Read) -> str:
@@ -97,13 +178,18 @@ def join_styles(names: Iterable[str], read: Read) -> str:
     return "".join(parts)
 
 
-def _in_order(entry: str, read: Read) -> dict[str, _Module]:
-    """Return the modules, each after those that it imports, as a browser runs them."""
+def _in_order(
+    entry: str, read: Read, known: Mapping[str, _Module] = MappingProxyType({})
+) -> dict[str, _Module]:
+    """Return the modules, each after those that it imports, as a browser runs them.
+
+    Those that are known are left out.
+    """
     done: dict[str, _Module] = {}
     path: list[str] = []
 
     def visit(name: str) -> None:
-        if name in done:
+        if name in done or name in known:
             return
         if name in path:
             circle = " → ".join([*path[path.index(name) :], name])
@@ -158,6 +244,8 @@ def _imports(module: _Module) -> list[tuple[str, list[str]]]:
 
 def _resolved(importer: str, address: str) -> str:
     """Return the name of the module at an address that is relative to its importer."""
+    if address.startswith(_ROOT):
+        return posixpath.normpath(address.removeprefix(_ROOT))
     return posixpath.normpath(posixpath.join(posixpath.dirname(importer), address))
 
 
@@ -186,40 +274,3 @@ def _check_export(importer: str, module: _Module, name: str) -> None:
 def _variable(name: str) -> str:
     """Return the variable for a module; no name in the page's files begins like it."""
     return "$$" + name.removesuffix(".js").replace("/", "$").replace("-", "_")
-
-
-# ---------------------------------------------------------------------- source map
-def _source_map(
-    modules: Mapping[str, _Module], places: list[tuple[int, int] | None], place: str
-) -> str:
-    """Return a source map, version 3.
-
-    Each line of the script is a line of a file, or belongs to no file.
-    """
-    known = [(0, 0), *(one for one in places if one is not None)]
-    steps = iter([(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(known)])
-    mappings = []
-    for one in places:
-        if one is None:
-            mappings.append("")
-            continue
-        file, line = next(steps)
-        mappings.append("A" + _vlq(file) + _vlq(line) + "A")
-    return json.dumps(
-        {
-            "version": 3,
-            "sources": [f"{place}{name}" for name in modules],
-            "names": [],
-            "mappings": ";".join(mappings),
-        }
-    )
-
-
-def _vlq(value: int) -> str:
-    """Encode an integer in base 64, five bits a digit, with the sign in the lowest bit."""
-    rest, digits = (-value << 1 | 1) if value < 0 else value << 1, ""
-    while True:
-        digit, rest = rest & 31, rest >> 5
-        digits += _DIGITS[digit | 32 if rest else digit]
-        if not rest:
-            return digits

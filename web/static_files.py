@@ -3,8 +3,8 @@
 Starlette passes each file to other threads, four times; while telemetry keeps the interpreter busy
 each hop waits for its turn, and a page has about a hundred files. A document therefore names one
 script and one stylesheet, joined from them (`web.joined_files`) and compressed, by the version of
-their folder: what a browser has fetched under a version stays in its cache and is not requested
-again.
+their folders: what a browser has fetched under a version stays in its cache and is not requested
+again. Panels of extensions (`web.panels`) have a script each.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import hashlib
 import os
 import re
 import stat
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 from fastapi.staticfiles import StaticFiles
@@ -24,7 +26,8 @@ from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.types import Scope
 
 from web import uplot
-from web.joined_files import join_modules, join_styles
+from web.joined_files import Joined, JoinError, join_modules, join_panel, join_styles
+from web.panels import FOLDER, Panel, places, with_panels
 from web.theme import html_tag
 
 STATIC = Path(__file__).parent / "static"
@@ -37,16 +40,27 @@ JOINED = "joined/"
 """Folder of the joined scripts (`runs/runs.js`, and its `.map`) and styles (`runs/runs.css`)."""
 _STYLES = re.compile(rf'<link rel="stylesheet" href="{PLACE}([^"]+)">\n?')
 _SCRIPT = re.compile(rf'<script type="module" src="{PLACE}([^"]+)"></script>')
-_JOINED = re.compile(rf"{JOINED}(?:[a-z0-9_]{{1,60}}/)?[a-z0-9_]{{1,60}}(\.css|\.js|\.js\.map)")
+_JOINED = re.compile(rf"{JOINED}(?:\w{{1,60}}/){{0,4}}\w{{1,60}}(\.css|\.js|\.js\.map)", re.ASCII)
 _TYPES = {".css": "text/css", ".js": "text/javascript", ".js.map": "application/json"}
 
 
 class CachedFiles(StaticFiles):
-    """Files of a folder, held in memory; a changed one is read again."""
+    """Files of a folder, held in memory; a changed one is read again.
 
-    def __init__(self, directory: Path) -> None:
+    Args:
+        directory: the folder.
+        panels: panels of extensions, whose files are below `extensions/NAME/`.
+    """
+
+    def __init__(self, directory: Path, panels: Sequence[Panel] = ()) -> None:
         super().__init__(directory=directory)
-        self._folder = directory
+        self._folder, self._panels = directory, panels
+        folders = {f"{FOLDER}{one.extension}/": one.folder for one in panels}
+        self._folders = {**folders, "": directory}
+        self._others = {
+            name: StaticFiles(directory=one, check_dir=False) for name, one in folders.items()
+        }
+        self._checked: tuple[str, Mapping[Panel, str]] = "", {}
         self._kept: dict[str, tuple[int, int, bytes]] = {}
         self._version = ""
         self._joined: dict[str, tuple[str, bytes]] = {}  # by name: version and content
@@ -57,7 +71,7 @@ class CachedFiles(StaticFiles):
 
         Raises JoinError for files that cannot be joined.
         """
-        text = self._read(name)
+        text = self._with_panels(name)
         self._version = self._versioned()
         if _STYLES.search(text):
             sheet = f"{JOINED}{name.removesuffix('.html')}.css"
@@ -71,8 +85,48 @@ class CachedFiles(StaticFiles):
         text = uplot.with_version(text.replace('<html lang="en">', html_tag(), 1))
         return HTMLResponse(text.replace(f'"{PLACE}', f'"{PLACE}v-{self._version}/'))
 
+    @property
+    def problems(self) -> list[str]:
+        """Return one line for each panel that cannot be shown."""
+        return [
+            f"extension {one.extension}: its {one.offer.kind} {one.offer.name} is left out: {why}"
+            for one, why in self._problems().items()
+            if why
+        ]
+
+    def _problems(self) -> Mapping[Panel, str]:
+        """Return why each panel cannot be shown, "" for one that can."""
+        version = self._versioned()
+        if self._checked[0] != version:
+            self._checked = version, {one: self._problem(one) for one in self._panels}
+        return self._checked[1]
+
+    def _problem(self, panel: Panel) -> str:
+        try:
+            known = [place for document in self._documents() for place in places(document)]
+            if panel.offer.place not in known:
+                return f"there is no place {panel.offer.place}; there are {', '.join(known)}"
+            self._joined_panel(panel, "")
+            join_styles(panel.styles, self._read)
+        except FileNotFoundError as error:
+            return f"there is no file {error.filename}"
+        except (JoinError, OSError, UnicodeDecodeError) as error:
+            return str(error)
+        return ""
+
+    def _with_panels(self, name: str) -> str:
+        shown = [one for one, why in self._problems().items() if not why]
+        return with_panels(self._read(name), shown, PLACE)
+
+    def lookup_path(self, path: str) -> tuple[str, os.stat_result | None]:
+        for name, files in self._others.items():
+            if path.startswith(name):
+                return files.lookup_path(path.removeprefix(name))
+        return super().lookup_path(path)
+
     def _read(self, name: str) -> str:
-        return (self._folder / name).read_text(encoding="utf-8")
+        start = next(start for start in self._folders if name.startswith(start))
+        return (self._folders[start] / name.removeprefix(start)).read_text(encoding="utf-8")
 
     def _join(self, name: str, version: str) -> bytes:
         """Return a joined file.
@@ -84,22 +138,44 @@ class CachedFiles(StaticFiles):
             return content
         stem = name.removeprefix(JOINED)
         if stem.endswith(".css"):
-            sheets = _STYLES.findall(self._read(f"{stem.removesuffix('.css')}.html"))
+            sheets = _STYLES.findall(self._with_panels(f"{stem.removesuffix('.css')}.html"))
             self._joined[name] = version, join_styles(sheets, self._read).encode()
         else:
             entry = stem.removesuffix(".map")
-            if not any(f'"{PLACE}{entry}"' in one.read_text("utf-8") for one in self._pages()):
-                raise FileNotFoundError(entry)
-            joined = join_modules(entry, self._read, f"{Path(entry).name}.map", PLACE)
+            joined = self._joined_script(entry)
             self._joined[f"{JOINED}{entry}"] = version, joined.text.encode()
             self._joined[f"{JOINED}{entry}.map"] = version, joined.source_map.encode()
         return self._joined[name][1]
 
-    def _pages(self) -> list[Path]:
-        return list(self._folder.rglob("*.html"))
+    def _joined_script(self, entry: str) -> Joined:
+        map_address = f"{Path(entry).name}.map"
+        for panel in self._panels:
+            if panel.script.module == entry:
+                return self._joined_panel(panel, map_address)
+        there = [place for one in self._documents(entry) for place in places(one)]
+        if not self._documents(entry):
+            raise FileNotFoundError(entry)
+        shown = [
+            panel.script
+            for panel, why in self._problems().items()
+            if panel.offer.place in there and not why
+        ]
+        return join_modules(entry, self._read, map_address, PLACE, shown)
+
+    def _joined_panel(self, panel: Panel, map_address: str) -> Joined:
+        page = next(one for one in self._documents() if panel.offer.place in places(one))
+        found = _SCRIPT.search(page)
+        assert found is not None, "a document with places has a script"
+        return join_panel(panel.script, found[1], self._read, map_address, PLACE)
+
+    def _documents(self, entry: str = "") -> list[str]:
+        """Return the documents of the page that have a script, or all."""
+        pages = (one.read_text("utf-8") for one in self._folder.rglob("*.html"))
+        return [text for text in pages if not entry or f'"{PLACE}{entry}"' in text]
 
     def _versioned(self) -> str:
-        files = (Path(of) / name for of, _, names in os.walk(self._folder) for name in names)
+        walked = (found for folder in self._folders.values() for found in os.walk(folder))
+        files = (Path(of) / name for of, _, names in walked for name in names)
         about = [(str(path), path.stat()) for path in files]
         now = sorted((path, found.st_mtime_ns, found.st_size) for path, found in about)
         return hashlib.blake2b(repr(now).encode(), digest_size=8).hexdigest()
@@ -160,7 +236,13 @@ class CachedFiles(StaticFiles):
 
 
 FILES = CachedFiles(STATIC)
-"""Static files, shared by the applications of all vehicles."""
+"""The page's own files."""
+
+
+@cache
+def files_with(panels: tuple[Panel, ...]) -> CachedFiles:
+    """Return the page's files with those of panels, shared by the applications of all vehicles."""
+    return CachedFiles(STATIC, panels) if panels else FILES
 
 
 def _is_small_file(about: os.stat_result) -> bool:

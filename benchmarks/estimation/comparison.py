@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from bearing_sim import PAPER_BEACONS, BearingMeasurement
 from benchmarks.estimation.flights import FRAMES, RATE, SIGMA, Flight, flight
 from benchmarks.harness import Report, Row, Size, Target
-from console.comparison.comparison import VEHICLE, EstimatorComparison
-from console.comparison.parameters import parse_estimators
-from console.comparison.results import Result, message_of
 from estimation import registry
 from estimation.parameters import PRESETS, EstimationParameters
+from extensions.comparison.comparison import VEHICLE, EstimatorComparison
+from extensions.comparison.parameters import parse_estimators
+from extensions.comparison.results import Result, message_of
 from quadrotor.records import TICK, Record
 from vehicle_link.messages import encode
 from vehicle_link.telemetry import SAMPLES_A_PACKET, pack, unpack

@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.peers.cpp_twin import NATIVE, PORTABLE, CppTwin
 from benchmarks.peers.crazyflow_flight import WORLDS, Crazyflow
-from vehicle.closed_loop.batch import Scenario, fly_batch, prepare
-from vehicle.closed_loop.onboard import new_onboard
+from extensions.batches.batch import Scenario, fly_batch, prepare
+from extensions.batches.onboard import new_onboard
 
 SECONDS = 27.0
 HOVER = 8.0

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation.complementary_filter import predict_one
+from extensions.batches.onboard import steer
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
-from vehicle.closed_loop.onboard import steer
 
 Array = npt.NDArray[np.float64]
 Item = Any

@@ -18,6 +18,8 @@ from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import EstimationParameters
+from extensions.batches.batch import Scenario, fly_batch
+from extensions.batches.onboard import new_onboard, new_settings
 from quadrotor.records import (
     ACTUATORS,
     IMU_SAMPLE,
@@ -29,8 +31,6 @@ from quadrotor.records import (
 )
 from quadrotor.rotations import rotate_inverse
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
-from vehicle.closed_loop.batch import Scenario, fly_batch
-from vehicle.closed_loop.onboard import new_onboard, new_settings
 
 PERIOD = 0.002
 TWINS = {

@@ -35,11 +35,11 @@ from estimation.tracker_integrity.evidence import ALARM, strongest
 from estimation.tracker_integrity.felt import note_sample
 from estimation.tracker_integrity.memory import INTEGRITY_MEMORY, new_integrity
 from estimation.tracker_integrity.slopes import errors_of
+from extensions.batches.noise import normals, seeded
+from extensions.batches.onboard import ONBOARD, SETTINGS, new_onboard, new_settings
 from quadrotor.compiled import compiled
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle.boards.reference_rounding import _round as whole_references
-from vehicle.closed_loop.noise import normals, seeded
-from vehicle.closed_loop.onboard import ONBOARD, SETTINGS, new_onboard, new_settings
 from vehicle.safety.parameters import SafetyParameters
 from vehicle.simulator.air import blow
 from vehicle.simulator.parameters import SimulatorParameters

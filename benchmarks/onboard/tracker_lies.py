@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from extensions.batches.noise import normals, uniform
 from quadrotor.compiled import compiled
 from quadrotor.records import POSE_SAMPLE
 from quadrotor.vectors import (
@@ -24,7 +25,6 @@ from quadrotor.vectors import (
     turned,
     vector,
 )
-from vehicle.closed_loop.noise import normals, uniform
 
 Item = Any
 """One record `array[k]` inside compiled code."""

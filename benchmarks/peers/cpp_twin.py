@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
+from extensions.batches.onboard import ONBOARD, SETTINGS
 from quadrotor.checkout import ROOT
 from quadrotor.records import Record
-from vehicle.closed_loop.onboard import ONBOARD, SETTINGS
 from vehicle.simulator.plant import PLANT
 
 SOURCES = ROOT / "benchmarks" / "cpp"

@@ -8,13 +8,13 @@ from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.calibrations import Calibrations
 from console.checks.observed import Observed
 from console.commands.stick_control import StickHandler
-from console.comparison.feed import ComparisonFeed
 from console.context import StationContext
 from console.exchange.telemetry import TelemetryReception
 from console.experiment_running.runner import ExperimentRunner
 from console.link.outbox import WARN
 from console.parameters.history_writer import ParameterHistoryWriter
 from console.parameters.vehicle import VehicleParameters
+from console.part import Part
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from vehicle_link import topics
@@ -52,7 +52,7 @@ class MessageHandlers:
         history: ParameterHistoryWriter,
         runs: RunManager,
         experiments: ExperimentRunner,
-        comparison: ComparisonFeed,
+        parts: Part,
         calibrations: Calibrations,
         sticks: StickHandler,
         tracker: TrackerFeed,
@@ -61,7 +61,7 @@ class MessageHandlers:
         self._vehicle, self._link = context.vehicle, context.link
         self._outbox, self._observed = context.outbox, observed
         self._parameters, self._history, self._runs = parameters, history, runs
-        self._experiments, self._comparison = experiments, comparison
+        self._experiments, self._parts = experiments, parts
         self._calibrations, self._sticks = calibrations, sticks
         self._tracker, self._progress = tracker, progress
         self._beaten_ns = 0  # stamp of the truth after which a heartbeat was sent
@@ -95,7 +95,7 @@ class MessageHandlers:
         self._runs.status(bool(status.armed), is_starting)
         self._history.status(bool(status.armed), self._runs.recorder.run_id)
         self._experiments.feed.status(status)
-        self._comparison.status(bool(status.armed), is_starting)
+        self._parts.status(bool(status.armed), is_starting)
         self._calibrations.status(is_starting)
 
     def _heartbeat(self, received: Received) -> None:
@@ -149,7 +149,7 @@ class MessageHandlers:
     def _truth(self, received: Received) -> None:
         stamp_ns, *pose = topics.decode_odometry_pose(received.payload, self._vehicle)
         at_ns = self._link.stamp_of_simulator(stamp_ns)
-        self._comparison.truth(at_ns, *pose)
+        self._parts.truth(at_ns, *pose)
         self._tracker.truth(at_ns, *pose)
         self._progress.truth(stamp_ns)
         if (

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from console.checks.observed import Observed
-from console.comparison.feed import ComparisonFeed
 from console.context import StationContext
 from console.experiment_running.runner import ExperimentRunner
 from console.link.outbox import ENCODERS
 from console.link.recent_telemetry import RecentTelemetry
+from console.part import Part
 from console.runs.recorder import Message
 from quadrotor.records import Record
 from vehicle_link.clock import time_ns
@@ -28,14 +28,14 @@ class TelemetryReception:
     def __init__(
         self,
         context: StationContext,
-        comparison: ComparisonFeed,
+        parts: Part,
         observed: Observed,
         experiments: ExperimentRunner,
         on_stamp: Callable[[int], None],
     ) -> None:
         self._vehicle, self._link = context.vehicle, context.link
         self._outbox, self._recorder = context.outbox, context.recorder
-        self._comparison, self._observed = comparison, observed
+        self._parts, self._observed = parts, observed
         self._experiments, self._newest = experiments, on_stamp
         self._recent = RecentTelemetry(context.node)
         self._scene = SceneMessages(context.vehicle)
@@ -45,7 +45,7 @@ class TelemetryReception:
         sequence, ticks = unpack(received.payload)
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
         shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time_ns())
-        self._comparison.telemetry(received.payload)
+        self._parts.telemetry(received.payload)
         self._recent.received(received.payload)
         self._experiments.readings.telemetry(sequence, ticks)
         if shown:

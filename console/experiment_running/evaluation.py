@@ -19,6 +19,7 @@ from console.experiment_running.run_files import RunFiles
 from console.experiment_running.status_publisher import ExperimentStatusPublisher
 from console.experiments.client import Calibrating, Experiment, Reporting
 from console.experiments.user_file import errors_with_line
+from console.reports.writer import has_report_writer
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import PREFIX, RUN_MODULE
@@ -119,6 +120,8 @@ def proposed(job: EvaluationJob) -> tuple[CalibrationRecord | None, str]:
 
 def begin_report(log: Path) -> None:
     """Start to write the report of the whole run next to the result, in the background."""
+    if not has_report_writer():
+        return
     with suppress(OSError):  # the verdict is valid without it
         subprocess.Popen(
             [*RUN_MODULE, f"{PREFIX}console.reports", "--no-pdf", str(log)],

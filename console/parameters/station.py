@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
+from pydantic import Field, create_model
+
 from bearing_sim import BearingParameters, TrackerParameters
-from console.comparison.parameters import ComparisonParameters
 from console.parameters.preflight import PreflightParameters
+from quadrotor.errors import UsageError
+from quadrotor.extension import StationPart
+from quadrotor.extensions import registry
 from quadrotor.parameters import Parameters, parameter
 
 
@@ -39,11 +45,23 @@ class StationParameters(Parameters):
     bearings: BearingParameters = BearingParameters()
     recorder: RecorderParameters = RecorderParameters()
     sticks: StickParameters = StickParameters()
-    comparison: ComparisonParameters = ComparisonParameters()
     preflight: PreflightParameters = PreflightParameters()
+
+
+def station_parameters() -> StationParameters:
+    """Return new parameters of the station, with those of the parts that extensions add."""
+    added = {}
+    for name, offered in registry().offers(StationPart, StationParameters.model_fields).items():
+        if offered.offer.parameters:
+            with suppress(UsageError):  # told by the station, which makes the part
+                kind = offered.load(offered.offer.parameters)
+                added[name] = kind, kind()
+    kind = create_model("StationParameters", __base__=StationParameters, **added)  # type: ignore[call-overload]
+    made: StationParameters = kind()
+    return made
 
 
 class StationTree(Parameters):
     """The root that gives every name its `station.` prefix."""
 
-    station: StationParameters = StationParameters()
+    station: StationParameters = Field(default_factory=station_parameters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 
-from console.parameters.station import StationParameters, StationTree
+from console.parameters.station import StationParameters, StationTree, station_parameters
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 
@@ -23,7 +23,7 @@ class StationStore(ParameterStore):
 
     def __init__(self) -> None:
         self._tree = StationTree(
-            station=StationParameters().model_copy(deep=True)  # never the class's defaults
+            station=station_parameters().model_copy(deep=True)  # never the class's defaults
         )
         super().__init__(self._tree)
         self._lock = threading.Lock()

@@ -11,7 +11,7 @@ import signal
 import sys
 from pathlib import Path
 
-from console.reports.report import write_report
+from console.reports.writer import report_writer
 from console.runs.report_folders import report_folder
 from quadrotor.errors import QuadlabError
 
@@ -31,7 +31,8 @@ def main(words: list[str]) -> int:
     signal.alarm(LONGEST)
     try:
         folder = Path(words[1]) if len(words) == 2 else report_folder(log)
-        write_report(log, folder, pdf=pdf, progress=lambda share: print(f"{share:.2f}", flush=True))
+        write = report_writer()
+        write(log, folder, pdf=pdf, progress=lambda share: print(f"{share:.2f}", flush=True))
     except QuadlabError as error:
         print(" ".join(str(error).split()))
         return 1

@@ -55,12 +55,12 @@ class Fly:
     """print verdict, log and metrics as one line of JSON at the end"""
 
     def run(self) -> int:
-        from console.plots import require_matplotlib
+        from console.reports.writer import report_writer
         from quadlab.simulated.experiment import chosen, fly
 
         experiment = chosen(self.experiment)
         if self.report:
-            require_matplotlib("--report")
+            report_writer()  # before the flight
         done = fly(
             experiment,
             seed=self.seed,
@@ -125,10 +125,11 @@ def write_report(
 ) -> list[Path]:
     """Write the page, the PDF and the experiment's own files next to the log."""
     from console.experiments.client import Reporting
-    from console.reports.report import write_report as write_pages
-    from quadlab.log_commands.report import new_defaults
+    from console.reports.writer import report_writer
+    from quadlab.simulated.parameters import new_defaults
 
-    files = write_pages(log, log.parent, result=result, proposal=proposal, defaults=new_defaults)
+    write = report_writer()
+    files = write(log, log.parent, result=result, proposal=proposal, defaults=new_defaults)
     if isinstance(experiment, Reporting):
         files += experiment.report(log, log.parent)
     return files

@@ -8,19 +8,10 @@ from typing import TYPE_CHECKING
 import tyro
 
 from quadlab.commands.table import Command, actions, chosen
-from quadlab.log_commands.export import Export
 from quadlab.log_commands.fetch import Fetch
 from quadlab.log_commands.info_and_check import Check, Info, Recover
-from quadlab.log_commands.report import Report
 
-_OWN: dict[str, type[Command]] = {
-    "info": Info,
-    "check": Check,
-    "recover": Recover,
-    "export": Export,
-    "fetch": Fetch,
-    "report": Report,
-}
+_OWN: dict[str, type[Command]] = {"info": Info, "check": Check, "recover": Recover, "fetch": Fetch}
 ACTIONS = _OWN | actions("log")
 """The actions by their words: those of quadlab itself, and those of extensions."""
 if TYPE_CHECKING:

@@ -142,7 +142,7 @@ class New:
         return 0
 
     def _write_extension(self) -> int:
-        """Write a package with the example's tracking system, under another name."""
+        """Write a package with the example's tracking system and tab, under another name."""
         if importlib.util.find_spec(self.name) is not None or self.name in _extensions():
             raise UsageError(
                 f"NAME {self.name!r} is that of a module or an extension that is there; choose "
@@ -153,7 +153,7 @@ class New:
             raise StorageError(f"{folder} exists already; choose another name or folder")
         example = ROOT / "examples" / "extensions" / EXAMPLE
         for source in sorted(example.rglob("*.*")):
-            if source.is_file() and source.suffix in (".py", ".toml"):
+            if source.is_file() and source.suffix in (".py", ".toml", ".js", ".css"):
                 place = str(source.relative_to(example)).replace(EXAMPLE, self.name)
                 text = source.read_text().replace(EXAMPLE, self.name)
                 _write(folder / place, text.replace(EXAMPLE.title(), self.name.title()))

@@ -220,9 +220,9 @@ class Station:
 
         settings = {}
         if self.set:
-            from console.parameters.station import StationParameters
+            from console.parameters.station import station_parameters
 
-            found = parse_settings(StationParameters(), self.set)
+            found = parse_settings(station_parameters(), self.set)
             settings = {f"station.{name}": value for name, value in found.items()}
         if self.tracker:
             self._keep_tracker(data)

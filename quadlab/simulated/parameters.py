@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.tracker import TrackerParameters
-from quadrotor.parameters import Parameters, parameter
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.parameters import VehicleParameters
 from vehicle.simulator.parameters import SimulatorParameters
 
@@ -71,3 +72,11 @@ class FlightParameters(VehicleParameters):
         self.simulator.seed = seed
         self.tracker.seed = seed + 1_000_003
         self.bearings.seed = seed + 2_000_003
+
+
+def new_defaults() -> dict[str, ParameterValue]:
+    """Return the default of every parameter by name; the station's begin with `station.`."""
+    from console.parameters.station import StationTree
+
+    trees = (FlightParameters(), StationTree())
+    return {one.name: one.default for tree in trees for one in ParameterStore(tree).descriptions()}

@@ -55,9 +55,9 @@ def child_words(
     values = parse_settings(vehicle_parameters(board), vehicle)
     parse_settings(SimulatorParameters(), simulator, SIMULATOR)
     if station:
-        from console.parameters.station import StationParameters
+        from console.parameters.station import station_parameters
 
-        parse_settings(StationParameters(), station)
+        parse_settings(station_parameters(), station)
     if tracker and (served := [word for word in station if word.startswith(TRACKER)]):
         if not is_served:
             raise UsageError(

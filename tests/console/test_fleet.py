@@ -16,8 +16,6 @@ import pytest
 
 from console.base_station import BaseStation
 from console.catalogue.catalogue import Catalogue
-from console.comparison import feed
-from console.comparison.parameters import ComparisonParameters
 from console.station_parts import StationOptions
 from flight_log import is_closed, summarize
 from quadrotor.records import TICK
@@ -208,29 +206,6 @@ def test_a_vehicle_that_goes_leaves_the_other_linked(laboratory: Laboratory) -> 
     assert until(lambda: not laboratory.is_linked("quad2"))
     assert until(lambda: laboratory.is_linked("quad1"))
     assert laboratory.call("quad1", "arm", "ada").accepted
-
-
-def test_estimators_are_compared_only_while_somebody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in (("CHECK_PERIOD", 0.0), ("LINGER", 0.01)):
-        monkeypatch.setattr(feed, name, value)
-    looking = threading.Event()
-    comparison = feed.ComparisonFeed(
-        ComparisonParameters(), lambda *_: None, lambda _: None, looking.is_set
-    )
-    try:
-        comparison.telemetry(b"")
-        assert until(lambda: not comparison._queue), "what nobody wants is not kept"
-        assert comparison._child is None
-        looking.set()
-        comparison.telemetry(b"")
-        child = until(lambda: comparison._child)
-        assert child is not None
-        process = Path(f"/proc/{child.pid}")
-        assert process.exists()
-        looking.clear()
-        assert until(lambda: comparison._child is None and not process.exists())
-    finally:
-        comparison.close()
 
 
 def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(

@@ -118,7 +118,7 @@ def test_a_new_extension_passes_its_tests_and_is_a_tracking_system_and_a_part_of
             timeout=60,
             env={**os.environ, "PYTHONPATH": str(folder)},
         )
-        assert "6 passed" in tested.stdout, tested.stdout
+        assert "7 passed" in tested.stdout, tested.stdout
         declared = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
         (group,) = declared["entry-points"]
         lines = [f"{name} = {value}" for name, value in declared["entry-points"][group].items()]
@@ -129,7 +129,7 @@ def test_a_new_extension_passes_its_tests_and_is_a_tracking_system_and_a_part_of
             text=True,
             check=True,
         )
-    assert shown.stdout.split() == ["mine", "['mine']"]
+    assert shown.stdout.split() == ["mine", "['mine']", "[]"]
 
 
 INSTALLED = """
@@ -137,9 +137,13 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import quadlab
 from quadlab.commands.tracker import SYSTEMS
-from web.features import of_extensions
+from web.features import of_extensions, panels_of_extensions
+from web.static_files import files_with
 print("mine" if "mine" in SYSTEMS else "")
 print([one.name for one in of_extensions(print) if one.name == "mine"])
+files = files_with(tuple(panels_of_extensions()))
+assert b'id="tab-mine"' in files.document("console/index.html").body
+print(files.problems)
 """
 
 

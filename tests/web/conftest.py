@@ -22,7 +22,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from bearing_sim.emulator import BearingParameters
 from console.catalogue.catalogue import Catalogue
-from console.comparison.parameters import ComparisonParameters
 from console.trackers.camera_store import CameraStore
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
@@ -59,9 +58,13 @@ class _Root(Parameters):
     gains: _Gains = _Gains()
 
 
+class Compared(Parameters):
+    estimators: str = parameter("", description="estimators compared at the station")
+
+
 class _OnBearings(Parameters):
     bearings: BearingParameters = BearingParameters()
-    comparison: ComparisonParameters = ComparisonParameters()
+    comparison: Compared = Compared()
 
 
 class _BearingsRoot(Parameters):
@@ -381,7 +384,7 @@ def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 def helper() -> Callable[[str], Any]:
     """Return a function that imports a module of this folder which is no test.
 
-    An example is `helper("step_vehicle")`.
+    An example is `helper("calibrating")`.
     """
 
     def load(path: str) -> Any:
@@ -397,27 +400,6 @@ def helper() -> Callable[[str], Any]:
         return module
 
     return load
-
-
-@pytest.fixture(scope="module")
-def tune_site(
-    tmp_path_factory: pytest.TempPathFactory, helper: Callable[[str], Any]
-) -> Iterator[Site]:
-    """Yield a site whose vehicle flies step tests: `site.vehicle`, see step_vehicle.py."""
-    module = helper("step_vehicle")
-    data, ended = tmp_path_factory.mktemp("tune"), threading.Event()
-    with serving(data, Catalogue(data)) as running:
-        running.vehicle = module.StepVehicle(running.station)
-
-        def fly() -> None:
-            while not ended.wait(0.02):
-                running.station.fly()
-
-        thread = threading.Thread(target=fly, daemon=True)
-        thread.start()
-        yield running
-        ended.set()
-        thread.join()
 
 
 class serving:  # noqa: N801 - used as `with serving(...)`

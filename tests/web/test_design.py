@@ -35,8 +35,14 @@ def _own(path: Path) -> str:
     return text if path.suffix == ".py" else re.sub(r"//.*", "", text)
 
 
-SHEETS = sorted(STATIC.rglob("*.css"))
-OTHERS = [one for one in (*SHEETS, *sorted(STATIC.rglob("*.js"))) if one != TOKENS]
+FOLDERS = [STATIC, *sorted(WEB.parent.glob("extensions/*/page"))]
+OTHERS = [
+    one
+    for kind in ("css", "js")
+    for folder in FOLDERS
+    for one in sorted(folder.rglob(f"*.{kind}"))
+    if one != TOKENS
+]
 SMALL_PAGES = [
     WEB / name for name in ("access/pages.py", "commands/plain_emergency.py", "view/proxy.py")
 ]
@@ -83,7 +89,7 @@ def test_every_token_that_is_used_is_defined() -> None:
     texts = {path: path.read_text("utf-8") for path in OTHERS}
     local = {name for text in texts.values() for pair in own.findall(text) for name in pair if name}
     used = {
-        (path.relative_to(STATIC).as_posix(), name)
+        (path.relative_to(WEB.parent).as_posix(), name)
         for path, text in texts.items()
         for name in re.findall(r"var\((--[\w-]+)", text)
     }
@@ -91,6 +97,6 @@ def test_every_token_that_is_used_is_defined() -> None:
 
 
 def test_every_page_loads_the_tokens_first() -> None:
-    for page in STATIC.rglob("*.html"):
+    for page in (one for folder in FOLDERS for one in folder.rglob("*.html")):
         sheets = re.findall(r'rel="stylesheet" href="/static/([^"]+)"', page.read_text("utf-8"))
         assert sheets[0] == "core/tokens.css", page

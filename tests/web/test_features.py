@@ -13,7 +13,8 @@ from fastapi import FastAPI
 from web.app import create_app
 from web.beacons.survey import BeaconSurvey, add_survey
 from web.feature import Feature
-from web.features import built_in
+from web.features import built_in, panels_of_extensions
+from web.static_files import files_with
 from web.vehicle_context import VehicleContext
 
 
@@ -72,3 +73,7 @@ def test_a_route_outside_an_extensions_name_leaves_the_feature_out_and_is_told(p
     ((level, line), _) = context.hub.say.call_args
     assert level == "error"
     assert f"extra of the page is left out: its route {path} is not below /api/extra or " in line
+
+
+def test_every_panel_of_quadlabs_own_extensions_can_be_shown() -> None:
+    assert files_with(tuple(panels_of_extensions())).problems == []

@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
-from fastapi import FastAPI, Query, Request, WebSocket
+from fastapi import FastAPI, Query, Request
 from fastapi.responses import Response
 from pydantic import Field
 
@@ -19,7 +19,6 @@ from bearing_sim.beacons import PRESETS, Beacons, format_layout, parse_layout
 from estimation.parameters import PRESETS as GAINS
 from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
 from web.access.requester import Operator
-from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
 from web.body import Body, read_body
 from web.latest import Live
@@ -91,7 +90,7 @@ _decode = msgspec.json.Decoder(list[_Row] | _Preset).decode
 
 
 def add_beacons(app: FastAPI, context: VehicleContext) -> None:
-    """Add the routes below /api/beacons, and /ws/comparison; pass drags to the gain path."""
+    """Add the routes below /api/beacons; pass drags to the gain path."""
     shown = context.scene.beacons
     moves = BeaconMoves(context.gains, context.replica, context.hub, shown.put_back)
     shown.on_moved(moves.moved)
@@ -164,10 +163,6 @@ def add_beacons(app: FastAPI, context: VehicleContext) -> None:
         shown.show(replace(shown.view, **wanted))
         tell_view()
         return view()
-
-    @app.websocket("/ws/comparison")
-    async def comparison(socket: WebSocket) -> None:
-        await comparison_feed.serve(socket, context.live)
 
 
 def layout_of(body: bytes, kind: str, name: str) -> str:

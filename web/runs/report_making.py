@@ -32,9 +32,9 @@ class Making(Work):
 
 def make_report(log: Path, report: Callable[[float], None]) -> None:
     """Write a run's report next to its result; this is the job."""
-    from console.reports.report import write_report  # imports matplotlib, not needed by the page
+    from console.reports.writer import report_writer  # not needed by the page
 
-    write_report(log, report_folder(log), progress=report)
+    report_writer()(log, report_folder(log), progress=report)
 
 
 class ReportMaking(Workshop):

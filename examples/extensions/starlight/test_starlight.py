@@ -2,15 +2,20 @@
 
 import socket
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
+import starlight
 from starlight.extension import EXTENSION
 from starlight.tracker import SYSTEM, parse
 
 from console.trackers.source import Connection
 from quadrotor.errors import MeasurementError, UnreachableError
+from quadrotor.extension import PageFeature, PagePanel, TrackingSystem
 from quadrotor.extensions import Registry
+from web.panels import Panel
+from web.static_files import STATIC, CachedFiles
 
 LINE = b'{"t": 12.5, "bodies": {"cf7": [1, 2, 3, 1, 0, 0, 0]}}\n'
 
@@ -18,8 +23,14 @@ LINE = b'{"t": 12.5, "bodies": {"cf7": [1, 2, 3, 1, 0, 0, 0]}}\n'
 def test_all_that_it_offers_can_be_loaded() -> None:
     registry = Registry([("starlight", "starlight", lambda: EXTENSION)])
     assert registry.problems == {}
-    for kind in {type(offer) for offer in EXTENSION.offers}:
+    for kind in (PageFeature, TrackingSystem):
         assert all(offered.load() is not None for offered in registry.offers(kind).values())
+
+
+def test_the_tab_can_be_shown() -> None:
+    (offer,) = (one for one in EXTENSION.offers if isinstance(one, PagePanel))
+    panel = Panel(offer, "starlight", Path(starlight.__file__).parent / "page")
+    assert CachedFiles(STATIC, [panel]).problems == []
 
 
 def test_frames_of_a_server_arrive_as_bodies() -> None:

@@ -9,10 +9,10 @@ import pytest
 
 from console.experiments.catalogue import experiments, find
 from console.experiments.client import Calibrating
-from console.reports.experiment_figures import experiment_pictures
 from console.reports.flight import flight_of
 from console.reports.judgement import Judgement
 from console.reports.run_log import read_run
+from extensions.reports.experiment_figures import experiment_pictures
 from quadrotor.errors import LogFormatError
 from tests.support.laboratory import laboratory
 

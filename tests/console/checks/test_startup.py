@@ -19,7 +19,7 @@ from console.checks.startup import (
     StartupChecks,
 )
 from console.checks.station_items import rates
-from console.parameters.station import StationParameters
+from console.parameters.station import station_parameters
 from quadrotor.errors import LinkError
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.transport.heartbeat import LinkState
@@ -48,7 +48,7 @@ class Station:
         context: Any = SimpleNamespace(
             node=SimpleNamespace(client=lambda *_: self, serve=lambda *_: None),
             outbox=SimpleNamespace(say=lambda _, text: self.said.append(text)),
-            parameters=StationParameters(),
+            parameters=station_parameters(),
         )
         gatherer: Any = SimpleNamespace(facts=lambda: self._now, link_status=None)
         self._checks = StartupChecks(context, data, gatherer)
@@ -140,7 +140,7 @@ def test_a_vehicle_that_never_measures_is_checked_at_last(station: Station) -> N
 def test_telemetry_is_judged_by_what_the_vehicle_sends(
     rate: float, loss: float, least: float, state: str
 ) -> None:
-    parameters = StationParameters()
+    parameters = station_parameters()
     parameters.preflight.telemetry_rate_min = least
     found = rates(replace(READY, telemetry_rate=rate, loss=loss, nominal_rate=100.0), parameters)
     assert {one.name: one.state for one in found}["telemetry"] == state

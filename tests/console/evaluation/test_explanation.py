@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from console.evaluation.explanation.explain import explain, explain_log
+from console.evaluation.explanation.explain import explain
 from console.evaluation.explanation.finding import Finding
-from console.reports.report import write_report
 from flight_log.fields import (
     ATTITUDE,
     FORCE,
@@ -24,9 +21,6 @@ from flight_log.fields import (
     TRACKED_ATTITUDE,
 )
 from flight_log.run import Series
-from quadlab.__main__ import main
-from web.replay.build import build_replay
-from web.replay.reader import Replay
 
 END = 40.0
 TIMES = {rate: np.arange(0.0, END, 1.0 / rate) for rate in (2, 10, 50, 100, 500)}
@@ -310,25 +304,3 @@ def test_a_log_that_ends_at_once_is_explained(count: int) -> None:
     assert explain({name: one.cut(count) for name, one in topics.items()}, {}) == []
     assert explain({**topics, "imu": topics["imu"].cut(count)}, {}) == []
     assert explain({**topics, "status": topics["status"].cut(count)}, {}) == []
-
-
-def test_a_flight_with_a_weak_motor_explains_itself_in_report_and_replay(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    runs = tmp_path / "runs"
-    main(["fly", "hover", "--set", "simulator.motor_gain_left=0.85", "--out", str(runs)])
-    [log] = runs.glob("*.mcap")
-    first = explain_log(log)[0]
-    assert (first.kind, first.claim.split()[1]) == ("motor_weak", "left")
-    [page] = write_report(log, tmp_path / "report", pdf=False)
-    text = page.read_text()
-    assert first.claim in text
-    assert f'href="/replay/{log.stem}#t={first.start:.3f}&amp;w=10&amp;s=thrust.front' in text
-    build_replay(log, lambda share: None)
-    [told, *_] = Replay(log).described()["findings"]
-    assert told == first.as_json()
-    capsys.readouterr()
-    main(["log", "info", "--explain", str(log)])
-    assert first.claim in capsys.readouterr().out
-    main(["log", "info", "--json", "--explain", str(log)])
-    assert json.loads(capsys.readouterr().out)["findings"][0] == first.as_json()

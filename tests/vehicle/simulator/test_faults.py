@@ -14,7 +14,6 @@ from quadrotor.parameters import ParameterStore
 from quadrotor.plain_rotations import Array, rotate
 from quadrotor.vehicle_model import GRAVITY
 from tests.support.faulty_vehicle import STEP_S, Flown
-from vehicle.closed_loop.batch import Scenario, prepare
 from vehicle.simulator.board_firmware import BoardFirmware
 from vehicle.simulator.faults.table import CATALOGUE
 from vehicle.simulator.live_parameters import LiveParameters
@@ -199,12 +198,6 @@ def test_a_fault_that_the_board_cannot_have_is_refused_at_the_start_and_in_fligh
     assert live.values()["simulator.faults"] == ""
     applied, _ = LiveParameters(SimulatorParameters()).change({"simulator.faults": "imu.gaps"}, "")
     assert applied == {"simulator.faults": "imu.gaps"}
-
-
-def test_a_batch_refuses_faults_that_it_would_leave_out() -> None:
-    truth = SimulatorParameters(faults="motors.fade")
-    with pytest.raises(OutOfBoundsError, match="no faults with schedules"):
-        prepare([Scenario(truth=truth)])
 
 
 def extremes(declared: type[Fault]) -> Iterator[str]:

@@ -156,7 +156,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "WEBSOCKET /ws/telemetry": (VIEWER, None),
     "WEBSOCKET /ws/events": (VIEWER, None),
     "WEBSOCKET /ws/stick": (OPERATOR, None),
-    "WEBSOCKET /ws/comparison": (VIEWER, None),
+    "WEBSOCKET /comparison": (VIEWER, None),
     "WEBSOCKET /ws/picture/{camera}": (VIEWER, None),
     "WEBSOCKET /ws/camera": (VIEWER, None),
     "WEBSOCKET /ws/fleet": (VIEWER, None),

@@ -1,4 +1,4 @@
-"""Layouts, the shared view, the comparison: routes, refusals, roles, signals."""
+"""Layouts and the shared view: routes, refusals, roles."""
 
 from __future__ import annotations
 

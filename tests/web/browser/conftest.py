@@ -244,9 +244,10 @@ def flying_lab(
     tmp_path_factory: pytest.TempPathFactory, serve: Any, helper: Any, lab_of_pages: Any
 ) -> Iterator[Any]:
     """Yield a site in flight with runs, a history of gains and an account: all that pages show."""
+    from extensions.tuning.tests import step_vehicle
+
     data = tmp_path_factory.mktemp("pages")
-    vehicle, calibrating = helper("step_vehicle"), helper("calibrating")
-    with lab_of_pages.flying_lab(data, serve, vehicle, calibrating) as site:
+    with lab_of_pages.flying_lab(data, serve, step_vehicle, helper("calibrating")) as site:
         yield site
 
 

@@ -19,7 +19,6 @@ from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.notes import write_notes
 from console.catalogue.tags import change_tags
-from console.comparison.parameters import ComparisonParameters
 from console.parameters.history import ParameterHistory, RecordedChange
 from console.runs.adoption import tidy_runs
 from control.behaviors.parameters import BehaviorParameters
@@ -27,6 +26,7 @@ from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.vehicle_model import VehicleModel
+from tests.web.conftest import Compared
 from vehicle.boards.imu import ImuCalibration
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.checks import Check, to_messages
@@ -53,7 +53,7 @@ FOUND = [
 
 class _Station(Parameters):
     bearings: BearingParameters = BearingParameters()
-    comparison: ComparisonParameters = ComparisonParameters()
+    comparison: Compared = Compared()
     tracker: TrackerParameters = TrackerParameters()
 
 

@@ -1,26 +1,23 @@
 // The Beacons tab: what flies on bearings, how well, and where the beacons stand.
-// While the tab is hidden it has no socket and no signals, and draws nothing.
+// While the tab is hidden it draws nothing.
 
 import { get } from "../core/api.js";
 import { CameraPicture } from "../camera/picture.js";
-import { ErrorChart } from "./chart.js";
-import { Errors } from "./errors.js";
 import { Layout } from "./layout.js";
 import { Residuals } from "./residuals.js";
 import { Sensor } from "./sensor.js";
 import { Session } from "./session.js";
 import { Survey } from "./survey.js";
 import { BeaconView } from "./view.js";
-import { Socket } from "../core/sockets.js";
 import { $, element } from "../core/dom.js";
 
 const LAYOUT = "station.bearings.layout";
 const PERIOD = 200; // ms
 
-export class Beacons {
-  socket;
-
-  constructor({ events, history, description, gains, isOperator, ages }) {
+// Events: "open" and "close" of the tab, and "draw".
+export class Beacons extends EventTarget {
+  constructor({ events, gains, isOperator, ages }) {
+    super();
     const shared = { events, gains, isOperator, ages };
     this.ages = ages;
     this.events = events;
@@ -32,8 +29,6 @@ export class Beacons {
     $("beacons-camera").append(element("h2", {}, "Camera on board"));
     new CameraPicture($("beacons-camera"), events, "camera", "the camera on board");
     this.residuals = new Residuals($("beacons-residuals"));
-    this.errors = new Errors($("beacons-errors"), { ...shared, choose: (name) => this.choose(name) });
-    this.chart = new ErrorChart($("beacons-chart"), history, description);
     this.view = new BeaconView($("beacons-view"), { isOperator, chosen: (name) => this.follow(name) });
     this.layout = new Layout($("beacons-layout"), isOperator);
     this.survey = new Survey($("beacons-survey"), isOperator);
@@ -48,20 +43,17 @@ export class Beacons {
   show() {
     if (this.isOpen) return;
     this.isOpen = true;
-    this.socket = new Socket("/ws/comparison");
-    this.socket.addEventListener("message", ({ data }) => { this.comparison = JSON.parse(data); this.draw(); });
     this.timer = setInterval(() => this.draw(), PERIOD);
     this.load();
+    this.dispatchEvent(new Event("open"));
   }
 
   hide() {
     if (!this.isOpen) return;
     this.isOpen = false;
-    this.socket.close();
     this.survey.hide();
     clearInterval(this.timer);
-    this.names = "";
-    this.chart.compare([]);
+    this.dispatchEvent(new Event("close"));
   }
 
   async load() {
@@ -77,7 +69,6 @@ export class Beacons {
   // All of them may be new.
   parameters() {
     this.session.parameters();
-    this.errors.parameters();
     this.sensor.parameters();
     this.beacons();
   }
@@ -85,7 +76,6 @@ export class Beacons {
   parameter(name, value) {
     if (name === LAYOUT) this.beacons();
     else if (name.startsWith("station.bearings.")) this.sensor.confirm(name, value);
-    else if (name.startsWith("station.comparison.")) this.errors.parameters();
     else if (name.startsWith("estimation.")) this.session.draw();
   }
 
@@ -112,19 +102,9 @@ export class Beacons {
 
   draw() {
     if (document.hidden) return;
-    const isStale = this.ages.isOld("comparison"), { comparison } = this;
     this.session.draw();
     this.residuals.mark(this.events.summary.status, this.ages.isOld("status"));
-    if (!comparison) return;
-    const names = comparison.estimators.map(({ name }) => name);
-    if (names.join() !== this.names) {
-      this.names = names.join();
-      this.chart.compare(names);
-      this.view.estimates(names);
-    }
-    const chosen = names.includes(this.chosen) ? this.chosen : "vehicle";
-    this.errors.show(comparison, chosen);
-    this.residuals.show(comparison.estimators.find(({ name }) => name === chosen), comparison.sigma, isStale);
+    this.dispatchEvent(new Event("draw"));
   }
 }
 

@@ -11,7 +11,6 @@ const COLORS = {
 const OTHER = "var(--dim)";
 
 export const BOUND = "var(--text)";
-export const OFFERED = ["error_state", "complementary:resolved", "complementary:bearings", "complementary:paper"];
 
 export const colorOf = (name) => COLORS[name] ?? OTHER;
 

@@ -41,7 +41,7 @@ export class Residuals {
       : `Beacon ${id} is ${offset}${status.suspect_left_out ? ", left out" : ""}.`);
   }
 
-  // one: an estimator of the comparison, or undefined; sigma in degrees
+  // one: an estimator's name and residuals, or undefined; sigma in degrees
   show(one, sigma, isStale) {
     setText(this.of, one ? ` of ${one.name === "vehicle" ? "the vehicle's estimate" : wordsOf(one.name)}` : "");
     setText(this.limit, sigma ? `3σ = ${fixed(3 * sigma, 2)}°` : "");
@@ -49,7 +49,7 @@ export class Residuals {
     for (const [id, { line, fill, value }] of this.rows) {
       const angle = seen.get(id) ?? null, isOld = isStale || angle === null;
       line.classList.toggle("stale", isOld);
-      line.title = isStale ? "no comparison received" : angle === null ? "not in the newest frame of bearings" : "";
+      line.title = isStale ? "no residuals received" : angle === null ? "not in the newest frame of bearings" : "";
       if (angle === null || !sigma) { line.classList.remove("beyond"); continue; } // the last value stays, grey
       const share = angle / (3 * sigma);
       fill.style.width = `${(100 * Math.min(1, share / FULL)).toFixed(1)}%`;

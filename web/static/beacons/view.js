@@ -42,6 +42,7 @@ export class BeaconView {
       element("div", { className: "boxes view" }, label("rays"), label("cones"), label("drag"), label("map"),
         element("label", { className: "height" }, "at", this.height, "m"), element("label", { className: "ghost" }, "Ghost", this.ghost)),
       this.legend, this.reason);
+    this.estimates(["vehicle"]);
   }
 
   estimates(names) {

@@ -26,8 +26,8 @@ import { Events, Telemetry } from "../core/sockets.js";
 import { addSticks } from "../sticks/panel.js";
 import { Simulation } from "./simulation_strip.js";
 import { StateTable } from "./state_table.js";
+import { showPanels } from "./panels.js";
 import { tabs } from "./tabs.js";
-import { Tune } from "../tune/tune.js";
 import { addVehicleStrip } from "../core/vehicle_strip.js";
 import { View } from "./scene_view.js";
 import { DraftBar } from "../view/draft.js";
@@ -58,10 +58,12 @@ async function start() {
   addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
   new StateTable($("table"), telemetry, description, ages);
   const charts = new Charts($("charts"), telemetry, description, events);
-  new Beacons({ events, history: charts.history, description, gains, isOperator, ages });
-  new Tune($("tab-tune"), { events, session, isOperator });
+  const beacons = new Beacons({ events, gains, isOperator, ages });
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
   new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
+
+  const shown = { gains, fly, ages, beacons, history: charts.history };
+  showPanels({ events, session, telemetry, description, isOperator, ...shown });
 
   const panel = new FaultsPanel($("faults"), { gains, isOperator });
   new Simulation($("simulation"), { events, gains, fly, isOperator, panel });

@@ -32,7 +32,7 @@ export function tabs() {
     open(selected());
   };
   for (const link of document.querySelectorAll(".pages a")) link.prepend(icon(link.getAttribute("href")));
-  for (const button of [...wide, $("open-charts")]) button.prepend(icon(button.dataset.tab));
+  for (const button of [...wide, $("open-charts")]) button.prepend(icon(button.dataset.tab, button.dataset.icon));
   wide.forEach((button, i) => onKey(String(i + 1), `open ${button.textContent}`, () => button.click()));
   for (const button of [...wide, $("open-charts")]) {
     button.addEventListener("click", () => open(button));

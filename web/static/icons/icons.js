@@ -11,7 +11,6 @@ const PATHS = {
   // pages and tabs
   fly: `M6.5 6.5l7 7M13.5 6.5l-7 7${ring(5, 5, 2.5)}${ring(15, 5, 2.5)}${ring(5, 15, 2.5)}${ring(15, 15, 2.5)}`,
   gains: `M3 5h7M14 5h3M3 10h2M9 10h8M3 15h7M14 15h3${ring(12, 5, 2)}${ring(7, 10, 2)}${ring(12, 15, 2)}`,
-  tune: "M2.5 16H6c1.5-16 3-13 4-9s2 2.5 3 1 1.5-.5 4.5-.5",
   beacons: `M10 9.5V17M5 2.5a7 7 0 0 0 0 9.5M15 2.5a7 7 0 0 1 0 9.5${ring(10, 7.5, 2)}`,
   calibrate: `M10 2v5M10 13v5M2 10h5M13 10h5${ring(10, 10, 5)}`,
   link: "M3.5 16v-3M7.8 16v-6M12.2 16V7M16.5 16V4",
@@ -52,7 +51,7 @@ const PATHS = {
 
 export const ICONS = Object.keys(PATHS);
 
-/** @param {string} name */
-export function icon(name) {
-  return svg("svg", { class: "icon", viewBox: "0 0 20 20", "aria-hidden": "true" }, svg("path", { d: PATHS[name] }));
+/** @param {string} name @param {string} [path] of an icon that is not the page's own */
+export function icon(name, path = PATHS[name] ?? PATHS.more) {
+  return svg("svg", { class: "icon", viewBox: "0 0 20 20", "aria-hidden": "true" }, svg("path", { d: path }));
 }

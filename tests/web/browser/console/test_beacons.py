@@ -143,7 +143,7 @@ def test_a_hidden_tab_has_no_socket_and_no_signals(
     context.remove_listener("page", watch_all)
 
     def feeds() -> list[Any]:
-        return [one for one in sockets if "/ws/comparison" in one.url]
+        return [one for one in sockets if one.url.endswith("/comparison")]
 
     def compared() -> list[str]:
         page.wait_for_timeout(20)  # processes its events

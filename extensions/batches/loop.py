@@ -1,0 +1,222 @@
+"""One flight as one compiled call: plant, sensors, filters and laws, and the flight's outcome."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.complementary_filter import predict_one
+from extensions.batches.onboard import SETTINGS, steer
+from extensions.batches.sensing import TRACKER, read_imu, track
+from quadrotor.compiled import compiled
+from quadrotor.records import Record
+from quadrotor.rigid_body import motor_share
+from vehicle.boards.reference_rounding import _round as whole_references
+from vehicle.simulator.plant import move
+from vehicle.simulator.sensors import SENSORS
+
+Array = npt.NDArray[np.float64]
+Item = Any
+"""One record `array[k]` inside compiled code."""
+
+CRASH_DISTANCE = 2.0
+"""Distance, in m, from the reference beyond which the flight is lost."""
+CRASH_LEAN = 1.5
+"""Largest 1 - z_B . z_W: beyond 120° of tilt the flight is lost."""
+
+PACE = np.dtype(
+    [
+        ("ticks", "i8"),  # control periods of the flight
+        ("period_ns", "i8"),
+        ("substeps", "i8"),  # of the plant in a control period
+        ("hover_ticks", "i8"),  # before the trajectory begins, and the outcome
+        ("judge_every", "i8"),  # ticks between two moments of the outcome's errors
+        ("keep_every", "i8"),  # ticks between two records of the history
+    ],
+    align=True,
+)
+"""The periods of a flight, all in whole numbers."""
+
+CASE = np.dtype(
+    [
+        ("pace", PACE),
+        ("settings", SETTINGS),
+        ("sensors", SENSORS),
+        ("tracker", TRACKER),
+        ("random", "u8", 4),
+        ("drawn", "f8", 6),  # buffer for one sample's random numbers
+        ("calibration_samples", "i8"),  # of the gyroscope, before the flight
+        ("true_state", "i8"),  # 1: the laws get the true state
+        ("whole_references", "i8"),  # 1: motors accept whole counts only
+        ("gyroscope_bias_b", "f8", 3),  # rad/s, found by the calibration
+    ],
+    align=True,
+)
+"""One vehicle of a batch next to its PLANT and ONBOARD records."""
+
+OUTCOME = np.dtype(
+    [
+        ("crashed", "i8"),
+        ("crash_time", "f8"),  # s, NaN when it did not
+        ("position_rms", "f8"),  # m, true position minus the reference
+        ("position_max", "f8"),  # m
+        ("yaw_rms", "f8"),  # rad
+        ("estimate_rms", "f8"),  # m, true position minus the estimate
+        ("saturated_share", "f8"),  # of the control periods, 0..1
+        ("tilt_max", "f8"),  # rad
+        ("moments", "i8"),  # number of moments evaluated
+    ],
+    align=True,
+)
+
+HISTORY = np.dtype(
+    [
+        ("time", "f8"),  # s
+        ("truth", "f8", 13),  # position_w, velocity_w, quaternion_wb, angular_velocity_b
+        ("position_estimate_w", "f8", 3),  # m
+        ("position_reference_w", "f8", 3),  # m
+        ("yaw_reference", "f8"),  # rad
+        ("thrusts", "f8", 4),  # N, commanded
+    ],
+    align=True,
+)
+
+
+@compiled(inner=True)
+def copy_state(x: Any, state: Item) -> None:
+    """Copy x (13,) into a STATE record."""
+    for i in range(3):
+        state.position_w[i] = x[i]
+        state.velocity_w[i] = x[3 + i]
+        state.angular_velocity_b[i] = x[10 + i]
+    for i in range(4):
+        state.quaternion_wb[i] = x[6 + i]
+
+
+@compiled(inner=True)
+def _begin(c: Item, p: Item, v: Item) -> None:
+    """Set the gyroscope's bias to its mean at rest (Sec. 5.1); start the filter at the truth."""
+    bias, rate, n = c.gyroscope_bias_b, v.imu.angular_velocity_b, c.calibration_samples
+    for _ in range(n):
+        read_imu(p, c.sensors, v.estimator.gyroscope_bias_b, c.random, c.drawn, v.imu)
+        for i in range(3):
+            bias[i] += rate[i] / n
+    e = v.estimator
+    e.initialized = 1
+    e.pose_stamp_ns = e.newest_ns = -1
+    for i in range(3):
+        e.pose[i] = p.x[i]
+    for i in range(4):
+        e.pose[3 + i] = p.x[6 + i]
+
+
+@compiled(inner=True)
+def _judge(x: Any, v: Item, r: Item, weight: int) -> bool:
+    """Add `weight` (0 or 1) times this moment to the sums of the OUTCOME record r.
+
+    Returns True when the flight is lost: far from the reference, upside down, or not finite.
+    """
+    square = missed = 0.0
+    for i in range(3):
+        e = v.reference.position_w[i] - x[i]
+        square += e * e
+        e = v.state.position_w[i] - x[i]
+        missed += e * e
+    w, a, b, c = x[6], x[7], x[8], x[9]
+    lean = 2.0 * (a * a + b * b)  # 1 - z_B . z_W
+    if not (square < CRASH_DISTANCE**2 and lean < CRASH_LEAN):
+        return True
+    yaw = math.atan2(2.0 * (w * c + a * b), 1.0 - 2.0 * (b * b + c * c)) - v.reference.yaw
+    yaw -= 2.0 * math.pi * math.floor(yaw / (2.0 * math.pi) + 0.5)
+    r.moments += weight
+    r.position_rms += weight * square
+    r.yaw_rms += weight * yaw * yaw
+    r.estimate_rms += weight * missed
+    r.position_max = max(r.position_max, weight * square)
+    r.tilt_max = max(r.tilt_max, weight * lean)
+    return False
+
+
+@compiled(inner=True)
+def _finish(r: Item, ticks: int, saturated: int) -> None:
+    """Turn sums into means; NaN if no moment was evaluated."""
+    r.position_rms = math.sqrt(r.position_rms / r.moments)
+    r.yaw_rms = math.sqrt(r.yaw_rms / r.moments)
+    r.estimate_rms = math.sqrt(r.estimate_rms / r.moments)
+    r.position_max = math.sqrt(r.position_max)
+    r.tilt_max = math.acos(max(-1.0, 1.0 - r.tilt_max))
+    r.saturated_share = saturated / float(ticks)
+
+
+@compiled(inner=True)
+def _keep(t: float, x: Any, v: Item, h: Item) -> None:
+    """Store one HISTORY record."""
+    h.time = t
+    for i in range(13):
+        h.truth[i] = x[i]
+    for i in range(3):
+        h.position_estimate_w[i] = v.state.position_w[i]
+        h.position_reference_w[i] = v.reference.position_w[i]
+    h.yaw_reference = v.reference.yaw
+    for i in range(4):
+        h.thrusts[i] = v.actuators.thrusts[i]
+
+
+@compiled(nogil=True)
+def fly(
+    case: Record, plant: Record, onboard: Record, outcome: Record, history: Record, motors: Array
+) -> None:
+    """Fly at the case's PACE; records have shape (1,), and all but settings are written.
+
+    One period: sample the sensors, step the laws, hold their motor references over the
+    Runge-Kutta steps of the plant.
+
+    Args:
+        history: (K,) HISTORY, written until it is full.
+        motors: (2, 4) counts, the motor references and their carried rounding errors.
+    """
+    c, p, v, r = case[0], plant[0], onboard[0], outcome[0]
+    wanted, carry, pace = motors[0], motors[1], c.pace
+    ticks, period_ns, substeps = pace.ticks, pace.period_ns, pace.substeps
+    hover_ticks, judge_every, keep_every = pace.hover_ticks, pace.judge_every, pace.keep_every
+    s, airborne = c.settings, ticks > 0  # a plain True would be compiled as another type
+    period = 1e-9 * period_ns
+    dt = period / substeps
+    share = motor_share(p.model.motor_time_constant, dt)
+    to_judge = to_keep = kept = flown = saturated = 0
+    r.crash_time = math.nan
+    _begin(c, p, v)
+    for k in range(ticks):
+        t = (k - hover_ticks) * period
+        if c.true_state == 1:
+            copy_state(p.x, v.state)
+        else:
+            v.imu.stamp_ns = k * period_ns
+            read_imu(p, c.sensors, c.gyroscope_bias_b, c.random, c.drawn, v.imu)
+            predict_one(v.estimator, v.imu, s.estimation, period, v.state)
+            # A pose acts on the next prediction, as it does in the vehicle's tick.
+            e = v.estimator
+            track(c.tracker, p, v.imu.stamp_ns, c.random, c.drawn, e, s.estimation, v.estimate)
+        steer(v, s, t, airborne, period)
+        if to_keep == 0 and kept < history.shape[0]:
+            _keep(k * period, p.x, v, history[kept])
+            kept, to_keep = kept + 1, keep_every
+        to_keep -= 1
+        if to_judge == 0:
+            to_judge = judge_every
+            if _judge(p.x, v, r, 1 if k >= hover_ticks else 0):
+                r.crashed, r.crash_time = 1, k * period
+                break
+        to_judge -= 1
+        if k >= hover_ticks:
+            flown += 1
+            saturated += 1 if v.actuators.scaling < 1.0 else 0
+        for i in range(4):
+            wanted[i] = v.actuators.motor_references[i]
+        if c.whole_references == 1:
+            whole_references(wanted, carry)
+        move(p, (wanted[0], wanted[1], wanted[2], wanted[3]), substeps, dt, share)
+    _finish(r, flown, saturated)

@@ -1,0 +1,20 @@
+"""The declaration of the extension `reports`."""
+
+from quadrotor.extension import Command, Evidence, Extension, Judged, ReportWriter
+
+EXTENSION = Extension(
+    name="reports",
+    summary="Reports of runs with figures, metrics and parameters, as a page and a PDF",
+    protocol=1,
+    offers=(
+        ReportWriter(name="report", target=".report:write_report"),
+        Command(
+            name="log report",
+            target=".command:Report",
+            summary="Write figures, metrics, parameters and calibrations of a log as a page and a "
+            "PDF.",
+        ),
+    ),
+    judged=(Judged(Evidence.SIMULATED, "runs of each experiment"),),
+    docs="reports.md",
+)

@@ -1,5 +1,0 @@
-"""Whole flights in compiled code: the vehicle's own laws with its simulated plant, many at a time.
-
-The vehicle itself never imports this: its tick composes the same item-level functions in Python,
-with plugins. Start with `vehicle.closed_loop.batch.fly_batch`.
-"""
