@@ -278,6 +278,16 @@ class ReportWriter(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation(Offer):
+    """What happened in a flight and why, read from its log.
+
+    The target is a `console.evaluation.findings.Explain`.
+    """
+
+    kind: ClassVar[str] = "explanation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportFigures(Offer):
     """The figures of an experiment in the report of a flight; the name is the experiment's.
 

@@ -26,6 +26,7 @@ BUILT_IN = (
     "betaflight",
     "comparison",
     "crazyflie",
+    "explanation",
     "export",
     "fmu",
     "foxglove",

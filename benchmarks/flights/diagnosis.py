@@ -17,8 +17,7 @@ from pathlib import Path
 
 from benchmarks.flights.explanations import NONE, WORLDS, FaultyFlight, take_off
 from benchmarks.harness import Report, Row, Size, Target
-from console.evaluation.explanation.explain import explain_log
-from console.evaluation.explanation.finding import Finding
+from console.evaluation.findings import Finding, explain_log
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError

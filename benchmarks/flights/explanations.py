@@ -15,8 +15,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from benchmarks.harness import Report, Row, Size, Target
-from console.evaluation.explanation.explain import explain_log
-from console.evaluation.explanation.finding import Finding
+from console.evaluation.findings import Finding, explain_log
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.parameters import FlightParameters

@@ -22,6 +22,7 @@ from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.page.laboratory import TICK, processes, started
 from quadlab.station_client import REACH, StationClient
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from vehicle_link.messages.records import Log
 from vehicle_link.transport.session import loopback_session
 
 PORT, LINK_PORT = 28082, 28450
@@ -49,7 +50,8 @@ class Pilot:
         self._events = client.listen("events")
 
     def __str__(self) -> str:
-        texts = [self._events.get().msg for _ in range(self._events.qsize())]
+        events = [self._events.get() for _ in range(self._events.qsize())]
+        texts = [one.msg for one in events if isinstance(one, Log)]
         status, told = self.newest("status"), ", ".join(texts[-TOLD:])
         return f"{status.mode} {status.behavior} at {self.height:.2f} m ({told})"
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from console.evaluation.explanation.finding import AT_BOUND, Spans, flagged, stretches, within
+from console.evaluation.findings import AT_BOUND, Spans, flagged, stretches, within
 from console.evaluation.result import FAILED, Result
 from flight_log.columns.log_columns import read_columns
 from flight_log.fields import ATTITUDE, POSITION, VELOCITY_B

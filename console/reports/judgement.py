@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from console.evaluation.explanation.finding import AT_BOUND, flagged, within
+from console.evaluation.findings import AT_BOUND, flagged, within
 from console.evaluation.result import NOT_JUDGED, VERDICTS, Result
 from console.evaluation.verdict import evaluated, judged
 from console.experiments.catalogue import experiments, find

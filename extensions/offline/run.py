@@ -10,8 +10,7 @@ import numpy as np
 
 from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import parse_layout
-from console.evaluation.explanation.consequences import HELD, NEARLY
-from console.evaluation.explanation.finding import stretches
+from console.evaluation.findings import HELD, NEARLY, stretches
 from estimation import registry
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator, TakesHeading

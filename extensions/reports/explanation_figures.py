@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote, urlencode
 
-from console.evaluation.explanation.finding import Finding
+from console.evaluation.findings import Finding
 from console.plots import COLORS, finish, line, styled, window
 from console.reports.content import Block, Heading, Picture, Text
 from console.reports.run_log import RunLog

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from console.atomic_file import replacing
-from console.evaluation.explanation.explain import explain
+from console.evaluation.findings import explain
 from console.evaluation.result import Result
 from console.plots import require_matplotlib
 from console.reports.content import Block, Heading, Report, Text

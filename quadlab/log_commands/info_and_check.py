@@ -13,7 +13,7 @@ from quadlab.option_types import Flag
 from quadrotor.errors import LogFormatError
 
 if TYPE_CHECKING:
-    from console.evaluation.explanation.finding import Finding
+    from console.evaluation.findings import Finding
     from flight_log import LogSummary
 
 
@@ -36,7 +36,7 @@ class Info:
             found = summarize(self.file, progress)
         findings: list[Finding] = []
         if self.explain:
-            from console.evaluation.explanation.explain import explain_log
+            from console.evaluation.findings import explain_log
 
             findings = explain_log(self.file)
         if self.json:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from console.evaluation.explanation.explain import explain
+from console.evaluation.findings import explain
 from control.behaviors.parameters import flight_volume, keep_out
 from flight_log.attached import parameters_of
 from flight_log.run import Run, read_run

@@ -6,14 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from console.evaluation.explanation.finding import (
-    Finding,
-    Parameters,
-    Spans,
-    Topics,
-    flagged,
-    overlaps,
-)
+from console.evaluation.findings import Finding, Parameters, Spans, Topics, flagged
+from extensions.explanation.blocks import overlaps
 
 LASTED = 0.1
 """Limit in s of the time for which a flag was set."""

@@ -1,74 +1,25 @@
-"""A claim about a flight with its evidence, and the helpers that all detectors use.
+"""What all detectors use: the time in flight, and figures over blocks of it.
 
 Times are s since the run's first message.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from console.evaluation.findings import Array, Parameters, Spans, Topics
 from flight_log.fields import ATTITUDE, MARKED, POSITION, TRACKED
 from flight_log.run import Series
-from quadrotor.parameter_description import ParameterValue
-
-Array = npt.NDArray[np.floating]
-Topics = Mapping[str, Series]
-Parameters = Mapping[str, ParameterValue]
-Spans = list[tuple[float, float]]
 
 ROLL_PITCH = ATTITUDE[1:3]
 BLOCK = 2.0
 """Time in s over which most figures are computed."""
 SETTLING = 2.0
 """Seconds after take-off and before landing that are not judged, because of the ground effect."""
-AT_BOUND = "at_bound"
-"""Flag of a bias, an integral or an estimate that its bound has held for a second."""
 AIRBORNE_HEIGHT = 0.5
 """Height in m above the lowest point that counts as flying, for logs without the status."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One claim about a flight; times are s since the run's first message.
-
-    Attributes:
-        weight: the figure relative to its limit.
-        follows: whether it can be the consequence of another finding.
-        confidence: share of the evidence for any cause, 0 to 1; 0 for a consequence.
-        signals: names of the page's signals that show it.
-        label, unit, limit, time, values: the evidence, to be plotted.
-    """
-
-    kind: str
-    weight: float
-    start: float
-    end: float
-    claim: str
-    signals: tuple[str, ...]
-    label: str
-    unit: str
-    limit: float
-    time: Array
-    values: Array
-    follows: bool = False
-    confidence: float = 0.0
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the finding for the page, without the columns of the evidence."""
-        return {
-            "kind": self.kind,
-            "weight": round(self.weight, 2),
-            "confidence": round(self.confidence, 2),
-            "from": round(self.start, 3),
-            "to": round(self.end, 3),
-            "text": self.claim,
-            "signals": list(self.signals),
-        }
 
 
 def airborne(topics: Topics) -> Spans:
@@ -120,35 +71,6 @@ def distances(
         away += (series.values(name) - expected) ** 2
     found: Array = np.sqrt(away)
     return found
-
-
-def within(time: Array, spans: Spans) -> npt.NDArray[np.bool_]:
-    found = np.zeros(len(time), bool)
-    for start, end in spans:
-        found |= (time >= start) & (time <= end)
-    return found
-
-
-def flagged(topics: Topics, flag: str) -> Spans:
-    """Return when a flag of the vehicle's status was set."""
-    if "status" not in topics:
-        return []
-    changes = topics["status"].changes("flags")
-    ends = [time for time, _ in changes[1:]] + [float(topics["status"].time[-1])]
-    found: Spans = []
-    for (start, text), end in zip(changes, ends, strict=False):
-        if flag not in text.split(", "):
-            continue
-        begin = found.pop()[0] if found and found[-1][1] == start else start
-        found.append((begin, end))
-    return found
-
-
-def stretches(time: Array, on: npt.NDArray[np.bool_]) -> Spans:
-    """Return the intervals (s) in which successive samples are on."""
-    edges = np.diff(np.concatenate([[0], on.astype(int), [0]]))
-    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    return [(float(time[a]), float(time[b])) for a, b in zip(starts, ends, strict=True)]
 
 
 def blocks(

@@ -6,24 +6,28 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from console.evaluation.explanation.finding import (
+from console.evaluation.findings import (
     AT_BOUND,
-    ROLL_PITCH,
-    SETTLING,
+    HELD,
+    NEARLY,
     Finding,
     Parameters,
     Spans,
     Topics,
+    flagged,
+    stretches,
+    within,
+)
+from extensions.explanation.blocks import (
+    ROLL_PITCH,
+    SETTLING,
     blocks,
     distances,
-    flagged,
     has,
     longest,
     means,
     number,
     overlaps,
-    stretches,
-    within,
 )
 from flight_log.fields import POSITION, REFERENCE
 
@@ -33,8 +37,6 @@ SATURATED = 0.1
 """Limit of the saturated share of the time."""
 INCONSISTENT, REFUSED = 4.0, 0.2
 """Limits of the mean normalised innovation squared, and of the share of refused measurements."""
-HELD, NEARLY = 1.0, 1.0 - 1e-5
-"""Limit in s of the time at a bound, and share of it from which a value counts as at it."""
 TILT = 70.0
 """Limit in deg, for logs without the vehicle's own limit."""
 

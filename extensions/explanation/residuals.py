@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from console.evaluation.explanation.finding import Array, Parameters, Spans, Topics, has, number
+from console.evaluation.findings import Array, Parameters, Spans, Topics
+from extensions.explanation.blocks import has, number
 from flight_log.fields import FORCE, RATE, TRACKED, TRACKED_ATTITUDE
 from quadrotor.constants import GRAVITY
 from quadrotor.plain_rotations import make_continuous, matrices_of, rotation_vectors_between

@@ -6,22 +6,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from console.evaluation.explanation.finding import (
+from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, flagged, within
+from extensions.explanation.blocks import (
     BLOCK,
-    Array,
-    Finding,
-    Parameters,
-    Spans,
-    Topics,
     blocks,
     distances,
-    flagged,
     has,
     longest,
     means,
     overlaps,
     tracker_of,
-    within,
 )
 from flight_log.fields import ATTITUDE, POSITION, TRACKED, TRACKED_ATTITUDE
 from quadrotor.plain_rotations import rotation_vectors_between

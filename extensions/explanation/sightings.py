@@ -13,17 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bearing_sim.beacons import parse_layout
-from console.evaluation.explanation.finding import (
-    Array,
-    Finding,
-    Parameters,
-    Spans,
-    Topics,
-    blocks,
-    has,
-    longest,
-    within,
-)
+from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, within
+from extensions.explanation.blocks import blocks, has, longest
 from flight_log.fields import ATTITUDE, POSITION, TRACKED, TRACKED_ATTITUDE
 from quadrotor.errors import MeasurementError
 from quadrotor.plain_rotations import matrices_of

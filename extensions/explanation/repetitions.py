@@ -11,17 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from console.evaluation.explanation.finding import (
-    Array,
-    Finding,
-    Parameters,
-    Spans,
-    Topics,
-    blocks,
-    has,
-    longest,
-    within,
-)
+from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, within
+from extensions.explanation.blocks import blocks, has, longest
 from flight_log.fields import FORCE, POSITION, RATE, TRACKED, TRACKED_ATTITUDE
 
 FROZEN, JUMP = 0.15, 0.1

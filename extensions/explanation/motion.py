@@ -10,18 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from console.evaluation.explanation.finding import (
-    Array,
-    Finding,
-    Parameters,
-    Spans,
-    Topics,
-    blocks,
-    has,
-    longest,
-    means,
-)
-from console.evaluation.explanation.residuals import STEADY, STEP, WINDOW, Window, windows
+from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics
+from extensions.explanation.blocks import blocks, has, longest, means
+from extensions.explanation.residuals import STEADY, STEP, WINDOW, Window, windows
 from flight_log.fields import TORQUE_B, TRACKED, axes
 from quadrotor.constants import GRAVITY
 

@@ -6,17 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from console.evaluation.explanation.finding import (
+from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, flagged, within
+from extensions.explanation.blocks import (
     BLOCK,
     SETTLING,
-    Array,
-    Finding,
-    Parameters,
-    Spans,
-    Topics,
     blocks,
     distances,
-    flagged,
     has,
     longest,
     lowest,
@@ -25,7 +20,6 @@ from console.evaluation.explanation.finding import (
     overlaps,
     rms_of,
     tracker_of,
-    within,
 )
 from flight_log.fields import FORCE, POSITION, THRUSTS, axes
 from quadrotor.constants import MOTORS

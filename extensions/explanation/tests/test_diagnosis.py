@@ -8,12 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from console.evaluation.explanation.explain import explain
-from console.evaluation.explanation.finding import Finding
-from quadrotor.constants import GRAVITY
-from quadrotor.records import Array
-from quadrotor.rotations import rotation_exp
-from tests.console.evaluation.made_flight import (
+from console.evaluation.findings import Finding, explain
+from extensions.explanation.tests.made_flight import (
     MASS,
     PARAMETERS,
     SIGMA,
@@ -21,6 +17,9 @@ from tests.console.evaluation.made_flight import (
     Flight,
     attitudes_along,
 )
+from quadrotor.constants import GRAVITY
+from quadrotor.records import Array
+from quadrotor.rotations import rotation_exp
 
 FROM = 15.0  # s
 
@@ -193,7 +192,8 @@ def test_poses_that_are_repeated_are_frozen_and_another_bodys_are_not() -> None:
     kept = (flight.poses >= 20.0) & (flight.poses < 20.4)
     flight.tracked[kept] = flight.tracked[kept][0]
     first = explain(flight.topics(), PARAMETERS)[0]
-    assert (first.kind, first.start) == ("tracker_frozen", pytest.approx(20.0))
+    assert first.kind == "tracker_frozen"
+    assert first.start == pytest.approx(20.0)
     assert "positions for 0.39 s" in first.claim
     flight.tracked[kept] = [3.0, 3.0, 0.5]  # another body, which rests
     assert "tracker_frozen" not in [one.kind for one in explain(flight.topics(), PARAMETERS)]

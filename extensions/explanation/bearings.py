@@ -6,20 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from console.evaluation.explanation.finding import (
-    BLOCK,
-    Finding,
-    Parameters,
-    Spans,
-    Topics,
-    blocks,
-    flagged,
-    has,
-    longest,
-    means,
-    overlaps,
-    within,
-)
+from console.evaluation.findings import Finding, Parameters, Spans, Topics, flagged, within
+from extensions.explanation.blocks import BLOCK, blocks, has, longest, means, overlaps
 from flight_log.fields import ATTITUDE, POSITION, TRACKED, TRACKED_ATTITUDE, axes
 from quadrotor.plain_rotations import rotation_vectors_between
 

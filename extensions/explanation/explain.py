@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from math import log2
-from pathlib import Path
 
-from console.evaluation.explanation import (
+from console.evaluation.findings import Finding, Parameters, Spans, Topics
+from extensions.explanation import (
     bearings,
     causes,
     consequences,
@@ -17,9 +17,7 @@ from console.evaluation.explanation import (
     sightings,
     tracker,
 )
-from console.evaluation.explanation.finding import Finding, Parameters, Spans, Topics, airborne
-from flight_log.attached import parameters_of
-from flight_log.run import read_run
+from extensions.explanation.blocks import airborne
 
 DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] = (
     instruments.instruments,
@@ -108,9 +106,3 @@ def _with_confidence(found: Iterable[Finding]) -> Iterator[Finding]:
     for one in found:
         share = evidence.get(one.kind, 0.0) / max(sum(evidence.values()), 1e-9)
         yield replace(one, confidence=share)
-
-
-def explain_log(path: Path) -> list[Finding]:
-    """Read a log and explain it. Raises StorageError or LogFormatError."""
-    run = read_run(path)
-    return explain(run.topics, parameters_of(run.log.attachments.get("parameters.json")))

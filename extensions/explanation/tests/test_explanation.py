@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.evaluation.explanation.explain import explain
-from console.evaluation.explanation.finding import Finding
+from console.evaluation.findings import Finding, explain
 from flight_log.fields import (
     ATTITUDE,
     FORCE,

@@ -11,11 +11,16 @@ from bearing_sim.beacons import parse_layout
 from flight_log.fields import ATTITUDE, FORCE, POSITION, RATE, TRACKED, TRACKED_ATTITUDE
 from flight_log.run import Series
 from quadrotor.constants import GRAVITY
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Array
 
 END = 40.0
 MASS = 1.3
-PARAMETERS = {"model.mass": MASS, "model.drag": 0.0, "beacons.layout": "paper"}
+PARAMETERS: dict[str, ParameterValue] = {
+    "model.mass": MASS,
+    "model.drag": 0.0,
+    "beacons.layout": "paper",
+}
 SIGMA = np.radians(1.5)
 
 
@@ -87,7 +92,8 @@ class Flight:
 
     def scattered(self, seen: Array, sigma: float = SIGMA) -> Array:
         moved: Array = seen + sigma * self.chance.normal(size=seen.shape)
-        return moved / np.linalg.norm(moved, axis=2, keepdims=True)
+        moved /= np.linalg.norm(moved, axis=2, keepdims=True)
+        return moved
 
     def topics(self) -> dict[str, Series]:
         near = np.searchsorted(self.poses, self.time).clip(max=len(self.poses) - 1)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from console.evaluation.explanation.explain import explain_log
+from console.evaluation.findings import explain_log
 from extensions.reports.report import write_report
 from quadlab.__main__ import main
 from web.replay.build import build_replay

@@ -1,0 +1,18 @@
+"""The declaration of the extension `explanation`."""
+
+from quadrotor.extension import Evidence, Explanation, Extension, Judged
+
+EXTENSION = Extension(
+    name="explanation",
+    summary="What happened in a flight and why: causes with their figures, and consequences",
+    protocol=1,
+    offers=(Explanation(name="flight", target=".explain:explain"),),
+    judged=(
+        Judged(
+            Evidence.SIMULATED,
+            "flights with each fault of the library and without, on seeds that were not used to "
+            "choose limits (python -m benchmarks diagnosis)",
+        ),
+    ),
+    docs="reports.md",
+)
