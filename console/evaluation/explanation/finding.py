@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flight_log.fields import ATTITUDE, MARKED, POSITION, TRACKED
 from flight_log.run import Series
+from quadrotor.json_object import JsonObject
 from quadrotor.parameter_description import ParameterValue
 
 Array = npt.NDArray[np.floating]
@@ -56,7 +56,7 @@ class Finding:
     values: Array
     follows: bool = False
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """Return the finding for the page, without the columns of the evidence."""
         return {
             "kind": self.kind,
