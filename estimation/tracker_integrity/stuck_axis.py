@@ -13,9 +13,9 @@ in calm flight too, for long enough that the errors of the torques add up.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import Vector
 
 UNCHANGED = 0.02
@@ -31,7 +31,7 @@ GYROSCOPE_POLE, TRACKER_POLE = 10.0, 4.0
 
 
 @compiled(inner=True)
-def observe_rates(m: Any, imu: Any, actuators: Any, model: Any, dt: float) -> None:
+def observe_rates(m: Item, imu: Item, actuators: Item, model: Item, dt: float) -> None:
     """Step the observer by one IMU sample, whose stuck axes get its rate."""
     share = min(1.0, dt / model.motor_time_constant)
     for i in range(3):
@@ -54,7 +54,7 @@ def observe_rates(m: Any, imu: Any, actuators: Any, model: Any, dt: float) -> No
 
 
 @compiled(inner=True)
-def note_turn(m: Any, turned_b: Vector, since: float) -> None:
+def note_turn(m: Item, turned_b: Vector, since: float) -> None:
     """Follow the rate of the turn (rad) from the last pose that was compared to this one."""
     share = min(1.0, since / TURN_TIME)
     for i in range(3):
@@ -62,7 +62,7 @@ def note_turn(m: Any, turned_b: Vector, since: float) -> None:
 
 
 @compiled(inner=True)
-def follow_tracker(m: Any, turned_b: Vector, since: float) -> None:
+def follow_tracker(m: Item, turned_b: Vector, since: float) -> None:
     """Let the axes without a measurement follow the turn (rad) between two poses."""
     for i in range(3):
         if m.unchanged[i] >= UNCHANGED:
@@ -70,7 +70,7 @@ def follow_tracker(m: Any, turned_b: Vector, since: float) -> None:
 
 
 @compiled(inner=True)
-def _follow(m: Any, axis: int, rate: float, pole: float, dt: float) -> None:
+def _follow(m: Item, axis: int, rate: float, pole: float, dt: float) -> None:
     held = min(dt, 0.2 / pole)
     error = rate - m.rate_b[axis]
     m.rate_b[axis] += 2.0 * pole * held * error
