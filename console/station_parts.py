@@ -172,11 +172,11 @@ class StationParts:
         return RunManager(
             self.catalogue,
             self.store,
-            self.vehicle_parameters,
-            self.options.vehicle,
-            self.options.operator,
-            self.calibrations.attachment,
-            self.rates.write_period,
+            vehicle_parameters=self.vehicle_parameters,
+            vehicle=self.options.vehicle,
+            operator=self.options.operator,
+            calibrations=self.calibrations.attachment,
+            period=self.rates.write_period,
         )
 
     @cached_property
@@ -209,11 +209,11 @@ class StationParts:
         return StationContext(
             self.node,
             self.options.vehicle,
-            self.link,
-            self.outbox,
-            self.runs.recorder,
-            self.alarms,
-            self.store.parameters,
+            link=self.link,
+            outbox=self.outbox,
+            recorder=self.runs.recorder,
+            alarms=self.alarms,
+            parameters=self.store.parameters,
         )
 
     @cached_property
@@ -240,11 +240,11 @@ class StationParts:
         return ExperimentRunner(
             self.context,
             self.vehicle_parameters,
-            self.runs,
-            self.calibrations,
-            self.catalogue,
-            self._asked,
-            self._permit,
+            runs=self.runs,
+            calibrations=self.calibrations,
+            catalogue=self.catalogue,
+            asked=self._asked,
+            permit=self._permit,
         )
 
     @cached_property
@@ -397,11 +397,11 @@ class StationParts:
         CommandGateway(
             self.node,
             self.store,
-            self.link.refusal,
-            self.link.deadline_ns,
-            self.runs.by_hand,
-            self.control.permit,
-            self.experiments.commanded,
+            refusal=self.link.refusal,
+            deadline_ns=self.link.deadline_ns,
+            record=self.runs.by_hand,
+            permit=self.control.permit,
+            on_asked=self.experiments.commanded,
         ).serve()
         MarkService(self.context, self.catalogue).serve()
         forward_service(self.node, "onboard_log", self.link.state, LOG_TIMEOUT)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from control.parameters import Item
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import (
     Axes,
     Vector,

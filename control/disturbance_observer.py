@@ -19,9 +19,9 @@ import math
 
 import numpy as np
 
-from control.parameters import DisturbanceParameters, Item
+from control.parameters import DisturbanceParameters
 from quadrotor.compiled import compiled, direct
-from quadrotor.records import ACTUATORS, STATE, Record
+from quadrotor.records import ACTUATORS, STATE, Item, Record
 from quadrotor.rigid_body import drag_torque, gyroscopic_ratios, motor_share, rotors
 from quadrotor.vectors import Vector, add, along, axes_of, quaternion, scale, times, to_body, vector
 from quadrotor.vehicle_model import GRAVITY, Four, VehicleModel

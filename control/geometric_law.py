@@ -11,10 +11,9 @@ from control.allocation import allocate
 from control.attitude_law import attitude_error, attitude_torque
 from control.desired_attitude import attitude_of_force, axes_of_force
 from control.disturbance_observer import DISTURBANCE
-from control.parameters import Item
 from control.position_law import desired_force, force_rates, limit_force
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.rigid_body import drag_torque
 from quadrotor.vectors import (
     Axes,

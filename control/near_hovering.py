@@ -14,10 +14,9 @@ import math
 from control.allocation import allocate
 from control.controller import GeometricController
 from control.geometric_law import command, fed_forward, hand_over, wind
-from control.parameters import Item
 from control.position_law import desired_force, limit_force
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.rotations import wrap_angle
 from quadrotor.vectors import Vector, axes_of, quaternion, subtract, vector
 from quadrotor.vehicle_model import GRAVITY, Four

@@ -7,7 +7,6 @@ changes. The defaults fly the paper's vehicle at 60 to 1000 Hz.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -31,8 +30,6 @@ CONTROL = np.dtype(
     align=True,
 )
 
-Item = Any
-"""One record `array[k]` inside compiled code, where its fields are attributes."""
 
 RATES = ("nominal", "exact")
 GEOMETRIC, NEAR_HOVERING, NONE = "geometric", "near_hovering", "none"

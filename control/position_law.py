@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from control.parameters import Item
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import Axes, Vector, add, along, dot, scale, subtract, times, vector
 from quadrotor.vehicle_model import GRAVITY
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import Any
 
 import numpy as np
 
@@ -72,7 +71,7 @@ class CompiledEstimator:
         """Return whether the estimate may be used for flight; `convergence` has the reason."""
         return self.convergence.reached
 
-    def _judge(self, m: Any) -> Convergence:
+    def _judge(self, m: np.void) -> Convergence:
         """Return the convergence from the memory of an initialized filter with fresh
         measurements.
         """

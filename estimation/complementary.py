@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -57,7 +56,7 @@ class ComplementaryEstimator(CompiledEstimator):
         """Return None: a filter of fixed gains has no covariance."""
         return None
 
-    def _judge(self, m: Any) -> Convergence:
+    def _judge(self, m: np.void) -> Convergence:
         """Return the convergence from the time since the start, in time constants, and the size of
         the innovations.
         """

@@ -8,7 +8,6 @@ prediction with the last biases (dead reckoning).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +19,7 @@ from estimation.pose_gate import chord2, move_to, passes, refuse, rotation_vecto
 from estimation.rate_filter import filter_rate
 from estimation.translation_observer import acceleration_of, move_pose, translation_gains
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.vectors import dot, multiply, normalized, quaternion
 
 SPREAD = 0.1
@@ -30,7 +29,7 @@ _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _OUTLIER = (int(o) for o in Ou
 
 
 @compiled(inner=True)
-def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
+def predict_one(m: Item, sample: Item, g: Item, dt: float, out: Item) -> None:
     """Advance one filter by one IMU sample; eqs. 11 and 12 without their innovation terms.
 
     Rate and acceleration are the mean of this sample and the last, each turned at its own attitude:
@@ -79,7 +78,7 @@ def predict(memory: Record, imu: Record, gains: Record, dt: float, state: Record
 
 
 @compiled(inner=True)
-def correct_one(m: Any, z: Any, g: Any, out: Any) -> int:
+def correct_one(m: Item, z: Item, g: Item, out: Item) -> int:
     """Apply one pose to an initialized filter (eqs. 11 and 12, exact for the interval).
 
     Args:
@@ -96,7 +95,7 @@ def correct_one(m: Any, z: Any, g: Any, out: Any) -> int:
 
 
 @compiled(inner=True)
-def _apply(m: Any, z: Any, g: Any, out: Any) -> int:
+def _apply(m: Item, z: Item, g: Item, out: Item) -> int:
     p, q, past, stamp_ns = z.position_w, z.quaternion_wb, m.past, z.stamp_ns
     norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     if not (math.isfinite(p[0] + p[1] + p[2]) and abs(norm2 - 1.0) < NORM_TOLERANCE):
@@ -118,8 +117,9 @@ def _apply(m: Any, z: Any, g: Any, out: Any) -> int:
         moves = refuse(m, stamp_ns, e_w, turn, g)
         m.newest_ns = stamp_ns
         if moves:
-            x, y, z = rotation_vector(turn)
-            move_to(m, back, stamp_ns, e_w, to_world(past, 1.0, x, y, z))
+            around_x, around_y, around_z = rotation_vector(turn)
+            turn_w = to_world(past, 1.0, around_x, around_y, around_z)
+            move_to(m, back, stamp_ns, e_w, turn_w)
             return _APPLIED
         return _OUTLIER
     interval = 1e-9 * (stamp_ns - m.pose_stamp_ns)

@@ -8,17 +8,17 @@ functions take one ESTIMATOR_MEMORY record.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.attitude_filter import Triple, turn_pose
 from estimation.memory import HISTORY_LENGTH
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 
 _MASK = HISTORY_LENGTH - 1  # the length is a power of two
 
 
 @compiled(inner=True)
-def remember(m: Any) -> None:
+def remember(m: Item) -> None:
     """Store the present pose."""
     i = m.ring_next
     m.ring_stamp_ns[i] = m.stamp_ns
@@ -31,7 +31,7 @@ def remember(m: Any) -> None:
 
 
 @compiled
-def recall(m: Any, stamp_ns: int) -> int:
+def recall(m: Item, stamp_ns: int) -> int:
     """Write the estimate at `stamp_ns` into `past`.
 
     It is linear between the two poses around the stamp; beyond the newest pose it is extrapolated
@@ -68,7 +68,7 @@ def recall(m: Any, stamp_ns: int) -> int:
 
 @compiled(inner=True)
 def amend(
-    m: Any, back: int, stamp_ns: int, innovation_w: Triple, gains: Triple, turn_w: Triple
+    m: Item, back: int, stamp_ns: int, innovation_w: Triple, gains: Triple, turn_w: Triple
 ) -> None:
     """Correct the newest `back` poses, and with the newest of them the present pose.
 

@@ -20,12 +20,12 @@ The functions take one ESTIMATOR_MEMORY record m and one ESTIMATION_GAINS record
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.attitude_filter import Triple
 from estimation.history import amend
 from estimation.outcome import Agreement
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import Quaternion, dot, length, multiply, quaternion, scale, subtract, vector
 
 JUMP_WAIT, DRIFT_WAIT = 0.5, 0.2
@@ -53,7 +53,7 @@ _USED, _REFUSED, _JUMPED, _DRIFTED, _MOVED = (int(a) for a in Agreement)
 
 
 @compiled(inner=True)
-def distance(m: Any, stamp_ns: int, square: float, turn2: float, g: Any) -> float:
+def distance(m: Item, stamp_ns: int, square: float, turn2: float, g: Item) -> float:
     """Return the squared distance of a pose from its prediction in variances, the larger of
     position and attitude.
 
@@ -72,7 +72,7 @@ def distance(m: Any, stamp_ns: int, square: float, turn2: float, g: Any) -> floa
 
 
 @compiled(inner=True)
-def adapt(m: Any, stamp_ns: int, square: float, turn2: float, g: Any) -> None:
+def adapt(m: Item, stamp_ns: int, square: float, turn2: float, g: Item) -> None:
     """Move the running medians towards the squares of one innovation."""
     pace = 1.0 + min(PACE, PACE_RATE * 1e-9 * (stamp_ns - m.newest_ns))
     m.position_scale = _moved(m.position_scale, square, pace, g.pose_position_noise)
@@ -87,7 +87,7 @@ def _moved(variance: float, square: float, pace: float, noise: float) -> float:
 
 
 @compiled(inner=True)
-def passes(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> bool:
+def passes(m: Item, stamp_ns: int, offset_w: Triple, turn2: float, g: Item) -> bool:
     """Return whether a pose may be used; if so, the gate adapts to it.
 
     Args:
@@ -108,7 +108,7 @@ def passes(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> boo
 
 
 @compiled(inner=True)
-def _drifts(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> bool:
+def _drifts(m: Item, stamp_ns: int, offset_w: Triple, turn2: float, g: Item) -> bool:
     """Return whether a pose beyond the gate continues one that was just used."""
     if m.pose_stamp_ns != m.newest_ns or 1e-9 * (stamp_ns - m.pose_stamp_ns) > JUMP_INTERVAL:
         return False
@@ -120,7 +120,7 @@ def _drifts(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> bo
 
 
 @compiled(inner=True)
-def _reach(m: Any, g: Any) -> tuple[float, float]:
+def _reach(m: Item, g: Item) -> tuple[float, float]:
     """Return the width of the gate (m, rad) just after a pose was used."""
     position = max(m.position_scale, g.pose_position_noise**2)
     attitude = max(m.attitude_scale, g.pose_attitude_noise**2)
@@ -128,7 +128,7 @@ def _reach(m: Any, g: Any) -> tuple[float, float]:
 
 
 @compiled(inner=True)
-def refuse(m: Any, stamp_ns: int, offset_w: Triple, turn: Quaternion, g: Any) -> bool:
+def refuse(m: Item, stamp_ns: int, offset_w: Triple, turn: Quaternion, g: Item) -> bool:
     """Compare a refused pose with the run; return whether the estimate is to be moved to it.
 
     Args:
@@ -170,7 +170,7 @@ def refuse(m: Any, stamp_ns: int, offset_w: Triple, turn: Quaternion, g: Any) ->
 
 
 @compiled(inner=True)
-def move_to(m: Any, back: int, stamp_ns: int, offset_w: Triple, turn_w: Triple) -> None:
+def move_to(m: Item, back: int, stamp_ns: int, offset_w: Triple, turn_w: Triple) -> None:
     """Move the estimate to a run's newest pose: position, attitude, and velocity by the run.
 
     Args:

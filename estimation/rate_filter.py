@@ -10,10 +10,9 @@ delays much lower frequencies by B / w^2. The paper has none.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from quadrotor.compiled import compiled
-from quadrotor.records import Array
+from quadrotor.records import Array, Item
 from quadrotor.vectors import Vector, vector
 
 HIGHEST = 0.45
@@ -21,7 +20,7 @@ HIGHEST = 0.45
 
 
 @compiled(inner=True)
-def filter_rate(m: Any, measured: Array, bias: Array, g: Any, dt: float) -> None:
+def filter_rate(m: Item, measured: Array, bias: Array, g: Item, dt: float) -> None:
     """Move `m.filtered_rate_b` (3,) towards `measured - bias` (3,), through notch and low-pass.
 
     Args:
@@ -40,7 +39,7 @@ def filter_rate(m: Any, measured: Array, bias: Array, g: Any, dt: float) -> None
 
 
 @compiled(inner=True)
-def notch(m: Any, rate: Vector, hertz: float, width: float, dt: float) -> Vector:
+def notch(m: Item, rate: Vector, hertz: float, width: float, dt: float) -> Vector:
     """Return a body rate without its components around a frequency (Hz). When switched on or moved
     to another frequency, the notch starts as if it had always measured this rate.
     """

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Array, Record
 from quadrotor.vectors import Vector, axes_of, quaternion, subtract, to_body, to_world, vector
 
 NARROW = 0.999
@@ -30,7 +30,7 @@ Swept = tuple[float, Vector]
 
 
 @compiled(inner=True)
-def swept(plane: Any, sensor_w: Vector) -> Swept:
+def swept(plane: Array, sensor_w: Vector) -> Swept:
     """Return the angle at which a plane meets a sensor, with its gradient; NaN where it never does.
 
     Args:

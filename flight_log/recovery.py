@@ -84,7 +84,15 @@ def _repair(path: Path, target: LogFile, problem: str) -> Recovery:
         os.replace(path, kept)
     os.replace(target.path, path)
     sync_folder(path.parent)
-    return Recovery(path, True, count, lost, state.damaged_chunks, reason, kept)
+    return Recovery(
+        path,
+        True,
+        messages=count,
+        lost_bytes=lost,
+        damaged_chunks=state.damaged_chunks,
+        reason=reason,
+        kept=kept,
+    )
 
 
 def _holds_more(path: Path, whole_bytes: int) -> bool:

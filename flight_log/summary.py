@@ -120,7 +120,16 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
     described = {one.id: (one.topic, schemas[one.schema_id]) for one in channels.values()}
     span = statistics.message_start_time, statistics.message_end_time
     counts = statistics.channel_message_counts
-    return _summary(path, size, "", span, described, counts, attachments, metadata)
+    return _summary(
+        path,
+        size,
+        tear="",
+        span=span,
+        described=described,
+        counts=counts,
+        attachments=attachments,
+        metadata=metadata,
+    )
 
 
 def _summary(

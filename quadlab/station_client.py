@@ -9,10 +9,10 @@ import uuid
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from quadrotor.errors import LinkError, RefusedError
-from quadrotor.parameter_description import ParameterDescription
+from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link import clock
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.lockstep import page_at
@@ -107,7 +107,7 @@ class StationClient:
         """Return the descriptions of the vehicle's parameters. Raises LinkError."""
         return self._parameters.describe()
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, ParameterValue]:
         """Return the vehicle's current values. Raises LinkError."""
         return self._parameters.values()
 

@@ -9,6 +9,7 @@ maps body to world. Units are SI; stamps are integer nanoseconds on the vehicle'
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,18 @@ Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 Record = npt.NDArray[np.void]
 """A structured array, shape (1,) in the tick, (N,) in a batch."""
+
+
+class Item(Protocol):
+    """One record `array[k]` inside compiled code: its fields are attributes, of which numba, and
+    not mypy, knows the types.
+    """
+
+    def __getattr__(self, field: str) -> Any: ...
+
+    def __setattr__(self, field: str, value: Any) -> None: ...
+
+
 Numbers = Sequence[float] | npt.NDArray[np.float64]
 Ids = npt.NDArray[np.int32]
 

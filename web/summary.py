@@ -6,8 +6,9 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from quadrotor.json_object import JsonObject
 from vehicle_link.checks import Check, from_messages
 from web.experiments.calibrations import proposal_summary
 from web.experiments.experiments import experiment_summary
@@ -65,7 +66,7 @@ class Summary:
         }
 
 
-def preflight_summary(live: Live) -> dict[str, Any] | None:
+def preflight_summary(live: Live) -> JsonObject | None:
     """Return the pre-flight list, or None if the station has not sent it for a while."""
     message = live.current("preflight")
     if message is None:

@@ -7,12 +7,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from sqlalchemy import select
 
 from console.catalogue.search import NOT_DELETED
 from console.catalogue.tables import CompletenessRow, RunEntry
+from quadrotor.json_object import JsonObject
 
 if TYPE_CHECKING:
     from console.catalogue.catalogue import Catalogue
@@ -70,7 +71,7 @@ def open_runs(catalogue: Catalogue, vehicle: str) -> list[str]:
         return list(session.scalars(query))
 
 
-def as_json(found: Completeness | None) -> dict[str, Any] | None:
+def as_json(found: Completeness | None) -> JsonObject | None:
     return None if found is None else {**asdict(found), "line": found.line}
 
 

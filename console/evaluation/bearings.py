@@ -160,17 +160,17 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
     return BearingsFlight(
         time,
         _state(np.asarray(truth[rows], np.float64)),
-        _state(estimate[rows]),
-        wanted_w[rows],
-        float((scaling < 1.0).mean()) if len(scaling) else 0.0,
-        window,
-        tuple(
+        estimate=_state(estimate[rows]),
+        reference_w=wanted_w[rows],
+        saturated=float((scaling < 1.0).mean()) if len(scaling) else 0.0,
+        window=window,
+        fell_back=tuple(
             text
             for _, text in events
             if text.startswith("fell back") or "no tracker to fall back" in text
         ),
-        _emergencies(topics["status"], begin_ns),
-        bound,
+        emergencies=_emergencies(topics["status"], begin_ns),
+        bound=bound,
     )
 
 

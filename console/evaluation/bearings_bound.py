@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def posterior_bound(
     """
     if not beacons:
         return UNKNOWN
-    g: Any = noise_record(EstimationParameters(error_state=noise))[0]
+    g: np.void = noise_record(EstimationParameters(error_state=noise))[0]
     P = np.diag(START**2)
     walks = (
         np.repeat(

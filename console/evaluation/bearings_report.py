@@ -25,11 +25,11 @@ def write(flight: BearingsFlight, options: Parameters, result: Result, stem: Pat
         state_estimation(
             figure,
             flight.time - first,
-            (truth[:, :3], estimate[:, :3]),
-            (angles, estimated),
-            (truth - estimate)[:, :3],
-            flight.turns,
-            [(flight.window[0] - first, flight.window[1] - first)],
+            position=(truth[:, :3], estimate[:, :3]),
+            angles=(angles, estimated),
+            position_error=(truth - estimate)[:, :3],
+            turn=flight.turns,
+            judged=[(flight.window[0] - first, flight.window[1] - first)],
         )
 
     figure = Figure(figsize=(10.0, 6.4), layout="constrained")

@@ -217,12 +217,12 @@ def estimate_inertia(
     return InertiaFlight(
         np.array(moments),
         np.array(found),
-        torque_b,
-        lost / (lost + len(time)),
-        np.array([float(truth.get(f"inertia_{axis}", math.nan)) for axis in AXES])
+        torque_b=torque_b,
+        missing=lost / (lost + len(time)),
+        truth_b=np.array([float(truth.get(f"inertia_{axis}", math.nan)) for axis in AXES])
         / float(truth.get("thrust_efficiency", 1.0)),
-        len(time),
-        parameters,
+        ticks=len(time),
+        parameters=parameters,
     )
 
 

@@ -187,14 +187,14 @@ def read_mass(log: Path, vehicle: str) -> MassFlight:
     return MassFlight(
         estimator.time,
         estimator.values("mass").astype(float),
-        np.sqrt(estimator.values("mass_variance").astype(float)),
-        _first(behaviors, "take_off"),
-        lift_off,
-        _first(behaviors, "land", "emergency_landing"),
-        _stretch(behaviors, float(flying[-1])),
-        _truth(parameters),
-        names[-1][1] if names else "",
-        parameters,
+        deviation=np.sqrt(estimator.values("mass_variance").astype(float)),
+        take_off=_first(behaviors, "take_off"),
+        lift_off=lift_off,
+        landing=_first(behaviors, "land", "emergency_landing"),
+        erratic=_stretch(behaviors, float(flying[-1])),
+        truth=_truth(parameters),
+        estimator=names[-1][1] if names else "",
+        parameters=parameters,
     )
 
 

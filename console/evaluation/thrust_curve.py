@@ -182,13 +182,13 @@ def find_curve(
     return ThrustCurve(
         mass,
         slope / gain,
-        offset,
-        flown,
-        miss,
-        _error(slope * (ends + offset), ends, parameters),
-        bool(found),
-        float(time[-1] - time[0]),
-        parameters,
+        offset=offset,
+        flown=flown,
+        miss=miss,
+        error=_error(slope * (ends + offset), ends, parameters),
+        offset_found=bool(found),
+        seconds=float(time[-1] - time[0]),
+        parameters=parameters,
     )
 
 

@@ -146,5 +146,13 @@ class Outbox:
         """Publish a changed parameter for our own log and page, and for ROS 2."""
         stamp_ns = self._vehicle_ns()
         instance = self._permission.instance
-        change = ParameterChange(stamp_ns, name, old, value, requester, revision, instance)
+        change = ParameterChange(
+            stamp_ns,
+            name,
+            old=old,
+            new=value,
+            requester=requester,
+            revision=revision,
+            instance=instance,
+        )
         self.put("parameter_changes", topics.encode_parameter_change(change), stamp_ns)

@@ -95,11 +95,11 @@ def deleted_runs(catalogue: Catalogue) -> list[DeletedRun]:
             DeletedRun(
                 run.id,
                 run.vehicle,
-                run.start_ns,
-                run.duration,
-                run.bytes,
-                trash.deleted_ns,
-                trash.requester,
+                start_ns=run.start_ns,
+                duration=run.duration,
+                bytes=run.bytes,
+                deleted_ns=trash.deleted_ns,
+                requester=trash.requester,
             )
             for run, trash in rows
         ]

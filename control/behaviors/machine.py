@@ -223,13 +223,13 @@ class BehaviorMachine:
         return Context(
             self._reference.copy(),
             self.parameters,
-            self.hover_thrust,
-            self.model,
-            self.trajectories,
-            self.control,
-            state,
-            self.outside,
-            self._inputs.stamp_ns,
+            hover_thrust=self.hover_thrust,
+            model=self.model,
+            trajectories=self.trajectories,
+            control=self.control,
+            state=state,
+            outside=self.outside,
+            stamp_ns=self._inputs.stamp_ns,
         )
 
     def _moving(self) -> bool:

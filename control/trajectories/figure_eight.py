@@ -8,7 +8,6 @@ would need 37° of tilt, a constant rate only 8°.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from control.trajectories.laps import check_ramp, lap_rates, lap_stretches
 from control.trajectories.ramped_phase import Derivatives, ramped_phase
 from control.trajectories.trajectory import Stretch
 from quadrotor.compiled import compiled, direct
-from quadrotor.records import Record, new_reference
+from quadrotor.records import Item, Record, new_reference
 
 FIGURE_EIGHT = np.dtype(
     [
@@ -49,7 +48,7 @@ def circling(s: float, c: float, a: float, b: float, d: float, e: float) -> Deri
 
 
 @compiled(inner=True)
-def figure_eight_at(eight: Any, t: float, reference: Any) -> None:
+def figure_eight_at(eight: Item, t: float, reference: Item) -> None:
     """Write the reference at t (s) on one FIGURE_EIGHT record into one REFERENCE record.
 
     One sine and one cosine are computed: those of twice the phase follow from them.

@@ -7,16 +7,15 @@ with the yaw, the attitude; its first and second derivatives give the rates (Sec
 
 from __future__ import annotations
 
-from typing import Any
-
 from control.desired_attitude import attitude_of_force
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import Axes, Quaternion, Vector, add, cross, length, scale, times, vector
 from quadrotor.vehicle_model import GRAVITY
 
 
 @compiled(inner=True)
-def wrench_of_reference(reference: Any, model: Any) -> tuple[Axes, Vector, Vector, Quaternion]:
+def wrench_of_reference(reference: Item, model: Item) -> tuple[Axes, Vector, Vector, Quaternion]:
     """Return what one REFERENCE record requires of a vehicle with this MODEL record.
 
     Returns the columns of R_wb, the body rate (rad/s) and its derivative in body axes, and the

@@ -7,14 +7,13 @@ center + slope phase. One compiled function serves hovering, lines, circles and 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from control.trajectories.figure_eight import circling
 from control.trajectories.ramped_phase import ramped_phase
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 
 PHASE_CURVE = np.dtype(
     [
@@ -31,7 +30,7 @@ PHASE_CURVE = np.dtype(
 
 
 @compiled(inner=True)
-def phase_curve_at(curve: Any, t: float, reference: Any) -> None:
+def phase_curve_at(curve: Item, t: float, reference: Item) -> None:
     """Write the reference at t (s) on one PHASE_CURVE record into one REFERENCE record."""
     phase = ramped_phase(t, curve.rate, curve.ramp, curve.total)
     q, a, b, d, e = phase

@@ -95,16 +95,16 @@ def fit_attitudes(
     return AttitudeFit(
         float(delay),
         float(drift),
-        mount,
-        bias,
-        fit.deviations,
-        fit.rms,
-        at,
-        parts,
-        fit.parts,
-        worlds,
-        integral,
-        turns,
+        mount=mount,
+        bias_b=bias,
+        deviations=fit.deviations,
+        rms=fit.rms,
+        at=at,
+        segments=parts,
+        segment_rms=fit.parts,
+        worlds=worlds,
+        integral=integral,
+        turns=turns,
     )
 
 

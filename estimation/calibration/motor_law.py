@@ -99,13 +99,13 @@ def identify_motor(steps: BenchSteps) -> MotorCalibration:
     return MotorCalibration(
         slope,
         offset,
-        abs(ratio),
-        root,
-        quadratic,
-        float(np.abs(used.torque - ratio * used.force).max()),
-        used,
-        ends[0],
-        ends[1],
+        torque_ratio=abs(ratio),
+        root=root,
+        quadratic=quadratic,
+        torque_residual=float(np.abs(used.torque - ratio * used.force).max()),
+        steps=used,
+        thrust_min=ends[0],
+        thrust_max=ends[1],
     )
 
 

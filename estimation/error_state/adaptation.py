@@ -18,10 +18,10 @@ as stated is therefore left exactly as stated.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.error_state.memory import ATTITUDE, BEARING, FORCE, POSITION, RATE
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import Vector, add, dot, scale, vector
 
 CHANCE = 1.0
@@ -47,7 +47,7 @@ FRESH_NS = 200_000_000
 
 
 @compiled(inner=True)
-def gather(m: Any, kind: int, step: float) -> None:
+def gather(m: Item, kind: int, step: float) -> None:
     """Add a step to the evidence of one factor, and update the factor."""
     most = CHANCE + math.log(LARGEST)
     m.evidence[kind] = min(max(m.evidence[kind] + step, 0.0), most)
@@ -55,7 +55,7 @@ def gather(m: Any, kind: int, step: float) -> None:
 
 
 @compiled(inner=True)
-def learn(m: Any, first: int, u: Vector, largest: float) -> bool:
+def learn(m: Item, first: int, u: Vector, largest: float) -> bool:
     """Adapt a noise of the IMU to three innovations, in deviations, up to a factor `largest`.
 
     They are of the position (`first` 0) or the attitude (3). Returns whether they point in the same
@@ -79,7 +79,7 @@ def learn(m: Any, first: int, u: Vector, largest: float) -> bool:
 
 
 @compiled(inner=True)
-def learn_from_pose(m: Any, whole: bool, of_process: bool) -> None:
+def learn_from_pose(m: Item, whole: bool, of_process: bool) -> None:
     """Adapt to the innovation of a pose, or of a position, whose rows are linearised at the
     prediction; prior and variances are those with which it is expected.
 
@@ -97,14 +97,14 @@ def learn_from_pose(m: Any, whole: bool, of_process: bool) -> None:
 
 
 @compiled(inner=True)
-def unit(m: Any, i: int) -> float:
+def unit(m: Item, i: int) -> float:
     """Return the innovation of one number of a pose, in deviations."""
     deviations: float = m.rest[i] / math.sqrt(m.expected[i])
     return deviations
 
 
 @compiled(inner=True)
-def learn_from_bearings(m: Any, pairs: int) -> None:
+def learn_from_bearings(m: Item, pairs: int) -> None:
     """Adapt to the bearings of one frame: the noise of the IMU by the pose error that they indicate
     together, the noise of the bearings by their squared distances from the prediction.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -87,7 +86,7 @@ class ErrorStateEstimator(CompiledEstimator):
         """
         return judgement.inconsistency_of(self.memory[0]) if self.initialized else ""
 
-    def _judge(self, m: Any) -> Convergence:
+    def _judge(self, m: np.void) -> Convergence:
         return judgement.convergence_of(m)
 
     def reset(self) -> None:

@@ -6,7 +6,6 @@ Item functions take the records of one vehicle, the others all of (N,).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +40,7 @@ from quadrotor.records import (
     POSE_SAMPLE,
     READING_SAMPLE,
     Array,
+    Item,
     Record,
 )
 from quadrotor.vectors import add, axes_of, scale, to_body, vector
@@ -51,7 +51,7 @@ _USED, _REFUSED, _JUMPED, _DRIFTED, _MOVED = (int(a) for a in Agreement)
 
 
 @compiled(inner=True)
-def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
+def predict_one(m: Item, sample: Item, g: Item, dt: float, out: Item) -> None:
     """Advance one filter by one IMU sample.
 
     Args:
@@ -85,7 +85,7 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
         out.quaternion_wb[i] = x[6 + i]
 
 
-def take(m: Any, measurement: Record) -> bool:
+def take(m: Item, measurement: Record) -> bool:
     """Store a sample (1,) of any kind as the new measurement; return False when it is invalid."""
     item = measurement[0]
     if measurement.dtype == POSE_SAMPLE:
@@ -98,7 +98,7 @@ def take(m: Any, measurement: Record) -> bool:
 
 
 @compiled
-def take_pose(m: Any, z: Any) -> bool:
+def take_pose(m: Item, z: Item) -> bool:
     """Store a POSE_SAMPLE item, with or without attitude, as the new measurement; return False when
     it is invalid.
     """
@@ -116,7 +116,7 @@ def take_pose(m: Any, z: Any) -> bool:
 
 
 @compiled
-def take_bearings(m: Any, z: Any) -> bool:
+def take_bearings(m: Item, z: Item) -> bool:
     """Store a BEARINGS_SAMPLE item as the new measurement; return False when it is invalid."""
     m.new_ns, m.new_kind, m.new_count, m.new_sigma = z.stamp_ns, BEARINGS, z.count, z.sigma
     if not (1 <= z.count <= MAX_BEACONS and z.sigma > 0.0):
@@ -134,7 +134,7 @@ def take_bearings(m: Any, z: Any) -> bool:
 
 
 @compiled
-def take_sweeps(m: Any, z: Any, plane: Array) -> bool:
+def take_sweeps(m: Item, z: Item, plane: Array) -> bool:
     """Store a SWEEPS_SAMPLE item as the new measurement; return False when it is invalid.
 
     Args:
@@ -160,7 +160,7 @@ def take_sweeps(m: Any, z: Any, plane: Array) -> bool:
 
 
 @compiled
-def take_reading(m: Any, z: Any) -> bool:
+def take_reading(m: Item, z: Item) -> bool:
     """Store a READING_SAMPLE item as the new measurement; return False when it is invalid."""
     m.new_ns, m.new_kind, m.new_count, m.new_sigma = z.stamp_ns, READING, READING_ROWS, z.sigma
     total, n = z.sigma + z.rest, 0.0
@@ -178,7 +178,7 @@ def take_reading(m: Any, z: Any) -> bool:
 
 
 @compiled
-def take_nothing(m: Any) -> None:
+def take_nothing(m: Item) -> None:
     """Store an event without a measurement at the newest sample; needed before the samples since
     the last event are overwritten.
     """

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
 
 import numpy as np
 
@@ -41,7 +40,7 @@ class FrameRun:
             self._poses.clear()
         self._poses.append((stamp_ns, pose))
 
-    def compare(self, frame: Any, outcome: int, *, all_used: bool) -> None:
+    def compare(self, frame: np.void, outcome: int, *, all_used: bool) -> None:
         """Compare a BEARINGS_SAMPLE item with the run, unless all its bearings were used."""
         if outcome == Outcome.APPLIED and all_used:
             self.clear()

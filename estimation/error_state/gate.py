@@ -9,11 +9,10 @@ refused poses are compared with each other: a lost filter restarts from a run of
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.error_state.memory import ERRORS, POSE_ERRORS
 from quadrotor.compiled import compiled
-from quadrotor.records import Array
+from quadrotor.records import Array, Item
 
 FAR, FAR_BEARINGS = 2.0, 1.0
 """Multiples of the gate, in deviations, beyond which a pose or a bearing is refused. A frame of
@@ -65,7 +64,7 @@ def chi_square(deviations: float) -> float:
 
 
 @compiled(inner=True)
-def gate(m: Any, pairs: int, whole: bool, deviations: float) -> int:
+def gate(m: Item, pairs: int, whole: bool, deviations: float) -> int:
     """Mark in `used` the pairs of rows that the prior allows, and return their number; write
     `distance`, `far`, `expected` and `doubt`.
 
@@ -103,7 +102,7 @@ def gate(m: Any, pairs: int, whole: bool, deviations: float) -> int:
 
 
 @compiled(inner=True)
-def run(m: Any, refused: bool) -> None:
+def run(m: Item, refused: bool) -> None:
     """Compare a pose that was just linearised with the run of refused ones that agree."""
     if not refused:
         m.run_count = 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,7 @@ SHORTEST_RUN = 0.1
 """Shortest time, in s, over which the motion of such poses is computed."""
 
 
-def is_lost(m: Any, *, confirmed: bool, agree: bool) -> bool:
+def is_lost(m: np.void, *, confirmed: bool, agree: bool) -> bool:
     """Return whether the refused measurements show that an ERROR_STATE_MEMORY item is wrong.
 
     Args:
@@ -37,20 +36,20 @@ def is_lost(m: Any, *, confirmed: bool, agree: bool) -> bool:
     return (agree and (not confirmed or is_contradicted(m))) or all_refused
 
 
-def is_contradicted(m: Any) -> bool:
+def is_contradicted(m: np.void) -> bool:
     """Return whether most measurements of the last half second were refused."""
     since_ns = int(m["contradicted_ns"])
     return bool(since_ns and m["stamp_ns"] - since_ns > JUMP_WAIT_NS)
 
 
-def missed_velocity(m: Any) -> Array:
+def missed_velocity(m: np.void) -> Array:
     """Return the velocity (3,) at which the run of refused poses left their prediction, m/s."""
     lasted = max(1e-9 * float(m["run_ns"] - m["run_start_ns"]), SHORTEST_RUN)
     missed_w: Array = (m["run_last"] - m["run_first"])[:3] / lasted
     return missed_w
 
 
-def contradiction_of(m: Any, *, confirmed: bool) -> str:
+def contradiction_of(m: np.void, *, confirmed: bool) -> str:
     """Return which measurements show that an ERROR_STATE_MEMORY item is lost."""
     if not confirmed:
         return f"the first {RUN_LEAST} measurements"
@@ -61,7 +60,7 @@ def contradiction_of(m: Any, *, confirmed: bool) -> str:
     return f"{float(m['refused_share']):.0%} of the measurements of {lasted:.1f} s"
 
 
-def restart_line(m: Any, before: Array, contradiction: str) -> str:
+def restart_line(m: np.void, before: Array, contradiction: str) -> str:
     """Return a line about the restart of a lost filter, whose state was `before` (16,)."""
     apart = float(np.linalg.norm(m["now"][:3] - before[:3]))
     return (
@@ -70,14 +69,14 @@ def restart_line(m: Any, before: Array, contradiction: str) -> str:
     )
 
 
-def deviations_of(m: Any) -> Deviations:
+def deviations_of(m: np.void) -> Deviations:
     """Return the standard deviations from the covariance of an ERROR_STATE_MEMORY item."""
     variances = np.diag(m["covariance"])
     position, attitude, velocity = np.sqrt(variances[:9].reshape(3, 3).sum(axis=1)).tolist()
     return Deviations(position, velocity, attitude)
 
 
-def convergence_of(m: Any) -> Convergence:
+def convergence_of(m: np.void) -> Convergence:
     """Return whether an initialized filter with fresh measurements, an ERROR_STATE_MEMORY item, may
     be flown on.
     """
@@ -99,7 +98,7 @@ def convergence_of(m: Any) -> Convergence:
     return Convergence(fit, text)
 
 
-def inconsistency_of(m: Any) -> str:
+def inconsistency_of(m: np.void) -> str:
     """Return why its measurements contradict an ERROR_STATE_MEMORY item, with numbers; empty while
     they do not, or while there are too few since a restart.
     """
@@ -112,21 +111,21 @@ def inconsistency_of(m: Any) -> str:
     return _refusals(m) or _refused_share(m) or _innovations(m)
 
 
-def _refusals(m: Any) -> str:
+def _refusals(m: np.void) -> str:
     refused = int(m["refused"])
     if refused < LOST_REFUSALS:
         return ""
     return f"the last {refused} measurements did not agree with it"
 
 
-def _refused_share(m: Any) -> str:
+def _refused_share(m: np.void) -> str:
     share = float(m["refused_share"])
     if share <= REFUSED_MAX:
         return ""
     return f"{share:.0%} of its measurements refused, allowed {REFUSED_MAX:.0%}"
 
 
-def _innovations(m: Any) -> str:
+def _innovations(m: np.void) -> str:
     consistency = float(m["consistency"])
     if consistency < FIT_CONSISTENCY:
         return ""

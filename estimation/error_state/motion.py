@@ -12,11 +12,9 @@ gives turned results. Between two samples, rate and force are linear in time.
 
 from __future__ import annotations
 
-from typing import Any
-
 from estimation.error_state.memory import ERRORS, FORCE, RATE, SAMPLES
 from quadrotor.compiled import compiled
-from quadrotor.records import Array
+from quadrotor.records import Array, Item
 from quadrotor.vectors import (
     Vector,
     add,
@@ -55,7 +53,7 @@ def move(x: Array, start_b: Vector, end_b: Vector, rate_b: Vector, dt: float) ->
 
 
 @compiled(inner=True)
-def spread(P: Array, x: Array, force_b: Vector, g: Any, noise_scale: Array, dt: float) -> None:
+def spread(P: Array, x: Array, force_b: Vector, g: Item, noise_scale: Array, dt: float) -> None:
     """Propagate the covariance P (15, 15) -> F P F^T + Q over dt (s) about the nominal state x
     (16,).
 
@@ -88,7 +86,7 @@ def spread(P: Array, x: Array, force_b: Vector, g: Any, noise_scale: Array, dt: 
 
 
 @compiled(inner=True)
-def walk(m: Any, x: Array, from_ns: int, to_ns: int, g: Any, with_covariance: bool) -> None:
+def walk(m: Item, x: Array, from_ns: int, to_ns: int, g: Item, with_covariance: bool) -> None:
     """Advance x (16,), and optionally the covariance, along the stored samples.
 
     A time before the oldest sample uses the oldest, one after the newest uses the newest.

@@ -16,7 +16,6 @@ a row for each axis g of the world. A reading of a sensor of the user's own brin
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.error_state.memory import (
     ATTITUDE,
@@ -31,7 +30,7 @@ from estimation.error_state.memory import (
 )
 from estimation.sweep_angles import swept
 from quadrotor.compiled import compiled
-from quadrotor.records import Array
+from quadrotor.records import Array, Item
 from quadrotor.vectors import (
     Vector,
     add,
@@ -51,7 +50,7 @@ NEAREST = 0.05
 
 
 @compiled(inner=True)
-def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
+def linearize(m: Item, slot: int, x: Array, g: Item) -> int:
     """Write row, rest and variance of an event at the nominal state x (16,); return the number of
     pairs.
     """
@@ -111,7 +110,7 @@ def turn_to(quaternion: Array, x: Array) -> Vector:
 
 
 @compiled(inner=True)
-def linearize_reading(m: Any, slot: int, x: Array) -> int:
+def linearize_reading(m: Item, slot: int, x: Array) -> int:
     """Write row, rest and variance of a reading, paired with an empty row; return 1.
 
     What is expected is linear about the pose at which it was linearised.
@@ -128,7 +127,7 @@ def linearize_reading(m: Any, slot: int, x: Array) -> int:
 
 
 @compiled(inner=True)
-def linearize_marker(m: Any, slot: int, x: Array, g: Any) -> int:
+def linearize_marker(m: Item, slot: int, x: Array, g: Item) -> int:
     """Write row, rest and variance of a marker's position; return the number of pairs.
 
     The last number is paired with an empty row; the rest of an attitude is 0, for runs.
@@ -149,7 +148,7 @@ def linearize_marker(m: Any, slot: int, x: Array, g: Any) -> int:
 
 
 @compiled(inner=True)
-def linearize_sweeps(m: Any, slot: int, x: Array, g: Any) -> int:
+def linearize_sweeps(m: Item, slot: int, x: Array, g: Item) -> int:
     """Write row, rest and variance of the sensors that one plane met, two per pair; return the
     number of pairs.
 
@@ -185,7 +184,7 @@ def linearize_sweeps(m: Any, slot: int, x: Array, g: Any) -> int:
 
 
 @compiled(inner=True)
-def compare(m: Any, count: int) -> None:
+def compare(m: Item, count: int) -> None:
     """Replace rests and rows of `count` numbers by their sum and by their differences, of the same
     variance (Helmert's transformation).
     """

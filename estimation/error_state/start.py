@@ -34,7 +34,7 @@ HOW_TO_START = (
 )
 
 
-def pose_of_bearings(frame: Any) -> PlanarPose:
+def pose_of_bearings(frame: np.void) -> PlanarPose:
     """Return the pose that a BEARINGS_SAMPLE item gives by itself. Raises MeasurementError,
     DegenerateGeometryError.
     """
@@ -42,7 +42,7 @@ def pose_of_bearings(frame: Any) -> PlanarPose:
     return planar_pose(frame["beacon_w"][:count], frame["bearing_b"][:count], frame["sigma"])
 
 
-def start_by_bearings(frame: Any) -> PlanarPose:
+def start_by_bearings(frame: np.void) -> PlanarPose:
     """Return the start pose from one BEARINGS_SAMPLE item. Raises MeasurementError, and
     UndeterminedStartError when the bearings leave the pose open.
     """
@@ -76,7 +76,7 @@ def start_by_sweeps(newest: Iterable[Any], stamp_ns: int, plane_sigma: float) ->
         ) from error
 
 
-def start_at(frame: Any, pose: Any, sigma: Array = START[6:9]) -> tuple[Record, Array]:
+def start_at(frame: np.void, pose: Any, sigma: Array = START[6:9]) -> tuple[Record, Array]:
     """Return the POSE_SAMPLE (1,) and the deviations (15,) of a start at the pose of a frame.
 
     Args:

@@ -8,20 +8,19 @@ preceding event, which is stored with each event, and applies the later ones aga
 
 from __future__ import annotations
 
-from typing import Any
-
 from estimation.error_state.memory import ERRORS, EVENTS, NOMINAL, NOTHING, READING, SAMPLES
 from estimation.error_state.motion import walk
 from estimation.error_state.update import fuse
 from estimation.outcome import LATEST_NS, Outcome
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 
 _MASK = SAMPLES - 1
 _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _, _OUTLIER = (int(o) for o in Outcome)
 
 
 @compiled(inner=True)
-def insert(m: Any) -> int:
+def insert(m: Item) -> int:
     """Insert the new measurement in order; return its position, or minus an Outcome."""
     order, stamps, count, stamp_ns = m.event_order, m.event_ns, m.event_count, m.new_ns
     if stamp_ns > m.stamp_ns:
@@ -60,7 +59,7 @@ def insert(m: Any) -> int:
 
 
 @compiled
-def apply_one(m: Any, g: Any) -> int:
+def apply_one(m: Item, g: Item) -> int:
     """Apply the new measurement of an initialized filter, and predict to now; return an Outcome,
     which is counted except for readings.
 
@@ -75,7 +74,7 @@ def apply_one(m: Any, g: Any) -> int:
 
 
 @compiled(inner=True)
-def _apply(m: Any, g: Any) -> int:
+def _apply(m: Item, g: Item) -> int:
     position = insert(m)
     if position < 0:
         return -position

@@ -10,7 +10,6 @@ iterated filter, which is Gauss-Newton on prior and measurement together).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.error_state.adaptation import learn_from_bearings, learn_from_pose
 from estimation.error_state.gate import along, gate, project, run
@@ -26,7 +25,7 @@ from estimation.error_state.memory import (
 )
 from estimation.error_state.rows import linearize
 from quadrotor.compiled import compiled
-from quadrotor.records import Array
+from quadrotor.records import Array, Item
 from quadrotor.vectors import Vector, add, cross, dot, multiply, normalized, scale, turned, vector
 
 MAX_STEPS = 6
@@ -64,7 +63,7 @@ def displace(x: Array, error: Array, out: Array) -> None:
 
 
 @compiled(inner=True)
-def absorb(m: Any, pairs: int) -> float:
+def absorb(m: Item, pairs: int) -> float:
     """Make one pass of scalar updates from the prior, linearised at `step`, into `found`, and
     return the NIS.
     """
@@ -105,7 +104,7 @@ def reset(P: Array, phi: Array) -> None:
 
 
 @compiled(inner=True)
-def shift(m: Any, pairs: int, first: int, all_of_them: bool) -> Vector:
+def shift(m: Item, pairs: int, first: int, all_of_them: bool) -> Vector:
     """Return three pose errors, 0:3 (m) or 3:6 (rad), from bearings alone, assuming that the others
     are right.
 
@@ -134,7 +133,7 @@ def shift(m: Any, pairs: int, first: int, all_of_them: bool) -> Vector:
 
 
 @compiled(inner=True)
-def tell_innovation(m: Any, pairs: int, kind: int, count: int) -> None:
+def tell_innovation(m: Item, pairs: int, kind: int, count: int) -> None:
     """Write `innovation` from the rows linearised at the prediction; from all rows when none was
     used.
     """
@@ -148,7 +147,7 @@ def tell_innovation(m: Any, pairs: int, kind: int, count: int) -> None:
 
 
 @compiled(inner=True)
-def believed(m: Any, pairs: int) -> int:
+def believed(m: Item, pairs: int) -> int:
     """Return 1 when a pair of rows is used unchanged, within the gate; else 0."""
     for k in range(pairs):
         if m.used[k] and m.doubt[2 * k] == 0.0:
@@ -157,7 +156,7 @@ def believed(m: Any, pairs: int) -> int:
 
 
 @compiled(inner=True)
-def doubted(m: Any, pairs: int) -> float:
+def doubted(m: Item, pairs: int) -> float:
     """Return the chi-square of the used pairs beyond the gate, before their weight was reduced."""
     total = 0.0
     for k in range(pairs):
@@ -167,7 +166,7 @@ def doubted(m: Any, pairs: int) -> float:
 
 
 @compiled(inner=True)
-def judge(m: Any, pairs: int, kind: int, count: int) -> None:
+def judge(m: Item, pairs: int, kind: int, count: int) -> None:
     """Evaluate the newest measurement, of which `count` pairs passed the gate.
 
     A frame most of whose bearings are refused counts as refused: one of four fits by chance
@@ -198,7 +197,7 @@ def judge(m: Any, pairs: int, kind: int, count: int) -> None:
 
 
 @compiled(inner=True)
-def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
+def fuse(m: Item, slot: int, g: Item, newest: bool) -> bool:
     """Update base and covariance with one event at `base_ns`; return False when it was an outlier.
 
     Args:

@@ -28,7 +28,7 @@ from estimation.tracker_integrity.slopes import PLACE_RATE, fit
 from estimation.tracker_integrity.stuck_axis import follow_tracker, note_turn
 from estimation.tracker_integrity.witnesses import agree, overrule, vote
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.vectors import (
     Quaternion,
     Vector,
@@ -78,7 +78,7 @@ def compare_pose(memory: Record, pose: Record, state: Record) -> float:
 
 
 @compiled(inner=True)
-def _start(m: Any, z: Any, state: Any) -> None:
+def _start(m: Item, z: Item, state: Any) -> None:
     """Start the filters at this pose, in the state that constant errors lead to."""
     m.settled = 0.0
     for i in range(3):
@@ -97,7 +97,7 @@ def _start(m: Any, z: Any, state: Any) -> None:
 
 
 @compiled(inner=True)
-def _note(m: Any, z: Any) -> None:
+def _note(m: Item, z: Item) -> None:
     m.stamp_ns = z.stamp_ns
     for i in range(3):
         m.position_w[i] = z.position_w[i]
@@ -106,7 +106,7 @@ def _note(m: Any, z: Any) -> None:
 
 
 @compiled(inner=True)
-def _take(m: Any, z: Any, since: float) -> bool:
+def _take(m: Item, z: Item, since: float) -> bool:
     """Step the filters by one pose and judge it; return False, without doing so, for an outlier."""
     felt, still = m.felt, (0.0, 0.0, 0.0)
     turn_b, place_w = vector(felt.turn_b), vector(felt.place_w)

@@ -12,10 +12,10 @@ by the gate.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.tracker_integrity.memory import LEVEL, PLACE, TILT, TURN
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import Vector, dot, length, subtract, vector
 
 KNOWN = 0.5
@@ -70,13 +70,13 @@ none; larger ones count as this, because one pose alone shows nothing."""
 
 
 @compiled(inner=True)
-def unknown(m: Any) -> float:
+def unknown(m: Item) -> float:
     """Return the variance, in m², of a displacement by an unknown start."""
     return UNKNOWN**2 * math.exp(-2.0 * m.settled / MOTION_TIME)
 
 
 @compiled(inner=True)
-def has_jumped(m: Any, since: float, shown_b: Vector, felt_b: Vector) -> bool:
+def has_jumped(m: Item, since: float, shown_b: Vector, felt_b: Vector) -> bool:
     """Return whether the attitude changed by more than noise and a lie about the rate."""
     felt = length(felt_b) * min(1.0, USUAL_INTERVAL / since)
     far = length(subtract(shown_b, felt_b))
@@ -90,7 +90,7 @@ def is_outlier(t: Vector, g: Vector, variance: float) -> bool:
 
 
 @compiled(inner=True)
-def agrees(m: Any) -> bool:
+def agrees(m: Item) -> bool:
     """Return whether quick turns agree about both axes: a lie may leave the third as it is, or two
     of the three.
     """
@@ -99,7 +99,7 @@ def agrees(m: Any) -> bool:
 
 
 @compiled(inner=True)
-def contradicts(m: Any) -> bool:
+def contradicts(m: Item) -> bool:
     """Return whether quick turns disagree about one axis, or on the whole: a bias does not."""
     a = m.agreement
     found: bool = min(a[0], a[1], a[2]) < -DISAGREED or a[0] + a[1] + a[2] < -DISAGREED_ALL
@@ -107,7 +107,7 @@ def contradicts(m: Any) -> bool:
 
 
 @compiled(inner=True)
-def strongest(m: Any) -> float:
+def strongest(m: Item) -> float:
     """Return the largest evidence against the tracker, without what the witnesses dismiss."""
     e = m.evidence
     of_turn = max(e[TURN], e[TILT])
@@ -118,13 +118,13 @@ def strongest(m: Any) -> float:
 
 
 @compiled(inner=True)
-def is_doubted(m: Any) -> bool:
+def is_doubted(m: Item) -> bool:
     """Return whether nothing may be learnt from the poses."""
     return strongest(m) >= DOUBTED
 
 
 @compiled(inner=True)
-def judge(m: Any, since: float, t_b: Vector, g_b: Vector, t_w: Vector, g_w: Vector) -> None:
+def judge(m: Item, since: float, t_b: Vector, g_b: Vector, t_w: Vector, g_w: Vector) -> None:
     """Add to the evidence, and learn from the differences."""
     _weigh(m, TURN, t_b, g_b, since)
     _weigh(m, TILT, _level(t_b), _level(g_b), since)
@@ -155,7 +155,7 @@ def _level(v: Vector) -> Vector:
 
 
 @compiled(inner=True)
-def _weigh(m: Any, test: int, t: Vector, g: Vector, since: float) -> None:
+def _weigh(m: Item, test: int, t: Vector, g: Vector, since: float) -> None:
     """Add to the evidence of one test, once the means are known."""
     shown, felt = length(t), length(g)
     m.motion[test] += min(1.0, since / MOTION_TIME) * (felt * felt - m.motion[test])

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from estimation.tracker_integrity.memory import RING_LENGTH
 from estimation.tracker_integrity.stuck_axis import observe_rates
 from quadrotor.compiled import compiled
 from quadrotor.constants import GRAVITY
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.vectors import (
     Vector,
     along,
@@ -61,7 +59,7 @@ def note_sample(
 
 
 @compiled(inner=True)
-def feel(m: Any, stamp_ns: int) -> bool:
+def feel(m: Item, stamp_ns: int) -> bool:
     """Write what was felt from the last pose to this stamp; return whether that is known."""
     turn_b, velocity_w, place_w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     driven_velocity_w, driven_place_w = velocity_w, place_w

@@ -11,12 +11,11 @@ the other is the time.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.tracker_integrity.evidence import KNOWN, LEAST_PLACE, OUTLIER, SMALLER
 from quadrotor.compiled import compiled
 from quadrotor.constants import GRAVITY
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.vectors import Vector, axes_of, dot, length, quaternion, subtract
 
 PLACE_RATE = 3.0
@@ -30,7 +29,7 @@ LEAST_RATE, LEAST_MOTION = 0.1, 0.06
 
 
 @compiled(inner=True)
-def errors_of(m: Any) -> tuple[float, float, float]:
+def errors_of(m: Item) -> tuple[float, float, float]:
     """Return the angle (rad) between the verticals, the time (s) by which stamps are too late, and
     the share by which positions are too large; each 0 while it is not known.
     """
@@ -51,7 +50,7 @@ def errors(memory: Record) -> tuple[float, float, float]:
 
 
 @compiled(inner=True)
-def fit(m: Any, since: float, late_b: Vector, rate_b: Vector, t_w: Vector, felt_w: Vector) -> None:
+def fit(m: Item, since: float, late_b: Vector, rate_b: Vector, t_w: Vector, felt_w: Vector) -> None:
     """Add one pose to the slopes.
 
     A bias turns with the body, so what it adds to the displacement is constant along the heading.

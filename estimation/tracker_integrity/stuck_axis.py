@@ -16,9 +16,9 @@ have to agree, and the torques alone must have turned the vehicle meanwhile.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import Vector
 
 UNCHANGED = 0.02
@@ -38,7 +38,7 @@ GYROSCOPE_POLE, TRACKER_POLE = 10.0, 4.0
 
 
 @compiled(inner=True)
-def observe_rates(m: Any, imu: Any, actuators: Any, model: Any, dt: float) -> None:
+def observe_rates(m: Item, imu: Item, actuators: Item, model: Item, dt: float) -> None:
     """Step the observer by one IMU sample, whose stuck axes get its rate."""
     share = min(1.0, dt / model.motor_time_constant)
     held = max(UNCHANGED, (LEAST_SAMPLES - 0.5) * dt)
@@ -71,7 +71,7 @@ def _is_beyond(rate: float, turn_rate: float, reading: float, driven: float) -> 
 
 
 @compiled(inner=True)
-def note_turn(m: Any, turned_b: Vector, since: float) -> None:
+def note_turn(m: Item, turned_b: Vector, since: float) -> None:
     """Follow the rate of the turn (rad) from the last pose that was compared to this one."""
     share = min(1.0, since / TURN_TIME)
     for i in range(3):
@@ -79,7 +79,7 @@ def note_turn(m: Any, turned_b: Vector, since: float) -> None:
 
 
 @compiled(inner=True)
-def follow_tracker(m: Any, turned_b: Vector, since: float) -> None:
+def follow_tracker(m: Item, turned_b: Vector, since: float) -> None:
     """Let the axes without a measurement follow the turn (rad) between two poses."""
     for i in range(3):
         if m.unchanged[i] >= UNCHANGED:
@@ -87,7 +87,7 @@ def follow_tracker(m: Any, turned_b: Vector, since: float) -> None:
 
 
 @compiled(inner=True)
-def _follow(m: Any, axis: int, rate: float, pole: float, dt: float) -> None:
+def _follow(m: Item, axis: int, rate: float, pole: float, dt: float) -> None:
     held = min(dt, 0.2 / pole)
     error = rate - m.rate_b[axis]
     m.rate_b[axis] += 2.0 * pole * held * error

@@ -17,7 +17,6 @@ The vote says nothing about the attitude: that of a left-handed tracker fits its
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from estimation.tracker_integrity.evidence import (
     ALARM,
@@ -34,6 +33,7 @@ from estimation.tracker_integrity.evidence import (
 )
 from estimation.tracker_integrity.memory import LEVEL, PLACE, TILT, TURN
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.vectors import Vector, dot, subtract
 
 FADING, QUICK_FADING = 1.0, 0.7
@@ -47,7 +47,7 @@ LARGEST, LARGEST_AGREEMENT = 20.0, 3.0
 
 
 @compiled(inner=True)
-def vote(m: Any, since: float, t: Vector, g: Vector, driven: Vector, height: float) -> None:
+def vote(m: Item, since: float, t: Vector, g: Vector, driven: Vector, height: float) -> None:
     """Add what the witnesses say about one pose.
 
     Args:
@@ -72,7 +72,7 @@ def vote(m: Any, since: float, t: Vector, g: Vector, driven: Vector, height: flo
 
 
 @compiled(inner=True)
-def agree(m: Any, since: float, t: Vector, g: Vector) -> None:
+def agree(m: Item, since: float, t: Vector, g: Vector) -> None:
     """Add whether quick turns (rad) of tracker and gyroscope agree, in which no bias shows."""
     uncertain = m.turn_variance + ERROR**2 * dot(g, g)
     left, share = max(0.0, 1.0 - since / QUICK_FADING), min(1.0, since / CORRELATION)
@@ -83,7 +83,7 @@ def agree(m: Any, since: float, t: Vector, g: Vector) -> None:
 
 
 @compiled(inner=True)
-def overrule(m: Any) -> None:
+def overrule(m: Item) -> None:
     """Dismiss an alarm by slow turns alone, and one by displacements that the witnesses have seen
     as the tracker has.
     """

@@ -12,15 +12,13 @@ from estimation.complementary_filter import predict_one
 from extensions.batches.onboard import SETTINGS, steer
 from extensions.batches.sensing import TRACKER, read_imu, track
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.rigid_body import motor_share
 from vehicle.boards.reference_rounding import _round as whole_references
 from vehicle.simulator.plant import move
 from vehicle.simulator.sensors import SENSORS
 
 Array = npt.NDArray[np.float64]
-Item = Any
-"""One record `array[k]` inside compiled code."""
 
 CRASH_DISTANCE = 2.0
 """Distance, in m, from the reference beyond which the flight is lost."""

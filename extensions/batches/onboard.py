@@ -6,8 +6,6 @@ estimate (Sec. 6.1) -> reference (the 8 to its fourth derivative) -> eqs. 4 and 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
@@ -18,12 +16,10 @@ from control.trajectories.figure_eight import FIGURE_EIGHT, FigureEight, figure_
 from estimation.memory import ESTIMATOR_MEMORY, new_memory
 from estimation.parameters import ESTIMATION_GAINS, EstimationParameters, estimation_record
 from quadrotor.compiled import compiled
-from quadrotor.records import ACTUATORS, ESTIMATE, IMU_SAMPLE, REFERENCE, STATE, Record
+from quadrotor.records import ACTUATORS, ESTIMATE, IMU_SAMPLE, REFERENCE, STATE, Item, Record
 from quadrotor.vehicle_model import MODEL, VehicleModel
 
 Array = npt.NDArray[np.float64]
-Item = Any
-"""One record `array[k]` inside compiled code."""
 
 SETTINGS = np.dtype(
     [

@@ -12,7 +12,7 @@ from estimation.complementary_filter import correct_one
 from extensions.batches.noise import normals, uniform
 from quadrotor.compiled import compiled
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.records import POSE_SAMPLE, Record
+from quadrotor.records import POSE_SAMPLE, Item, Record
 from quadrotor.vectors import turned
 from vehicle.simulator.sensors import (
     ACCELEROMETER_SCALE,
@@ -22,9 +22,6 @@ from vehicle.simulator.sensors import (
     gyroscope_count,
     sensed_force,
 )
-
-Item = Any
-"""One record `array[k]` inside compiled code."""
 
 UNDER_WAY = 16
 """Largest number of poses that can be between the tracker and the vehicle at one time."""

@@ -33,16 +33,16 @@ def beacon_off(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
     yield Finding(
         "beacon_off",
         max(1.0, most / BEACON_OFF),
-        start,
-        end,
-        f"Bearings of beacon {beacon} were {most:.1f}° off those of the others: it is not where "
-        "the layout says, or its bearings are biased.",
-        ("status/suspect_offset", "status/suspect_beacon"),
-        f"offset of beacon {beacon}",
-        "°",
-        BEACON_OFF,
-        series.time,
-        offset,
+        start=start,
+        end=end,
+        claim=f"Bearings of beacon {beacon} were {most:.1f}° off those of the others: it is "
+        "not where the layout says, or its bearings are biased.",
+        signals=("status/suspect_offset", "status/suspect_beacon"),
+        label=f"offset of beacon {beacon}",
+        unit="°",
+        limit=BEACON_OFF,
+        time=series.time,
+        values=offset,
     )
 
 
@@ -72,17 +72,17 @@ def bearings_disagree(topics: Topics, _: Parameters, spans: Spans) -> Iterator[F
         yield Finding(
             "bearings_disagree",
             float(np.median(weight[inside])),
-            start,
-            end,
-            f"The estimate on bearings was turned by {np.median(angle[inside]):.1f}° and moved by "
-            f"{np.median(away[inside]):.2f} m against the tracker's poses: the beacon layout or "
-            "the bearings' frame does not fit the tracker's world.",
-            (*axes("state.position"), "state.yaw"),
-            "rotation or distance over its limit",
-            "",
-            1.0,
-            starts + BLOCK / 2,
-            weight,
+            start=start,
+            end=end,
+            claim=f"The estimate on bearings was turned by {np.median(angle[inside]):.1f}° and "
+            f"moved by {np.median(away[inside]):.2f} m against the tracker's poses: the beacon "
+            "layout or the bearings' frame does not fit the tracker's world.",
+            signals=(*axes("state.position"), "state.yaw"),
+            label="rotation or distance over its limit",
+            unit="",
+            limit=1.0,
+            time=starts + BLOCK / 2,
+            values=weight,
             follows=any(overlaps([one], start, end) for one in flagged(topics, "beacon_off")),
         )
 
@@ -98,13 +98,13 @@ def fell_back(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
     yield Finding(
         "fell_back",
         1.0,
-        fallen[0][0],
-        fallen[-1][1],
-        f"The vehicle {text}{times}.",
-        ("consistency", "refused.share"),
-        "fell back",
-        "0 or 1",
-        0.5,
-        np.repeat(np.ravel(fallen), 2),
-        np.tile([0.0, 1.0, 1.0, 0.0], len(fallen)),
+        start=fallen[0][0],
+        end=fallen[-1][1],
+        claim=f"The vehicle {text}{times}.",
+        signals=("consistency", "refused.share"),
+        label="fell back",
+        unit="0 or 1",
+        limit=0.5,
+        time=np.repeat(np.ravel(fallen), 2),
+        values=np.tile([0.0, 1.0, 1.0, 0.0], len(fallen)),
     )

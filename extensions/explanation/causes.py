@@ -56,16 +56,17 @@ def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
             yield Finding(
                 "motor_weak",
                 worst / WEAK_MOTOR,
-                start,
-                end,
-                f"The {motor} motor needed {100 * worst:.0f} % more thrust commanded than the "
-                f"others: it gives about {100 * (1 - 1 / (1 + worst)):.0f} % less than commanded.",
-                tuple(f"thrust.{name}" for name in MOTORS),
-                f"thrust commanded of the {motor} motor over the others",
-                "%",
-                100 * WEAK_MOTOR,
-                time + BLOCK / 2,
-                100 * excess,
+                start=start,
+                end=end,
+                claim=f"The {motor} motor needed {100 * worst:.0f} % more thrust commanded than "
+                f"the others: it gives about {100 * (1 - 1 / (1 + worst)):.0f} % less than "
+                "commanded.",
+                signals=tuple(f"thrust.{name}" for name in MOTORS),
+                label=f"thrust commanded of the {motor} motor over the others",
+                unit="%",
+                limit=100 * WEAK_MOTOR,
+                time=time + BLOCK / 2,
+                values=100 * excess,
             )
 
 
@@ -92,16 +93,16 @@ def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
         yield Finding(
             "vibration",
             most / VIBRATION,
-            start,
-            end,
-            f"The accelerometer vibrated with {most:.1f} m/s² rms above {VIBRATION_FROM:g} Hz "
-            f"(limit {VIBRATION:g} m/s²).",
-            tuple(f"imu/{name}" for name in FORCE),
-            f"acceleration above {VIBRATION_FROM:g} Hz, rms",
-            "m/s²",
-            VIBRATION,
-            time + BLOCK / 2,
-            worst,
+            start=start,
+            end=end,
+            claim=f"The accelerometer vibrated with {most:.1f} m/s² rms above {VIBRATION_FROM:g} "
+            f"Hz (limit {VIBRATION:g} m/s²).",
+            signals=tuple(f"imu/{name}" for name in FORCE),
+            label=f"acceleration above {VIBRATION_FROM:g} Hz, rms",
+            unit="m/s²",
+            limit=VIBRATION,
+            time=time + BLOCK / 2,
+            values=worst,
         )
 
 
@@ -120,16 +121,16 @@ def tracker_late(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
         yield Finding(
             "tracker_late",
             most / LATE,
-            start,
-            end,
-            f"Measurements were {1e3 * most:.0f} ms old when they arrived, for {end - start:.0f} s "
-            f"(limit {1e3 * LATE:.0f} ms).",
-            ("measurement.age",),
-            "age of the newest measurement",
-            "ms",
-            1e3 * LATE,
-            series.time,
-            1e3 * age[:, 0],
+            start=start,
+            end=end,
+            claim=f"Measurements were {1e3 * most:.0f} ms old when they arrived, for "
+            f"{end - start:.0f} s (limit {1e3 * LATE:.0f} ms).",
+            signals=("measurement.age",),
+            label="age of the newest measurement",
+            unit="ms",
+            limit=1e3 * LATE,
+            time=series.time,
+            values=1e3 * age[:, 0],
         )
 
 
@@ -145,15 +146,15 @@ def tracker_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
     yield Finding(
         "tracker_gaps",
         longest / SILENCE,
-        float(starts[0]),
-        float(starts[-1] + lengths[-1]),
-        f"The tracker sent nothing {times} {longest:.2f} s (limit {SILENCE:g} s).",
-        ("measurement.age",),
-        "time between two poses",
-        "s",
-        SILENCE,
-        time[1:],
-        np.diff(time),
+        start=float(starts[0]),
+        end=float(starts[-1] + lengths[-1]),
+        claim=f"The tracker sent nothing {times} {longest:.2f} s (limit {SILENCE:g} s).",
+        signals=("measurement.age",),
+        label="time between two poses",
+        unit="s",
+        limit=SILENCE,
+        time=time[1:],
+        values=np.diff(time),
         follows=any(overlaps(flagged(topics, "link_lost"), t, t + s) for t, s in found),
     )
 
@@ -173,16 +174,16 @@ def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Fi
         yield Finding(
             "tracker_outliers",
             most / OUTLIERS,
-            start,
-            end,
-            f"{100 * most:.0f} % of the tracker's poses were far from the estimate while most were "
-            f"near it, up to {float(np.nanmax(distance[inside])):.2f} m.",
-            (*(f"{topic}/{name}" for name in fields), *axes("state.position")),
-            "distance between pose and estimate",
-            "m",
-            OUTLIER_DISTANCE,
-            seen.time,
-            distance,
+            start=start,
+            end=end,
+            claim=f"{100 * most:.0f} % of the tracker's poses were far from the estimate while "
+            f"most were near it, up to {float(np.nanmax(distance[inside])):.2f} m.",
+            signals=(*(f"{topic}/{name}" for name in fields), *axes("state.position")),
+            label="distance between pose and estimate",
+            unit="m",
+            limit=OUTLIER_DISTANCE,
+            time=seen.time,
+            values=distance,
         )
 
 
@@ -197,16 +198,16 @@ def link_lost(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[
     yield Finding(
         "link_lost",
         longest / allowed,
-        lost[0][0],
-        lost[-1][1],
-        f"The link to the station was lost {times} {longest:.1f} s "
+        start=lost[0][0],
+        end=lost[-1][1],
+        claim=f"The link to the station was lost {times} {longest:.1f} s "
         f"(the vehicle reacts after {allowed:g} s).",
-        ("link.age", "measurement.age"),
-        "link lost",
-        "0 or 1",
-        0.5,
-        np.repeat(np.ravel(lost), 2),
-        np.tile([0.0, 1.0, 1.0, 0.0], len(lost)),
+        signals=("link.age", "measurement.age"),
+        label="link lost",
+        unit="0 or 1",
+        limit=0.5,
+        time=np.repeat(np.ravel(lost), 2),
+        values=np.tile([0.0, 1.0, 1.0, 0.0], len(lost)),
     )
 
 
@@ -230,15 +231,15 @@ def battery_sag(topics: Topics, parameters: Parameters, spans: Spans) -> Iterato
     yield Finding(
         "battery_sag",
         1.0 + (warning - least) / (warning - landing),
-        float(times[0]),
-        float(times[-1]),
-        f"The battery fell to {least:.1f} V, below its warning of {warning:.1f} V{assumed}.",
-        ("battery.voltage",),
-        "battery",
-        "V",
-        warning,
-        series.time,
-        volts,
+        start=float(times[0]),
+        end=float(times[-1]),
+        claim=f"The battery fell to {least:.1f} V, below its warning of {warning:.1f} V{assumed}.",
+        signals=("battery.voltage",),
+        label="battery",
+        unit="V",
+        limit=warning,
+        time=series.time,
+        values=volts,
     )
 
 

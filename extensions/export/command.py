@@ -56,7 +56,15 @@ class Export:
         if self.derive:
             raise UsageError("--derive is for --format page; a table has the log's own numbers")
         with progress_of(f"exporting {self.file.name}") as progress:
-            done = export(self.file, folder, self.format, topics, self.begin, self.end, progress)
+            done = export(
+                self.file,
+                folder,
+                kind=self.format,
+                topics=topics,
+                begin=self.begin,
+                end=self.end,
+                progress=progress,
+            )
         for line in done.problems:
             print(f"not exported: {line}")
         if done.missing:

@@ -138,4 +138,14 @@ def _of_parameter(one: ParameterDescription, value: ParameterValue) -> Variable:
         low, high, value = 1, len(one.choices), one.choices.index(value) + 1
         text = ", ".join(f"{n}: {word}" for n, word in enumerate(one.choices, 1)) + f"; {text}"
     integer = one.type != "float"
-    return Variable(one.name, "parameter", variability, value, one.unit, text, low, high, integer)
+    return Variable(
+        one.name,
+        "parameter",
+        variability=variability,
+        start=value,
+        unit=one.unit,
+        description=text,
+        minimum=low,
+        maximum=high,
+        integer=integer,
+    )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 from extensions.foxglove.protocol import ENCODING
+from quadrotor.json_object import JsonObject
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import definition, ros_name
 from vehicle_link.topics.rmw_keys import full_name
@@ -24,7 +24,7 @@ SCHEMA_ENCODING = "ros2msg"
 
 
 @cache
-def channels(vehicle: str) -> list[dict[str, Any]]:
+def channels(vehicle: str) -> list[JsonObject]:
     """Return the channels in the form in which they are advertised."""
     return [
         {
@@ -40,7 +40,7 @@ def channels(vehicle: str) -> list[dict[str, Any]]:
 
 
 @cache
-def services(vehicle: str) -> list[dict[str, Any]]:
+def services(vehicle: str) -> list[JsonObject]:
     """Return the services as they are advertised, with schemas for older clients too."""
     return [
         {

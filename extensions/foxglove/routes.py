@@ -20,6 +20,7 @@ from extensions.foxglove.catalogue import services as offered
 from extensions.foxglove.client import FoxgloveClient
 from extensions.foxglove.protocol import SUBPROTOCOLS, Asked, Call
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.json_object import JsonObject
 from web.access.requester import Asker
 from web.access.roles import Role, Session
 from web.access.sign_in_tokens import LINK_AGE
@@ -44,7 +45,7 @@ def add_foxglove(app: FastAPI, context: VehicleContext) -> None:
         await serve(socket, context)
 
     @app.post("/api/foxglove/link")
-    def link(request: Request, session: Asker) -> dict[str, Any]:
+    def link(request: Request, session: Asker) -> JsonObject:
         """Return the address of the live connection, with a token that is valid for ten minutes.
 
         A program with this token connects as you. `viewers` are addresses that open the connection

@@ -76,7 +76,10 @@ def fit_order(
     ways = [rows.quaternion_maps] if rows.quaternion_maps else list(WAYS)
     gyro = on_grid(grids[0], imu[0], imu[2])
     every = dict.fromkeys([*product(orders, ways), *product(ORDERS, WAYS)])
-    fits = [_fit(raw, order, way, grids, imu, gyro, lag, offset) for order, way in every]
+    fits = [
+        _fit(raw, order, way=way, grids=grids, imu=imu, gyro=gyro, lag=lag, offset=offset)
+        for order, way in every
+    ]
     chosen = max(fits[: len(orders) * len(ways)], key=lambda one: one.score)
     best = max(fits, key=lambda one: one.score)
     if float(np.sqrt(chosen.rate.var(axis=0).sum())) < STILL:

@@ -177,7 +177,16 @@ def read_raw(path: Path, mapping: Mapping, *, torn: bool) -> RawFlight:
     events = [(time - base, level, text) for time, level, text in source.events]
     imu = RawImu(rows, seconds - base, force, rate)
     sweeps = read_sweeps(source, base, files.notes)
-    return RawFlight(base, source.epoch_ns, imu, tracks, battery, events, files.notes, sweeps)
+    return RawFlight(
+        base,
+        source.epoch_ns,
+        imu=imu,
+        tracks=tracks,
+        battery=battery,
+        events=events,
+        notes=files.notes,
+        sweeps=sweeps,
+    )
 
 
 def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:

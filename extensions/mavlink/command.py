@@ -104,12 +104,12 @@ class Mavlink:
         return Gateway(
             open_link,
             Vehicle(client),
-            connect,
-            Logs(Catalogue(open_data_folder(self.data)), self.name),
-            client.advertise,
-            client.listen("parameter_changes"),
-            client.listen("events"),
-            origin,
+            connect=connect,
+            logs=Logs(Catalogue(open_data_folder(self.data)), self.name),
+            advertise=client.advertise,
+            changes=client.listen("parameter_changes"),
+            events=client.listen("events"),
+            origin=origin,
             viewers=self.viewers,
             say=say,
         )

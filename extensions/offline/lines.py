@@ -178,11 +178,11 @@ def _run(
     run = Run(
         label,
         name,
-        parameters,
-        source,
-        emulated,
-        frozenset({*fixed, *CHOICES}),
-        None if words else flown.begin_ns,
+        parameters=parameters,
+        source=source,
+        emulated=emulated,
+        fixed=frozenset({*fixed, *CHOICES}),
+        begin_ns=None if words else flown.begin_ns,
     )
     _check_measurements(recording, run)
     return run

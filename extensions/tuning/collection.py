@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import StorageError
+from quadrotor.json_object import JsonObject
 from quadrotor.records import Stamps
 from vehicle_link.messages.records import OnboardLogResponse
 
@@ -51,7 +51,7 @@ class Collection:
         self.problem = ""
 
     @property
-    def question(self) -> dict[str, Any]:
+    def question(self) -> JsonObject:
         """Return the fields of the next request."""
         return {
             "columns": list(self.columns),

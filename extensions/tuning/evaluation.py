@@ -82,7 +82,15 @@ def evaluate(samples: Samples, plan: Plan) -> Evaluation:
     starts = time[at]
     ends = np.append(starts[1:], starts[-1] + plan.duration)
     edges = [
-        _edge(time, actual[along], setpoint[along], start, end, samples.gaps, starts[0])
+        _edge(
+            time,
+            actual[along],
+            setpoint=setpoint[along],
+            start=start,
+            end=end,
+            gaps=samples.gaps,
+            first=starts[0],
+        )
         for start, end in zip(starts, ends, strict=True)
     ]
     gaps = [

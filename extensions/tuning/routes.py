@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from fastapi import FastAPI
 from pydantic import Field
@@ -14,6 +14,7 @@ from extensions.tuning.step_response import BAND
 from extensions.tuning.step_test_store import StepTest, StepTestStore
 from extensions.tuning.step_tests import StepTests
 from quadrotor.errors import RefusedError
+from quadrotor.json_object import JsonObject
 from quadrotor.parameter_description import ParameterValue
 from web.access.requester import Operator
 from web.body import Body
@@ -43,7 +44,7 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
     )
 
     @app.get("/api/tuning")
-    def tuning() -> dict[str, Any]:
+    def tuning() -> JsonObject:
         """Return the state of the test, the stored tests, newest first, and the allowed options."""
         return {
             "status": step_tests.status,
@@ -64,7 +65,7 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
         return {"accepted": True}
 
     @app.get("/api/tuning/runs/{run_id}")
-    def one(run_id: str) -> dict[str, Any]:
+    def one(run_id: str) -> JsonObject:
         """Return set-point and actual at every tick, s since the first edge; null in a gap."""
         found = kept.run(run_id)
         return {**asdict(found), **drawn(evaluate(kept.samples(run_id), found.plan))}
@@ -83,7 +84,7 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
         return {"restored": run_id}
 
     @app.post("/api/tuning/runs/{run_id}/gains")
-    async def put_back(run_id: str, session: Operator) -> dict[str, Any]:
+    async def put_back(run_id: str, session: Operator) -> JsonObject:
         """Restore the gains of this test as one change, all or none; only numbers.
 
         The choice of law or estimator is not changed: it is made where the vehicle can check it.

@@ -131,11 +131,11 @@ def read_recording(path: Path) -> Recording:
     return Recording(
         path,
         space.strip("/"),
-        samples,
-        state_ns,
-        state,
-        _newest(truth_ns, truth_ns),
-        _newest(truth_ns, truth),
+        imu=samples,
+        state_ns=state_ns,
+        state=state,
+        truth_ns=_newest(truth_ns, truth_ns),
+        truth=_newest(truth_ns, truth),
         poses=sorted(
             (
                 *_arrivals(topics["tracker_pose"], _pose),

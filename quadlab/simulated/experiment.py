@@ -105,7 +105,15 @@ def fly(
             part.close()
     wall, processor = time.perf_counter() - began, time.process_time() - processor
     result, proposal = judged(experiment, path, aborted)
-    return Flown(flight, path, result, proposal, aborted, wall, processor)
+    return Flown(
+        flight,
+        path,
+        result=result,
+        proposal=proposal,
+        aborted=aborted,
+        wall=wall,
+        processor=processor,
+    )
 
 
 def _parameters(

@@ -69,7 +69,7 @@ class Clock(Protocol):
 
 
 class Station(Protocol):
-    """What is known of the station that holds the vehicle."""
+    """The station that holds the vehicle, as far as it is known."""
 
     @property
     def is_lost(self) -> bool: ...

@@ -6,18 +6,14 @@ Records `p` are items of PLANT (vehicle.simulator.plant).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.rigid_body import Motion, drag_torque, motion_of
 from quadrotor.vectors import Vector, along, axes_of, to_body, vector
-
-Item = Any
-"""One record `array[k]` inside compiled code."""
 
 ROTOR_RADIUS, ROTOR_HEIGHT = 0.127, 0.15
 """Radius, and height of the rotors' plane over the body's origin, where the feet are folded, in m

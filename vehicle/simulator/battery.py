@@ -6,14 +6,10 @@ Records `p` are items of PLANT (vehicle.simulator.plant).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.rigid_body import rotor_thrust
-
-Item = Any
-"""One record `array[k]` inside compiled code."""
 
 CELLS = 4
 CELL_CURVE = (3.0, 3.68, 3.74, 3.77, 3.79, 3.82, 3.87, 3.92, 3.98, 4.06, 4.2)

@@ -9,14 +9,13 @@ linearly with the slip up to the limit (stiction would need the feet's memory).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.constants import MOTORS
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.rigid_body import (
     Motion,
     gyroscopic_ratios,
@@ -48,8 +47,6 @@ from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.vibration import turn_rotors
 
 Array = npt.NDArray[np.float64]
-Item = Any
-"""One record `array[k]` inside compiled code."""
 
 FOOT = 0.15
 """Distance, in m, from the body's z axis to a foot, where the arms are as long as the paper's."""

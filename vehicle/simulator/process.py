@@ -86,7 +86,18 @@ def run(
             place = folder if len(vehicles) == 1 else folder / name
             place.mkdir(exist_ok=True)
             firmware = firmware_of(board, kind.configured(board_options or {}), number)
-            robots.append(Robot(name, truth, place, session, pace, lockstep, served, firmware))
+            robots.append(
+                Robot(
+                    name,
+                    truth,
+                    folder=place,
+                    session=session,
+                    pace=pace,
+                    lockstep=lockstep,
+                    served=served,
+                    firmware=firmware,
+                )
+            )
         where = f"microcontroller at {robots[0].place}"
         if len(robots) > 1:
             where = f"microcontrollers of {', '.join(vehicles)} in {folder}"

@@ -7,13 +7,12 @@ standard atmosphere, battery in 0.1 V. Random numbers are drawn in blocks, from 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
-from quadrotor.records import Record
+from quadrotor.records import Item, Record
 from quadrotor.vectors import Vector
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.simulator.parameters import SimulatorParameters
@@ -21,8 +20,6 @@ from vehicle.simulator.vibration import IMBALANCE, lines
 from vehicle_link.serial.ids import PRESSURE_OFFSET, Id
 
 Array = npt.NDArray[np.float64]
-Item = Any
-"""One record `array[k]` inside compiled code."""
 Registers = npt.NDArray[np.int16]
 
 ACCELEROMETER_SCALE = 0.0039 * GRAVITY

@@ -169,7 +169,15 @@ def connect_to_station(
             name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
         ) -> None:
             stamp_ns = clock.time_ns()
-            change = ParameterChange(stamp_ns, name, old, value, requester, revision, instance)
+            change = ParameterChange(
+                stamp_ns,
+                name,
+                old=old,
+                new=value,
+                requester=requester,
+                revision=revision,
+                instance=instance,
+            )
             changes.put(encode_parameter_change(change), stamp_ns)
 
         def change(request: ChangeParametersRequest) -> Message:

@@ -9,19 +9,17 @@ rotation do.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.constants import THRUST_PER_TURN
+from quadrotor.records import Item
 from quadrotor.rigid_body import rotor_thrust
 from quadrotor.vectors import Vector
 
 Array = npt.NDArray[np.float64]
-Item = Any
-"""One record `array[k]` inside compiled code."""
 
 IMBALANCE = (0.94, 0.56, 1.31, 0.75)
 """Relative imbalance of each rotor; assumed."""

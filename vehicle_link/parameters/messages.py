@@ -33,11 +33,11 @@ def decode_change(payload: bytes) -> ParameterChange:
     return ParameterChange(
         stamp_of(change),
         str(change.name),
-        old,
-        value,
-        str(change.requester),
-        int(change.revision),
-        int(change.instance),
+        old=old,
+        new=value,
+        requester=str(change.requester),
+        revision=int(change.revision),
+        instance=int(change.instance),
     )
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import asdict
-from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request
 from fastapi.responses import JSONResponse, Response
 from pydantic import Field
 
 from quadrotor.errors import RefusedError
+from quadrotor.json_object import JsonObject
 from web.access.people import People
 from web.access.requester import Admin, Asker
 from web.access.roles import Role
@@ -84,7 +84,7 @@ def _add_management(app: FastAPI, people: People) -> None:
     accounts, report = people.accounts, people.sign_in.report
 
     @app.get("/api/users")
-    async def users(_: Admin) -> list[dict[str, Any]]:
+    async def users(_: Admin) -> list[JsonObject]:
         """Return the accounts and the people signed in by a link.
 
         `last_seen` is in s, epoch; 0 = never.
@@ -132,7 +132,7 @@ def _add_management(app: FastAPI, people: People) -> None:
         return {"ended": name}
 
 
-def _everyone(people: People) -> list[dict[str, Any]]:
+def _everyone(people: People) -> list[JsonObject]:
     online = people.sessions.people()
     sessions = {one.label: one.sessions for one in online if one.has_account}
     known = [
@@ -142,7 +142,7 @@ def _everyone(people: People) -> list[dict[str, Any]]:
     return [shown(one) for one in (*known, *(one for one in online if not one.has_account))]
 
 
-def shown(one: Seen) -> dict[str, Any]:
+def shown(one: Seen) -> JsonObject:
     """Return a person as JSON for the page; `last_seen` is in s, epoch."""
     fields = asdict(one)
     return {"name": fields.pop("label"), "account": fields.pop("has_account"), **fields}

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 from pydantic import Field
@@ -19,6 +19,7 @@ from pydantic import Field
 from bearing_sim.beacons import Beacons, format_layout, parse_layout
 from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, os_errors
+from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
 from web.body import Body
 from web.parameters.replica import LAYOUT
@@ -114,7 +115,7 @@ class BeaconSurvey:
         with self._lock:
             self._decision = decision
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """Return the state for the page: places in m, moves in mm, residuals in mrad."""
         with self._lock:
             work, proposal = self._work, self._work.result
@@ -132,7 +133,7 @@ class BeaconSurvey:
             self._workshop.stop()
 
 
-def _fields(proposal: LayoutProposal) -> dict[str, Any]:
+def _fields(proposal: LayoutProposal) -> JsonObject:
     return {
         "began": proposal.began,
         "layout": proposal.layout,
@@ -158,7 +159,7 @@ def add_survey(app: FastAPI, context: VehicleContext, run: SurveyRun | None) -> 
     context.closing.callback(survey.stop)
 
     @app.get("/api/beacons/survey")
-    def state() -> dict[str, Any]:
+    def state() -> JsonObject:
         """Return the newest survey: none, waiting, working, ready or failed, and its proposal.
 
         Places are in m, moves and deviations in mm, residuals in mrad.
@@ -166,13 +167,13 @@ def add_survey(app: FastAPI, context: VehicleContext, run: SurveyRun | None) -> 
         return survey.as_json()
 
     @app.post("/api/beacons/survey")
-    def begin(body: SurveyBody, _: Operator) -> dict[str, Any]:
+    def begin(body: SurveyBody, _: Operator) -> JsonObject:
         """Find the beacons' positions from a recorded flight; nothing changes until accepted."""
         survey.ask(body.run_id, context.catalogue.resolve(body.run_id))
         return survey.as_json()
 
     @app.post("/api/beacons/survey/accept")
-    async def accept(session: Operator) -> dict[str, Any]:
+    async def accept(session: Operator) -> JsonObject:
         """Set the proposed layout; station and vehicle check it."""
         proposal, in_use = survey.proposal(), context.replica.value(LAYOUT)
         if isinstance(in_use, str):
@@ -189,7 +190,7 @@ def add_survey(app: FastAPI, context: VehicleContext, run: SurveyRun | None) -> 
         return survey.as_json()
 
     @app.post("/api/beacons/survey/reject")
-    def reject(_: Operator) -> dict[str, Any]:
+    def reject(_: Operator) -> JsonObject:
         """Reject the proposal; the layout does not change."""
         survey.decide("rejected")
         return survey.as_json()

@@ -13,6 +13,7 @@ from fastapi import FastAPI
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError
+from quadrotor.json_object import JsonObject
 from web.latest import Live
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def add_calibration(app: FastAPI, context: VehicleContext) -> None:
     station = context.station
 
     @app.get("/api/calibrations")
-    async def calibrations() -> dict[str, Any]:
+    async def calibrations() -> JsonObject:
         """Return all calibrations that the vehicle stores, newest first.
 
         The first of each name is in force. `history` is null, with the `problem`, while the vehicle
@@ -38,7 +39,7 @@ def add_calibration(app: FastAPI, context: VehicleContext) -> None:
         return {"history": history, "problem": ""}
 
 
-def proposal_summary(live: Live) -> dict[str, Any] | None:
+def proposal_summary(live: Live) -> JsonObject | None:
     """Return the calibration that the station's experiment proposes.
 
     It is None if there is none; it has a `problem` if it cannot be read.
@@ -48,14 +49,14 @@ def proposal_summary(live: Live) -> dict[str, Any] | None:
 
 
 @lru_cache(maxsize=4)
-def _proposal(text: str) -> dict[str, Any]:
+def _proposal(text: str) -> JsonObject:
     try:
         return fields_of(parse_record(text))
     except MeasurementError as error:
         return {"problem": " ".join(str(error).split())}
 
 
-def fields_of(record: CalibrationRecord) -> dict[str, Any]:
+def fields_of(record: CalibrationRecord) -> JsonObject:
     """Return the fields as in JSON, and whether each figure, and all, are within their limits."""
     fields: dict[str, Any] = json.loads(record.model_dump_json())
     for shown, figure in zip(fields["quality"], record.quality, strict=True):

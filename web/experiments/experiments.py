@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from fastapi import FastAPI
 from pydantic import Field
 
+from quadrotor.json_object import JsonObject
 from vehicle_link.parameters.messages import from_descriptor, to_parameters
 from web.access.requester import Operator
 from web.commands.bodies import CommandBody
@@ -44,7 +45,7 @@ def add_experiments(app: FastAPI, context: VehicleContext) -> None:
         return {"accepted": True}
 
     @app.get("/api/experiments")
-    async def experiments() -> dict[str, Any]:
+    async def experiments() -> JsonObject:
         """Return each experiment with its options, and the experiments' status.
 
         An option has bounds, choices, unit and description. `calibration`: the one that the
@@ -86,7 +87,7 @@ def add_experiments(app: FastAPI, context: VehicleContext) -> None:
         return await ask(body, session.label, "reject")
 
 
-def _described(answer: Any) -> list[dict[str, Any]]:
+def _described(answer: Any) -> list[JsonObject]:
     options = [asdict(from_descriptor(one)) for one in answer.descriptors]
     about = zip_longest(
         answer.names, answer.descriptions, answer.calibrations, answer.problems, fillvalue=""
@@ -107,7 +108,7 @@ def _described(answer: Any) -> list[dict[str, Any]]:
     ]
 
 
-def experiment_summary(live: Live) -> dict[str, Any] | None:
+def experiment_summary(live: Live) -> JsonObject | None:
     """Return the state of the station's experiment, for the page; None until it is reported."""
     status = live.newest("experiment_status")
     if status is None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 from fastapi.responses import FileResponse
 
 from console.runs.report_folders import read_result, report_file
+from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
 
 if TYPE_CHECKING:
@@ -39,18 +40,18 @@ def add_reports(app: FastAPI, context: VehicleContext, reports: ReportMaking) ->
     catalogue = context.catalogue
 
     @app.get("/api/runs/{run_id}/report")
-    def report(run_id: str) -> dict[str, Any]:
+    def report(run_id: str) -> JsonObject:
         """Return verdict, figures, options and files of the experiment judged on this run."""
         return read_result(catalogue.resolve(run_id))
 
     @app.post("/api/runs/{run_id}/report")
-    def make(run_id: str, _: Operator) -> dict[str, Any]:
+    def make(run_id: str, _: Operator) -> JsonObject:
         """Start making the report with figures, again if there is one; return its progress."""
         log = catalogue.resolve(run_id)
         return reports.ask(run_id, log).as_json(log)
 
     @app.get("/api/runs/{run_id}/report_making")
-    def making(run_id: str) -> dict[str, Any]:
+    def making(run_id: str) -> JsonObject:
         """Return the state of the newest report: none, waiting, working, ready or failed.
 
         It has the progress, 0 to 1, or the reason, and the files that exist.

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from quadrotor.errors import ParameterError, ReadOnlyError
+from quadrotor.json_object import JsonObject
 from quadrotor.parameter_description import ParameterValue
 from web.parameters.replica import PageParameters
 from web.parameters.stepwise import steps_between
@@ -14,7 +15,7 @@ from web.parameters.stepwise import steps_between
 MOST_SHOWN = 200  # characters of a value that is refused
 
 
-def compare(replica: PageParameters, values: Mapping[str, Any]) -> dict[str, Any]:
+def compare(replica: PageParameters, values: Mapping[str, Any]) -> JsonObject:
     """Return `lines` of what differs, in the order of the tree, and `same`, the number of the rest.
 
     Each line has name, unit, now, new, `reason` ("" or why it is refused) and `steps`, the number

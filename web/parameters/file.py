@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from quadrotor.errors import MeasurementError
+from quadrotor.json_object import JsonObject
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
 
 LARGEST = 256 * 1024
@@ -45,7 +46,7 @@ def write_file(
     return "\n".join(lines) + "\n"
 
 
-def read_file(content: bytes) -> dict[str, Any]:
+def read_file(content: bytes) -> JsonObject:
     """Read values by name, unchecked. Raises MeasurementError with the place of a syntax error."""
     if len(content) > LARGEST:
         raise MeasurementError(f"the file is too large; allowed are {LARGEST} bytes")

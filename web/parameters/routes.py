@@ -15,6 +15,7 @@ from pydantic import Field
 
 from console.parameters.history import ParameterHistory
 from console.parameters.presets import ParameterPresets, Preset
+from quadrotor.json_object import JsonObject
 from quadrotor.parameter_description import ParameterValue
 from web.access.requester import Operator
 from web.body import Body, read_body
@@ -57,12 +58,12 @@ def add_parameters(
 
 def _add_values(app: FastAPI, replica: PageParameters, gains: ParameterWriter) -> None:
     @app.get("/api/parameters")
-    async def parameters() -> dict[str, Any]:
+    async def parameters() -> JsonObject:
         """Return descriptions and confirmed values, as reported by the vehicle."""
         return replica.as_json()
 
     @app.put("/api/parameters")
-    async def change(body: ChangeBody, session: Operator) -> dict[str, Any]:
+    async def change(body: ChangeBody, session: Operator) -> JsonObject:
         """Change values, all or none, checked against their bounds; return those applied."""
         applied, revision = await gains.change(body.values, session.label, walks=body.walks)
         return {
@@ -80,7 +81,7 @@ def _add_history(app: FastAPI, replica: PageParameters, history: ParameterHistor
         flight: Annotated[str | None, Query(max_length=120)] = None,
         limit: Annotated[int, Query(ge=1, le=1000)] = 200,
         before: Annotated[int, Query(ge=0)] = 0,
-    ) -> dict[str, Any]:
+    ) -> JsonObject:
         """Return the changes, newest first.
 
         `flight`: a run id or `ground`; `before`: only changes older than this id.
@@ -104,7 +105,7 @@ def _add_history(app: FastAPI, replica: PageParameters, history: ParameterHistor
         }
 
     @app.get("/api/parameters/flight")
-    async def flight() -> dict[str, Any]:
+    async def flight() -> JsonObject:
         """Return the changes that undo those made since before the present or last flight."""
         last = await run_in_threadpool(history.flight)
         if last is None:
@@ -140,7 +141,7 @@ def _add_files(app: FastAPI, replica: PageParameters, vehicle: str) -> None:
         "/api/parameters/file",
         openapi_extra={"requestBody": {"required": True, "content": {"application/toml": {}}}},
     )
-    async def read(request: Request, _: Operator) -> dict[str, Any]:
+    async def read(request: Request, _: Operator) -> JsonObject:
         """Return the changes that loading this file would make; nothing is changed."""
         content = await read_body(request, LARGEST)
         return compare(replica, await run_in_threadpool(read_file, content))
@@ -148,7 +149,7 @@ def _add_files(app: FastAPI, replica: PageParameters, vehicle: str) -> None:
 
 def _add_presets(app: FastAPI, replica: PageParameters, presets: ParameterPresets) -> None:
     @app.get("/api/parameters/presets")
-    async def all_presets() -> dict[str, Any]:
+    async def all_presets() -> JsonObject:
         """Return all presets, built-in ones first.
 
         `differs`: the number of values that differ from the present ones.
@@ -169,7 +170,7 @@ def _add_presets(app: FastAPI, replica: PageParameters, presets: ParameterPreset
         return {"presets": own + [{**_facts(one), **_counts(one.values)} for one in mine]}
 
     @app.get("/api/parameters/presets/{preset}")
-    async def look(preset: str) -> dict[str, Any]:
+    async def look(preset: str) -> JsonObject:
         """Return the changes that switching to this preset would make."""
         found = built_in(replica)
         if preset in found:
@@ -177,7 +178,7 @@ def _add_presets(app: FastAPI, replica: PageParameters, presets: ParameterPreset
         return compare(replica, (await run_in_threadpool(presets.get, _number(preset))).values)
 
     @app.post("/api/parameters/presets")
-    async def save(body: PresetBody, session: Operator) -> dict[str, Any]:
+    async def save(body: PresetBody, session: Operator) -> JsonObject:
         """Save the confirmed values of these parameters under a name."""
         if body.name in built_in(replica):
             raise HTTPException(409, f"{body.name!r} is a built-in preset; choose another name")
@@ -197,7 +198,7 @@ def _add_presets(app: FastAPI, replica: PageParameters, presets: ParameterPreset
         return {"deleted": True}
 
     @app.post("/api/parameters/presets/{preset}/restore")
-    def restore(preset: str, _: Operator) -> dict[str, Any]:
+    def restore(preset: str, _: Operator) -> JsonObject:
         """Restore a deleted preset."""
         return _facts(presets.restore(_number(preset)))
 
@@ -205,7 +206,7 @@ def _add_presets(app: FastAPI, replica: PageParameters, presets: ParameterPreset
         return {"count": len(values), "differs": differing(replica, values)}
 
 
-def _facts(preset: Preset) -> dict[str, Any]:
+def _facts(preset: Preset) -> JsonObject:
     return {
         "id": str(preset.id),
         "name": preset.name,

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from flight_log.run_folder import log_of
 from quadrotor.errors import os_errors
+from quadrotor.json_object import JsonObject
 from web.runs.job_queue import Work, Workshop, check_closed
 
 SECONDS = 1800.0
@@ -25,7 +25,7 @@ class Export(Work):
 
     path: Path | None = None
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         return {"state": self.name, "progress": round(self.progress, 3), "reason": self.reason}
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import as_json, completeness_of
@@ -17,9 +16,10 @@ from console.catalogue.tags import tags_of
 from console.runs.report_folders import RESULT, read_result, report_folder
 from flight_log.file import is_being_written
 from quadrotor.errors import StorageError
+from quadrotor.json_object import JsonObject
 
 
-def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, Any]]:
+def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[JsonObject]:
     """Return for each run its entry, tags, number of marks, author of the notes and verdict.
 
     `completeness` is how it compares with the vehicle's own log (null if it was not compared).
@@ -42,7 +42,7 @@ def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, A
     ]
 
 
-def about(note: Note | None) -> dict[str, Any]:
+def about(note: Note | None) -> JsonObject:
     """Return who wrote the notes and when (s, epoch); version 0: no notes yet."""
     if note is None:
         return {"version": 0, "author": "", "stamp": None}
@@ -57,7 +57,7 @@ def _is_recorded(catalogue: Catalogue, entry: RunEntry) -> bool:
         return False
 
 
-def _report(log: Path) -> dict[str, Any]:
+def _report(log: Path) -> JsonObject:
     """Return the report's fields; `verdict` is "unreadable" if it cannot be read."""
     try:
         stamp = (report_folder(log) / RESULT).stat().st_mtime_ns

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from fastapi import FastAPI
 from fastapi import Path as InPath
 
 from console.catalogue.catalogue import SUFFIX
+from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
 from web.latest import Live
 
@@ -25,7 +26,7 @@ def add_onboard(app: FastAPI, parts: VehicleContext) -> None:
     folder = parts.catalogue.folder.parent / ONBOARD
 
     @app.get("/api/onboard")
-    async def logs() -> dict[str, Any]:
+    async def logs() -> JsonObject:
         """Return the vehicle's logs, newest first.
 
         Times are s of its clock, null where not known; `here` is the id under which /replay shows
@@ -89,7 +90,7 @@ def copy_of(folder: Path, vehicle: str, name: str, size: int) -> str | None:
     return None
 
 
-def transfers_summary(live: Live) -> list[dict[str, Any]]:
+def transfers_summary(live: Live) -> list[JsonObject]:
     """Return the transfers from the vehicle, as in quadlab_msgs/Transfer; sizes in bytes."""
     message = live.current("transfers")
     if message is None:

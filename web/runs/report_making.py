@@ -6,9 +6,9 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from console.runs.report_folders import FILE_NAME, report_folder
+from quadrotor.json_object import JsonObject
 from web.runs.job_queue import Work, Workshop, check_closed
 
 SECONDS = 300.0
@@ -20,7 +20,7 @@ REMEMBERED = 200
 class Making(Work):
     """State of a requested report."""
 
-    def as_json(self, log: Path) -> dict[str, Any]:
+    def as_json(self, log: Path) -> JsonObject:
         """Return the fields, and the names of the files that exist."""
         return {
             "state": self.name,

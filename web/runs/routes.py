@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from fastapi import FastAPI, HTTPException, Query
 from fastapi.responses import FileResponse
@@ -17,6 +17,7 @@ from console.catalogue.notes import notes_history, write_notes
 from console.catalogue.search import RunSearch
 from console.catalogue.tags import all_tags, change_tags
 from quadrotor.errors import StorageError
+from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
 from web.runs.bodies import MarkBody, NotesBody, TagsBody
 from web.runs.listing import about, lines
@@ -51,7 +52,7 @@ def _add_list(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
 
     @app.get("/api/runs")
-    def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:
+    def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[JsonObject]:
         """Return the runs, newest first.
 
         Each word of `search` must be in the id, operator, notes, vehicle, a tag or the text of a
@@ -70,7 +71,7 @@ def _add_list(app: FastAPI, parts: VehicleContext) -> None:
         until_ns: Nanoseconds = 0,
         limit: Annotated[int, Query(ge=1, le=MOST)] = 100,
         offset: Annotated[int, Query(ge=0)] = 0,
-    ) -> dict[str, Any]:
+    ) -> JsonObject:
         """Return a part of the list, and the total; `since_ns` and `until_ns` are of the epoch."""
         wanted = RunSearch(words, tag, vehicle, since_ns, until_ns)
         found = catalogue.runs(wanted, limit=limit, offset=offset)
@@ -87,7 +88,7 @@ def _add_notes(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
 
     @app.put("/api/runs/{run_id}/notes")
-    def set_notes(run_id: str, body: NotesBody, session: Operator) -> dict[str, Any]:
+    def set_notes(run_id: str, body: NotesBody, session: Operator) -> JsonObject:
         """Set the notes. The last writer wins, and earlier texts stay in the history.
 
         `replaced` is another person's text that was written after the version `seen`.
@@ -102,7 +103,7 @@ def _add_notes(app: FastAPI, parts: VehicleContext) -> None:
         }
 
     @app.get("/api/runs/{run_id}/notes")
-    def history(run_id: str) -> list[dict[str, Any]]:
+    def history(run_id: str) -> list[JsonObject]:
         """Return all texts of the notes, newest first."""
         return [{"notes": n.text, **about(n)} for n in notes_history(catalogue, run_id)]
 
@@ -111,7 +112,7 @@ def _add_tags_and_marks(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
 
     @app.get("/api/tags")
-    def tags() -> list[dict[str, Any]]:
+    def tags() -> list[JsonObject]:
         """Return all tags, the most used first."""
         return [{"tag": tag, "runs": count} for tag, count in all_tags(catalogue).items()]
 
@@ -128,12 +129,12 @@ def _add_tags_and_marks(app: FastAPI, parts: VehicleContext) -> None:
         return changed
 
     @app.get("/api/runs/{run_id}/marks")
-    def marks(run_id: str) -> list[dict[str, Any]]:
+    def marks(run_id: str) -> list[JsonObject]:
         """Return the marks in the order of time; `time` is in s since the start of the run."""
         return [asdict(mark) for mark in marks_of(catalogue, run_id)]
 
     @app.post("/api/marks")
-    async def mark(body: MarkBody, session: Operator) -> dict[str, Any]:
+    async def mark(body: MarkBody, session: Operator) -> JsonObject:
         """Mark the moment when the key was pressed in the run being recorded; needs no lease.
 
         With a known id, only the text is changed.

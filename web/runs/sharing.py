@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import urlencode, urlsplit
 
 from fastapi import FastAPI, HTTPException, Request
@@ -12,6 +12,7 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 
 from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
+from quadrotor.json_object import JsonObject
 from web.access.requester import Asker
 from web.access.signed_links import AGE, SUFFIX
 
@@ -36,7 +37,7 @@ def add_sharing(app: FastAPI, parts: VehicleContext, exports: ViserExports) -> N
     catalogue = parts.catalogue
 
     @app.post("/api/runs/{run_id}/link")
-    def link(run_id: str, request: Request, _: Asker) -> dict[str, Any]:
+    def link(run_id: str, request: Request, _: Asker) -> JsonObject:
         """Return a link to the run's file that works for ten minutes without a session.
 
         `viewers` are addresses that open it in a viewer.
@@ -62,7 +63,7 @@ def add_sharing(app: FastAPI, parts: VehicleContext, exports: ViserExports) -> N
         return log_response(path)
 
     @app.post("/api/runs/{run_id}/viser")
-    def make(run_id: str, _: Asker) -> dict[str, Any]:
+    def make(run_id: str, _: Asker) -> JsonObject:
         """Start making the recording for viser, or return its state.
 
         That is ready, working, waiting or failed, with progress 0 to 1 or the reason.

@@ -6,7 +6,7 @@ Operators delete and restore; only an admin may remove runs for good before thei
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 
@@ -14,6 +14,7 @@ from console.parameters.station import RecorderParameters
 from console.runs.storage import storage
 from console.runs.trash import delete_run, deleted_runs, purge, restore_run
 from quadrotor.errors import QuadlabError
+from quadrotor.json_object import JsonObject
 from web.access.requester import Admin, Operator
 from web.runs.bodies import RunsBody
 
@@ -30,7 +31,7 @@ def add_trash(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
 
     @app.get("/api/storage")
-    def disk() -> dict[str, Any]:
+    def disk() -> JsonObject:
         """Return sizes in bytes, and how long a recording can last.
 
         `lasts` is the time in s until only `keep_free` is left, at the rate of the newest runs or
@@ -53,29 +54,29 @@ def add_trash(app: FastAPI, parts: VehicleContext) -> None:
         }
 
     @app.get("/api/trash")
-    def deleted() -> list[dict[str, Any]]:
+    def deleted() -> list[JsonObject]:
         """Return the deleted runs, the newest deletion first."""
         return [asdict(run) for run in deleted_runs(catalogue)]
 
     @app.post("/api/trash")
-    def delete(body: RunsBody, session: Operator) -> dict[str, Any]:
+    def delete(body: RunsBody, session: Operator) -> JsonObject:
         """Move runs to the trash; `refused`: id → reason, of those that were not moved."""
         return _each(body.runs, lambda run_id: delete_run(catalogue, run_id, session.label))
 
     @app.post("/api/trash/restore")
-    def restore(body: RunsBody, _: Operator) -> dict[str, Any]:
+    def restore(body: RunsBody, _: Operator) -> JsonObject:
         """Restore runs with notes, tags and marks."""
         return _each(body.runs, lambda run_id: restore_run(catalogue, run_id))
 
     @app.post("/api/trash/empty")
-    def empty(session: Admin) -> dict[str, Any]:
+    def empty(session: Admin) -> JsonObject:
         """Delete all runs in the trash for good; `refused`: id → reason, of those not deleted."""
         purged = purge(catalogue)
         if purged.done:
             parts.hub.runs_changed(purged.done)
         return asdict(purged)
 
-    def _each(run_ids: list[str], act: Callable[[str], None]) -> dict[str, Any]:
+    def _each(run_ids: list[str], act: Callable[[str], None]) -> JsonObject:
         done: list[str] = []
         refused: dict[str, str] = {}
         for run_id in dict.fromkeys(run_ids):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from fastapi import FastAPI
 
 from quadrotor.errors import LinkError
+from quadrotor.json_object import JsonObject
 from vehicle_link.checks import Check, from_messages
 from web.access.requester import Operator
 from web.access.users import shown
@@ -33,7 +34,7 @@ def add_setup(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
         return await asyncio.to_thread(known_vehicles, fleet.lives, context.catalogue, time.time())
 
     @app.get("/api/setup/people")
-    async def signed_in() -> list[dict[str, Any]]:
+    async def signed_in() -> list[JsonObject]:
         """Return the people with a signed-in browser; `last_seen` in s, epoch."""
         return [shown(one) for one in await asyncio.to_thread(people.sessions.people)]
 

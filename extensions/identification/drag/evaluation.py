@@ -172,7 +172,13 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
     velocity_w = np.einsum("nij,nj->ni", R_wb, velocity_b)
     motion_b = np.hstack((velocity_b[:, :2], omega_b))
     return estimate_drag(
-        time[inside], velocity_w, R_wb[:, :, 2], motion_b, thrusts, start, parameters
+        time[inside],
+        velocity_w,
+        z_b=R_wb[:, :, 2],
+        motion_b=motion_b,
+        thrusts=thrusts,
+        start=start,
+        parameters=parameters,
     )
 
 
@@ -235,7 +241,16 @@ def estimate_drag(
     rotors = [float(parameters.truth.get(f"rotor_drag_{axis}", 0.0)) for axis in "xy"]
     truth = float(parameters.truth.get("drag", math.nan)) + 0.5 * sum(rotors)
     seconds = float(time[-1] - time[rows][0])
-    return DragFlight(found, np.array(pieces), lever, speed, constant_w, seconds, truth, parameters)
+    return DragFlight(
+        found,
+        np.array(pieces),
+        lever=lever,
+        speed=speed,
+        constant_w=constant_w,
+        seconds=seconds,
+        truth=truth,
+        parameters=parameters,
+    )
 
 
 def _solve(force: Array, velocity: Array) -> tuple[float, Array]:

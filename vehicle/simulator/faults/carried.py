@@ -6,15 +6,12 @@ Records `p` are items of PLANT (vehicle.simulator.plant).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from quadrotor.rigid_body import Motion
 from quadrotor.vectors import Vector, cross, dot
 from quadrotor.vehicle_model import GRAVITY
-
-Item = Any
-"""One record `array[k]` inside compiled code."""
 
 CABLE_FREQUENCY = 150.0
 """Natural frequency, in rad/s, of the load on its elastic cable, which hangs 0.4 mm longer."""

@@ -6,20 +6,17 @@ the horizontal drift.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from vehicle.simulator.firmware import constants as k
 from vehicle.simulator.firmware.estimation import vertical
 from vehicle.simulator.firmware.fixed import bounded, by16
 from vehicle.simulator.firmware.hovering import hold_angles
 from vehicle_link.serial.ids import Id
 
-Item = Any
-"""One record `array[k]` inside compiled code."""
 Registers = npt.NDArray[np.int16]
 
 _EMERGENCY_THRUST = int(Id.EMERGENCY_THRUST)

@@ -14,14 +14,11 @@ third state is the bias of the vertical specific force.
 
 from __future__ import annotations
 
-from typing import Any
-
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from vehicle.simulator.firmware import constants as k
 from vehicle.simulator.firmware.fixed import angle_of, bounded, by16, root
 
-Item = Any
-"""One record `array[k]` inside compiled code."""
 Whole = tuple[int, int, int]
 """Vector of whole numbers."""
 

@@ -6,18 +6,15 @@ pitch, and for the yaw rate a P with damping of its change.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
+from quadrotor.records import Item
 from vehicle.simulator.firmware import constants as k
 from vehicle.simulator.firmware.fixed import bounded, by16, root
 from vehicle_link.serial.ids import Id
 
-Item = Any
-"""One record `array[k]` inside compiled code."""
 Registers = npt.NDArray[np.int16]
 
 _GAIN_P, _GAIN_D, _GAIN_I = int(Id.GAIN_P), int(Id.GAIN_D), int(Id.GAIN_I)

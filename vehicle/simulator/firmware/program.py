@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.motor_state import MotorState
+from quadrotor.records import Item
 from vehicle.simulator.firmware import constants as k
 from vehicle.simulator.firmware.descent import begin_descent, descend, stop, watch_thrust
 from vehicle.simulator.firmware.estimation import estimate_attitude, estimate_climb
@@ -16,8 +15,6 @@ from vehicle.simulator.firmware.fixed import bounded, by16
 from vehicle.simulator.firmware.hovering import hold_angles
 from vehicle_link.serial.ids import FlightControlMode, Id
 
-Item = Any
-"""One record `array[k]` inside compiled code."""
 Registers = npt.NDArray[np.int16]
 Bytes = tuple[int, int, int, int]
 """The four bytes of the newest command, 0…255."""
