@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class PartContext:
-    """What a part may use.
+    """The parts of the station that an added part may use.
 
     Attributes:
         vehicle: the vehicle's name.

@@ -125,8 +125,8 @@ class Importer(Offer):
 class Exporter(Offer):
     """A format of tables, for `quadlab log export --format NAME`.
 
-    The target is a function of a folder, the log's name and the metadata of the run, which returns
-    an `extensions.export.formats.Format`.
+    The target is a function of folder, name and metadata of a run that returns an
+    `extensions.export.formats.Format`.
     """
 
     kind: ClassVar[str] = "exporter"
@@ -187,7 +187,7 @@ class ServedSystem(Offer):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Function(Offer):
-    """A function of the package, for notebooks: `quadlab.NAME`; the target is the function."""
+    """A function of the package, `quadlab.NAME`; the target is the function."""
 
     kind: ClassVar[str] = "function of quadlab"
 
@@ -206,16 +206,12 @@ class PageFeature(Offer):
 class PagePanel(Offer):
     """A part of the page: a tab, or a section of a place that a document of the page has.
 
-    The target is a script of the folder `page` beside the declaration and the function in it that
-    shows the panel, as "page/tune.js:show". It is called with the panel's element and an object of
-    the parts of the page. A script imports others by a relative address, and those of the page by
-    "/static/…".
+    The target is a script of the folder `page` beside the declaration, and the function in it that
+    shows the panel, as "page/tune.js:show".
 
     Attributes:
-        place: "tabs", or the place of a section.
-        title: the label of the tab, or the name of the section.
-        styles: stylesheets of the folder.
-        icon: of a tab, the path of an SVG on 20 × 20.
+        place: "tabs", or the place of a section; title: the label of the tab, or section.
+        styles: stylesheets of the folder; icon: of a tab, the path of an SVG on 20 × 20.
         after: the tab after which it stands; "" for the last one.
     """
 
@@ -231,11 +227,8 @@ class PagePanel(Offer):
 class StationPart(Offer):
     """A part of the base station of each vehicle; the name is the group of its parameters.
 
-    The target is a function of a `console.part.PartContext` that returns a `console.part.Part`.
-
-    Attributes:
-        parameters: module and name of the `quadrotor.parameters.Parameters` that the station has as
-            `station.NAME`; "" for none.
+    The target is a function of a `console.part.PartContext` that returns a `console.part.Part`;
+    `parameters` names a `quadrotor.parameters.Parameters` in the same way, "" for none.
     """
 
     kind: ClassVar[str] = "part of the station"
@@ -244,10 +237,7 @@ class StationPart(Offer):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutSurvey(Offer):
-    """A survey of the beacons' positions from a recorded flight, for the page.
-
-    The target is a `web.beacons.survey.SurveyRun`.
-    """
+    """A survey of the beacons from a flight; the target is a `web.beacons.survey.SurveyRun`."""
 
     kind: ClassVar[str] = "survey of the beacons"
 
@@ -269,10 +259,7 @@ class Experiment(Offer):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportWriter(Offer):
-    """The writer of reports of runs; the first one is used.
-
-    The target is a `console.reports.writer.Write`.
-    """
+    """The writer of reports of runs; the target is a `console.reports.writer.Write`."""
 
     kind: ClassVar[str] = "writer of reports"
 
@@ -289,9 +276,9 @@ class Explanation(Offer):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportFigures(Offer):
-    """The figures of an experiment in the report of a flight; the name is the experiment's.
+    """Figures of a report; the target is an `extensions.reports.experiment_figures.Maker`.
 
-    The target is an `extensions.reports.experiment_figures.Maker`.
+    The name is that of the experiment.
     """
 
     kind: ClassVar[str] = "figures of the report"
