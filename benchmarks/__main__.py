@@ -45,6 +45,7 @@ FOLDERS = {
         "tracker_integrity",
     ),
     "estimation": ("pose", "filters", "comparison", "tags"),
+    "explanation": ("explanations", "diagnosis"),
     "firmware": ("firmware",),
     "flights": (
         "bearing_flights",
@@ -54,8 +55,6 @@ FOLDERS = {
         "failures",
         "identification",
         "disturbances",
-        "explanations",
-        "diagnosis",
         "rough_world",
         "hostile_flights",
         "hostile_plugins",

@@ -266,7 +266,7 @@ class ReportWriter(Offer):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation(Offer):
-    """What happened in a flight and why, read from its log.
+    """A reader of logs that finds what happened in a flight and why.
 
     The target is a `console.evaluation.findings.Explain`.
     """

@@ -1,1 +1,1 @@
-"""What happened in a flight and why: findings with their figures and evidence, causes first."""
+"""The explanation of a flight: findings with their figures and evidence, causes first."""

@@ -1,4 +1,4 @@
-"""What all detectors use: the time in flight, and figures over blocks of it.
+"""The time in flight, and figures over blocks of it, for all detectors.
 
 Times are s since the run's first message.
 """

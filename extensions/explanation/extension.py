@@ -4,7 +4,7 @@ from quadrotor.extension import Evidence, Explanation, Extension, Judged
 
 EXTENSION = Extension(
     name="explanation",
-    summary="What happened in a flight and why: causes with their figures, and consequences",
+    summary="Explanation of a flight: what happened and why, causes with their figures first",
     protocol=1,
     offers=(Explanation(name="flight", target=".explain:explain"),),
     judged=(

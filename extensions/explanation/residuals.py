@@ -1,4 +1,4 @@
-"""What remains when a flight's poses are explained by its IMU, or by its motors.
+"""Residuals of a flight's poses against the motion that its IMU felt or its motors made.
 
 Over a window of some seconds the poses are compared with twice integrated accelerations: those that
 the accelerometer felt, and those that the commanded thrust causes by the model. Each cause leaves a
@@ -58,7 +58,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Window:
-    """What remains of the poses of one window.
+    """The residuals of the poses of one window.
 
     Attributes:
         start: in s since the run's first message.

@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.flights.explanations import NONE, WORLDS, FaultyFlight, take_off
+from benchmarks.explanation.explanations import NONE, WORLDS, FaultyFlight, take_off
 from benchmarks.harness import Report, Row, Size, Target
 from console.evaluation.findings import Finding, explain_log
 from quadlab.simulated.flight_log import FlightLog

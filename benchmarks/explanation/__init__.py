@@ -1,0 +1,1 @@
+"""Flights with faults: which causes the explanation names."""
