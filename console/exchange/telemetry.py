@@ -1,4 +1,6 @@
-"""Reception of telemetry packets: every sample is recorded, the newest one distributed."""
+"""Reception of telemetry packets: every sample is recorded and passed to the page, the newest one
+distributed as messages.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,7 @@ from console.checks.observed import Observed
 from console.comparison.feed import ComparisonFeed
 from console.context import StationContext
 from console.experiment_running.runner import ExperimentRunner
-from console.link.outbox import ENCODERS
-from console.link.recent_telemetry import RecentTelemetry
+from console.link.outbox import ENCODERS, TICKS
 from console.runs.recorder import Message
 from quadrotor.records import Record
 from vehicle_link.clock import time_ns
@@ -37,7 +38,6 @@ class TelemetryReception:
         self._outbox, self._recorder = context.outbox, context.recorder
         self._comparison, self._observed = comparison, observed
         self._experiments, self._newest = experiments, on_stamp
-        self._recent = RecentTelemetry(context.node)
         self._scene = SceneMessages(context.vehicle)
 
     def received(self, received: Received) -> None:
@@ -46,11 +46,12 @@ class TelemetryReception:
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
         shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time_ns())
         self._comparison.telemetry(received.payload)
-        self._recent.received(received.payload)
         self._experiments.readings.telemetry(sequence, ticks)
         if shown:
             self._observed.telemetry(ticks[-1])
             self._experiments.feed.telemetry(stamp_ns, ticks["state"]["position_w"][-1])
+        if TICKS in self._outbox.subscribed_topics:
+            self._outbox.put(TICKS, received.payload, stamp_ns if shown else 0)
         payloads: dict[str, list[bytes]] = {}
         if self._recorder.run_id:
             payloads = expanded(ticks, self._vehicle)

@@ -26,6 +26,7 @@ ENCODERS: dict[str, Callable[[Record, str], Records]] = {
     "actuators": topics.actuator_messages,
 }
 """Topic → function that returns its payloads for TICK records, shape (N,)."""
+TICKS = "ticks"
 
 RECORDED = tuple(name for name, row in TOPICS.items() if row.recorded and row.sender == "station")
 """Topics recorded as they are sent. Heartbeats are not; telemetry's topics are recorded at full
@@ -33,7 +34,7 @@ rate elsewhere."""
 
 INFO, WARN = 20, 30
 """Levels of events (rcl_interfaces/Log)."""
-FROM_TELEMETRY = (*ENCODERS, *SCENE_TOPICS)
+FROM_TELEMETRY = (TICKS, *ENCODERS, *SCENE_TOPICS)
 CHECK_PERIOD = 0.2  # s
 
 PutMessage = Callable[[str, str, bytes, int, int], None]
@@ -94,7 +95,7 @@ class Outbox:
 
     @property
     def subscribed_topics(self) -> frozenset[str]:
-        """Return the expanded telemetry topics that had subscribers at most `CHECK_PERIOD` ago:
+        """Return the topics of telemetry that had subscribers at most `CHECK_PERIOD` ago:
         usually none.
         """
         now = time.monotonic()
