@@ -9,9 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
+from quadrotor.records import Record
 from vehicle_link.clock import monotonic
+from vehicle_link.messages.cdr_layout import Records
+from vehicle_link.telemetry import unpack
+from vehicle_link.topics import actuator_messages, imu_messages, reference_messages, state_messages
 from vehicle_link.topics.table import TOPICS
 
 STALE = {name: row.stale for name, row in TOPICS.items() if row.stale}
@@ -27,6 +31,26 @@ CHARTED = tuple(name for name in STALE if TOPICS[name].page == "chart")
 """Those among them that only charts need."""
 
 
+TICKS = "ticks"
+"""Topic of whole packets of telemetry."""
+TICK_TOPICS: dict[str, Callable[[Record], Records]] = {
+    "state": state_messages,
+    "reference": reference_messages,
+    "imu": imu_messages,
+    "actuators": actuator_messages,
+}
+"""Topics that have a sample for every tick, and their encoders; they are received as TICKS."""
+
+
+class Stored(NamedTuple):
+    """One message as it arrived."""
+
+    topic: str
+    payload: bytes
+    source_ns: int
+    received: float  # s, monotonic
+
+
 @dataclass(slots=True)
 class _Newest:
     payload: bytes
@@ -40,18 +64,33 @@ class Live:
     Args:
         decode: called as `decode(payload, type_name)`; returns the message.
         clock: s, monotonic.
+        also: called with each message too, on the same thread.
     """
 
     def __init__(
-        self, decode: Callable[[bytes, str], Any], clock: Callable[[], float] = monotonic
+        self,
+        decode: Callable[[bytes, str], Any],
+        clock: Callable[[], float] = monotonic,
+        also: Callable[[Stored], None] = lambda message: None,
     ) -> None:
         self._decode = decode
         self._clock = clock
+        self._also = also
         self._newest: dict[str, _Newest] = {}
 
-    def put(self, topic: str, payload: bytes) -> None:
-        """Store a message; may be called from any thread."""
-        self._newest[topic] = _Newest(payload, self._clock())
+    def put(self, topic: str, payload: bytes, source_ns: int = 0) -> None:
+        """Store a message; may be called from any thread.
+
+        Of a packet of telemetry, the newest tick is the newest message of each of TICK_TOPICS,
+        unless `source_ns` is 0: then it arrived late.
+        """
+        received = self._clock()
+        self._also(Stored(topic, payload, source_ns, received))
+        if topic != TICKS:
+            self._newest[topic] = _Newest(payload, received)
+        elif source_ns:
+            tick = _Newest(payload, received)
+            self._newest.update({name: _Newest(b"", received, tick) for name in TICK_TOPICS})
 
     def age(self, topic: str) -> float:
         """Return the seconds since the newest message arrived; inf before the first."""
@@ -66,6 +105,9 @@ class Live:
         newest = self._newest.get(topic)
         if newest is None:
             return None
+        if isinstance(tick := newest.message, _Newest):
+            tick.message = unpack(tick.payload)[1][-1:] if tick.message is None else tick.message
+            newest.payload, newest.message = TICK_TOPICS[topic](tick.message).tobytes(), None
         if newest.message is None:
             newest.message = self._decode(newest.payload, TOPICS[topic].type_name)
         return newest.message

@@ -13,6 +13,7 @@ import websockets.exceptions
 
 from console.catalogue.catalogue import Catalogue
 from web.fleet.fleet import SEEN
+from web.latest import TICK_TOPICS, TICKS
 
 NAMES = ("quad1", "quad2")
 
@@ -38,6 +39,9 @@ def pilot(fleet_site: Any) -> Iterator[httpx.Client]:
 def viewer(fleet_site: Any, pilot: httpx.Client) -> Iterator[httpx.Client]:
     with fleet_site.invited(pilot, "viewer") as client:
         yield client
+
+
+WATCHED = SEEN - TICK_TOPICS.keys() | {TICKS}
 
 
 def asked(station: Any) -> list[str]:
@@ -201,9 +205,9 @@ def test_what_comes_fast_is_taken_of_the_vehicle_that_is_looked_at(
     monkeypatch.setattr("web.fleet.fleet.LINGER", 0.0)
     first, second = fleet_site.stations
     with fleet_site.websocket("/v/quad2/ws/events", fleet_site.cookie(pilot)):
-        until(lambda: second.watched == SEEN and not first.watched)
+        until(lambda: second.watched == WATCHED and not first.watched)
     with fleet_site.websocket("/ws/fleet?plot=1", fleet_site.cookie(pilot)):
-        until(lambda: first.watched == second.watched == {"state"})
+        until(lambda: first.watched == second.watched == {TICKS})
     until(lambda: not first.watched and not second.watched)
 
 

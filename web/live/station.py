@@ -22,7 +22,7 @@ from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change, from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
-from web.latest import FAST, STALE, Live
+from web.latest import FAST, STALE, TICK_TOPICS, TICKS, Live
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.optional_topics import OptionalTopics, subscribe_directly
 
@@ -111,8 +111,12 @@ class Station:
         self._urgent.shutdown(wait=False, cancel_futures=True)
 
     def watch(self, topics: Collection[str]) -> None:
-        """Subscribe to these of the topics in `FAST`, and to no others. Blocks for some ms."""
-        self._watched.want({topic: self._put(topic) for topic in topics})
+        """Subscribe to these of the topics in `FAST`, and to no others. Blocks for some ms.
+
+        Those of the ticks arrive together.
+        """
+        wanted = {TICKS if topic in TICK_TOPICS else topic for topic in topics}
+        self._watched.want({topic: self._put(topic) for topic in wanted})
 
     def forward(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
         """Subscribe to these topics and no others.
@@ -261,13 +265,13 @@ class Station:
 
     def _put(self, topic: str) -> Callable[[Received], None]:
         def put(received: Received) -> None:
-            self._live.put(topic, received.payload)
+            self._live.put(topic, received.payload, received.source_ns)
 
         return put
 
     def _on_link(self, received: Received) -> None:
         """Show pages a broken link at once, not with the next summary."""
-        self._live.put("link_status", received.payload)
+        self._live.put("link_status", received.payload, received.source_ns)
         state = decode(received.payload, TOPICS["link_status"].type_name).state
         if state != self._link_said:
             self._link_said = state

@@ -26,8 +26,8 @@ one has its row in the Beacons tab and no signal.
 _RESULT = "quadlab_msgs/EstimatorResult"
 
 
-def _deviation(xp: Any, *variances: Any) -> Sequence[Any]:
-    return (1e3 * rms(xp, *variances),)
+def _deviation(*variances: Any) -> Sequence[Any]:
+    return (1e3 * rms(*variances),)
 
 
 def _compared(of: str) -> Source:

@@ -2,8 +2,8 @@
 
 A sample of a signal belongs to one message of its own topic, and has its time. An input of another
 topic is interpolated linearly between its two samples around that time; it has no value outside of
-its samples, and none in a hole longer than the deadline of its topic (`web.latest.STALE`). Topics of
-the same ticks share their times, so that their samples are of one tick and are not interpolated.
+its samples, and none in a hole longer than the deadline of its topic (`web.latest.STALE`). Topics
+of the same ticks share their times, so that their samples are of one tick and are not interpolated.
 """
 
 from __future__ import annotations
@@ -66,7 +66,9 @@ class Evaluator(ABC):
         return self.topic(place.inputs[0]) if isinstance(place, Expression) else place.topic
 
     def times(self, name: str) -> Array:
-        return self._topics[self.topic(name)].time
+        """Return the times of a signal's samples, none where the log lacks its topic."""
+        topic = self._topics.get(self.topic(name))
+        return np.zeros(0) if topic is None else topic.time
 
     def values(self, name: str, first: int, last: int, made: Made | None = None) -> Array:
         """Return the samples of a signal with `first` <= index < `last`."""
@@ -82,6 +84,8 @@ class Evaluator(ABC):
     def at(self, name: str, times: Array, first: int, last: int, made: Made) -> Array:
         """Return a signal at times[first:last]."""
         wanted, its = times[first:last], self.times(name)
+        if not len(its):
+            return np.full(len(wanted), np.nan)
         if its is times or not len(wanted):
             return self.values(name, first, last, made)
         begin = max(count_before(its, wanted[0]) - 1, 0)
@@ -107,14 +111,12 @@ class Evaluator(ABC):
             columns = [topic.values(name, first, last) for name in place.columns]
             inputs = [self.at(name, topic.time, first, last, made) for name in source.inputs]
             with np.errstate(invalid="ignore", divide="ignore"):
-                made[key] = source.function(np, *columns, *inputs)
+                made[key] = source.function(*columns, *inputs)
         return made[key]
 
 
 def between(wanted: Array, times: Array, samples: Array, longest: float) -> Array:
     """Return samples at the wanted times, interpolated across at most `longest` (s), else NaN."""
-    if not len(times):
-        return np.full(len(wanted), np.nan)
     found: Array = np.interp(wanted, times, samples, left=np.nan, right=np.nan)
     after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
     hole = times[after] - times[np.maximum(after - 1, 0)]

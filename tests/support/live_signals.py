@@ -1,0 +1,121 @@
+"""A live log filled by hand, and its newest values; frames of `/ws/telemetry`, read."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from quadrotor.records import TICK, Record
+from tests.support.clock import Clock
+from vehicle_link.messages import decode, encode
+from vehicle_link.telemetry import SAMPLES_A_PACKET, pack
+from web.latest import TICKS, Live
+from web.live.frames import HEAD, NEVER, SERIES
+from web.live.signal_log import SignalLog
+from web.live.telemetry import TelemetryFeed, topics_of
+from web.signals import INDEX
+
+START_NS = 1_700_000_000_250_000_000
+
+
+def ticks_of(count: int = 1, rate: float = 500.0, start: float = 0.0) -> Record:
+    """Return ticks at rest in the origin, the first one `start` s after START_NS."""
+    ticks = np.zeros(count, TICK)
+    times = np.round(1e9 * (start + np.arange(count) / rate))
+    ticks["imu"]["stamp_ns"] = START_NS + times.astype(np.int64)
+    ticks["state"]["quaternion_wb"][:, 0] = 1.0
+    return ticks
+
+
+def packets_of(ticks: Record) -> list[bytes]:
+    starts = range(0, len(ticks), SAMPLES_A_PACKET)
+    return [pack(ticks[k : k + SAMPLES_A_PACKET], k) for k in starts]
+
+
+class Received:
+    """What a web process received of a vehicle; `clock` is that of the computer."""
+
+    def __init__(self, **options: Any) -> None:
+        self.clock = Clock(10.0)
+        self.log = SignalLog(clock=self.clock, **options)
+        self.live = Live(decode, self.clock, self.log.put)
+        self.feed = TelemetryFeed(self.live, self.log, self.clock)
+
+    def ticks(self, ticks: Record) -> None:
+        for packet in packets_of(ticks):
+            self.live.put(TICKS, packet, START_NS)
+        self.log.take()
+
+    def put(self, topic: str, message: Any, time: float = 0.0) -> None:
+        """Receive a message whose stamp is `time` s after START_NS."""
+        self.live.put(topic, encode(message), START_NS + round(1e9 * time))
+        self.log.take()
+
+    def newest(self) -> dict[str, float]:
+        """Return the newest value of every signal, NaN without one."""
+        found = dict.fromkeys(INDEX, math.nan)
+        for name in found:
+            if count := self.log.formed(name):
+                found[name] = float(self.log.values(name, count - 1, count)[0])
+        return found
+
+    def samples(self, name: str) -> list[float]:
+        return [float(one) for one in self.log.values(name, 0, self.log.formed(name))]
+
+
+@dataclass
+class Frame:
+    """A frame, as a page reads it; `series` by their places in the subscription."""
+
+    id: int
+    slowness: int
+    origin: float
+    now: float
+    ages: dict[str, float]
+    newest: dict[str, float]
+    series: dict[int, Columns] = field(default_factory=dict)
+
+
+@dataclass
+class Columns:
+    """New samples of a series."""
+
+    time: np.ndarray[Any, Any]
+    values: dict[str, np.ndarray[Any, Any]]
+    holes: list[tuple[float, float]]
+    of: int
+
+
+def read(raw: bytes, signals: Sequence[str], series: Sequence[Sequence[str]] = ()) -> Frame:
+    """Read a frame of a subscription to these signals and series."""
+    identity, parts, count, slowness, origin, now = HEAD.unpack_from(raw)
+    topics = topics_of([*signals, *(name for one in series for name in one)])
+    at = HEAD.size
+    ages = struct.unpack_from(f"<{len(topics)}H", raw, at)
+    at += -(-2 * len(topics) // 8) * 8
+    values = struct.unpack_from(f"<{count}f", raw, at)
+    at += -(-4 * count // 8) * 8
+    known = [math.inf if one == NEVER else one / 1e3 for one in ages]
+    newest: Mapping[str, float] = dict(zip(signals, values, strict=True))
+    found = Frame(
+        identity, slowness, origin, now, dict(zip(topics, known, strict=True)), dict(newest)
+    )
+    for _ in range(parts):
+        place, rows, holes, of = SERIES.unpack_from(raw, at)
+        at += SERIES.size
+        time = np.frombuffer(raw, "<f8", rows, at)
+        at += 8 * rows
+        columns = {}
+        for k, name in enumerate(series[place]):
+            columns[name] = np.frombuffer(raw, "<f4", rows, at + 4 * k * rows)
+        at += -(-4 * rows * len(series[place]) // 8) * 8
+        pairs = np.frombuffer(raw, "<f8", 2 * holes, at).reshape(-1, 2)
+        at += 16 * holes
+        found.series[place] = Columns(time, columns, [(a, b) for a, b in pairs.tolist()], of)
+    assert at == len(raw)
+    return found
