@@ -12,7 +12,8 @@ Little endian; every part begins at a multiple of 8 bytes:
 - float32 newest values
 - for each series: uint32 its place in the subscription, uint32 number of samples, uint32 number of
   holes, uint32 number of samples that became one; float64 time of each sample; for each of its
-  signals float32 values; for each hole float64 time and float64 number of missing ticks
+  signals float32 values; for each hole float64 time and float64 number of missing ticks, 0 where
+  messages were away for longer than their deadline
 
 Of every several samples that became one, three are sent: least, greatest and newest value. A hole
 has one sample more, of no value.

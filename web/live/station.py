@@ -281,7 +281,8 @@ class Station:
         log = decode(received.payload, "rcl_interfaces/Log")
         stamp = received.received_ns * 1e-9
         level = LEVELS.get(int(log.level), "info")
-        self._hub.publish_from_thread(event(level, log.msg, log.name or self._vehicle, stamp))
+        time = log.stamp.sec + 1e-9 * log.stamp.nanosec or None
+        self._hub.publish_from_thread(event(level, log.msg, log.name or self._vehicle, stamp, time))
 
     def _on_stick_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["stick_status"].type_name)

@@ -15,7 +15,7 @@ from quadrotor.records import Stamps
 from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.telemetry import FLOATS, Samples, ticks_of
 from vehicle_link.topics.table import TOPICS
-from web.latest import TICK_TOPICS
+from web.latest import STALE, TICK_TOPICS
 from web.live.growing import Growing
 from web.signals.evaluator import Array, count_before
 
@@ -125,6 +125,7 @@ class MessageLog:
 
     def __init__(self, topic: str) -> None:
         self._columns = PayloadColumns(TOPICS[topic].type_name)
+        self._deadline = STALE[topic]
         self._times, self._payloads = Growing(np.float64), Growing(np.object_)
         self.time: Array = self._times.rows
         self._bytes = self.dropped = 0
@@ -152,8 +153,12 @@ class MessageLog:
         self.time = self._times.rows
 
     def missing(self, first: int, last: int) -> dict[int, int]:
-        """Return nothing: of messages it is not known how many there should be."""
-        return {}
+        """Return the messages before which nothing came for longer than the deadline, each with 0:
+        it is not known how many there should have been.
+        """
+        begin = max(first - 1, 0)
+        holes = np.flatnonzero(np.diff(self.time[begin:last]) > self._deadline)
+        return dict.fromkeys((begin + 1 + holes).tolist(), 0)
 
     def values(self, name: str, first: int, last: int) -> npt.NDArray[Any]:
         """Return a column of the messages `first` to `last` - 1."""

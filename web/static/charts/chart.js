@@ -232,10 +232,12 @@ export class Chart {
       const y = u.valToPos(this.limits[unit], `y${i}`, true);
       stroke("var(--amber)", [6, 4], [left, y], [left + width, y]);
     });
+    this.drawHoles(u);
     let free = -Infinity;
     ctx.textBaseline = "top";
     ctx.textAlign = "left";
-    for (const { t, text, kind } of this.hasEvents ? this.axis.events : []) {
+    for (const { t: time, text, kind } of this.hasEvents ? this.axis.events : []) {
+      const t = time - this.axis.origin;
       if (t < min || t > max) continue;
       const x = Math.round(left + (t - min) / (max - min) * width) + 0.5;
       stroke(kind === "warn" ? "var(--amber)" : "var(--strong)", [], [x, top], [x, top + height]);
@@ -246,6 +248,22 @@ export class Chart {
       free = x + ctx.measureText(words).width + 10 * ratio;
     }
     ctx.restore();
+  }
+
+  // How many samples are missing, at the bottom; those of neighbouring holes together.
+  drawHoles({ ctx, bbox: { left, top, width, height }, scales: { x: { min, max } } }) {
+    const ratio = devicePixelRatio, apart = 44 * ratio, groups = [];
+    for (const { t, count } of this.pieces[0]?.holes ?? []) {
+      const x = left + (t - min) / (max - min) * width;
+      if (t < min || t > max || !count) continue;
+      const last = groups.at(-1);
+      if (last && x - last.x < apart) last.count += count;
+      else groups.push({ x, count });
+    }
+    ctx.textBaseline = "bottom";
+    ctx.textAlign = "center";
+    ctx.fillStyle = paint("var(--amber)");
+    for (const { x, count } of groups) ctx.fillText(`−${count}`, x, top + height - 2 * ratio);
   }
 
   path(u, i) {
