@@ -1,11 +1,8 @@
-"""A live log filled by hand, and its newest values; frames of `/ws/telemetry`, read."""
+"""A live log filled by hand, and its newest values."""
 
 from __future__ import annotations
 
 import math
-import struct
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,9 +12,8 @@ from tests.support.clock import Clock
 from vehicle_link.messages import decode, encode
 from vehicle_link.telemetry import SAMPLES_A_PACKET, pack
 from web.latest import TICKS, Live
-from web.live.frames import HEAD, NEVER, SERIES
 from web.live.signal_log import SignalLog
-from web.live.telemetry import TelemetryFeed, topics_of
+from web.live.telemetry import TelemetryFeed
 from web.signals import INDEX
 
 START_NS = 1_700_000_000_250_000_000
@@ -66,56 +62,3 @@ class Received:
 
     def samples(self, name: str) -> list[float]:
         return [float(one) for one in self.log.values(name, 0, self.log.formed(name))]
-
-
-@dataclass
-class Frame:
-    """A frame, as a page reads it; `series` by their places in the subscription."""
-
-    id: int
-    slowness: int
-    origin: float
-    now: float
-    ages: dict[str, float]
-    newest: dict[str, float]
-    series: dict[int, Columns] = field(default_factory=dict)
-
-
-@dataclass
-class Columns:
-    """New samples of a series."""
-
-    time: np.ndarray[Any, Any]
-    values: dict[str, np.ndarray[Any, Any]]
-    holes: list[tuple[float, float]]
-    of: int
-
-
-def read(raw: bytes, signals: Sequence[str], series: Sequence[Sequence[str]] = ()) -> Frame:
-    """Read a frame of a subscription to these signals and series."""
-    identity, parts, count, slowness, origin, now = HEAD.unpack_from(raw)
-    topics = topics_of([*signals, *(name for one in series for name in one)])
-    at = HEAD.size
-    ages = struct.unpack_from(f"<{len(topics)}H", raw, at)
-    at += -(-2 * len(topics) // 8) * 8
-    values = struct.unpack_from(f"<{count}f", raw, at)
-    at += -(-4 * count // 8) * 8
-    known = [math.inf if one == NEVER else one / 1e3 for one in ages]
-    newest: Mapping[str, float] = dict(zip(signals, values, strict=True))
-    found = Frame(
-        identity, slowness, origin, now, dict(zip(topics, known, strict=True)), dict(newest)
-    )
-    for _ in range(parts):
-        place, rows, holes, of = SERIES.unpack_from(raw, at)
-        at += SERIES.size
-        time = np.frombuffer(raw, "<f8", rows, at)
-        at += 8 * rows
-        columns = {}
-        for k, name in enumerate(series[place]):
-            columns[name] = np.frombuffer(raw, "<f4", rows, at + 4 * k * rows)
-        at += -(-4 * rows * len(series[place]) // 8) * 8
-        pairs = np.frombuffer(raw, "<f8", 2 * holes, at).reshape(-1, 2)
-        at += 16 * holes
-        found.series[place] = Columns(time, columns, [(a, b) for a, b in pairs.tolist()], of)
-    assert at == len(raw)
-    return found

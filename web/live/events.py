@@ -102,9 +102,7 @@ class EventHub:
             self._pages.discard(queue)
 
 
-def event(
-    level: str, text: str, source: str, stamp: float, time: float | None = None
-) -> Message:
+def event(level: str, text: str, source: str, stamp: float, time: float | None = None) -> Message:
     """Return an event; `stamp` in s, epoch; `level` is info, warn or error.
 
     Args:

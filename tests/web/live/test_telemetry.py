@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 import websockets.exceptions
 
+from benchmarks.page.live_frames import read
 from quadrotor.records import Record
-from tests.support.live_signals import Received, packets_of, read, ticks_of
+from tests.support.live_signals import Received, packets_of, ticks_of
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
 from vehicle_link.messages import new

@@ -90,6 +90,7 @@ export class Charts {
     this.reset = element("button", { title: "reset the zoom (double-click in a chart)", hidden: true,
       onclick: () => this.axis.reset() }, "Whole window");
     this.state = element("output", { className: "state" });
+    this.at = element("output", { className: "at" });
     this.chosen = element("select", { ariaLabel: "layout of the charts", onchange: () => this.chooseLayout() });
     this.add = element("button", { title: "add a chart", ariaLabel: "add a chart",
       onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, icon("add"));
@@ -97,7 +98,7 @@ export class Charts {
       show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list(),
       derive: (text) => this.derive(text) });
     return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows,
-      this.reset, this.state,
+      this.reset, this.state, this.at,
       element("span", { className: "right" }, this.chosen, this.layoutMenu.button, this.add), this.layoutMenu.place);
   }
 
@@ -256,7 +257,8 @@ export class Charts {
     this.place.classList.toggle("paused", paused);
     const shown = zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : "";
     const coarse = this.slowness > 1 ? `coarser, for this connection is slow: least and greatest of ${this.slowness} samples` : "";
-    setText(this.state, [paused ? `paused for ${duration(axis.pausedFor)}${shown}` : coarse, this.stamp].filter(Boolean).join(" · "));
+    setText(this.state, paused ? `paused for ${duration(axis.pausedFor)}${shown}` : coarse);
+    setText(this.at, this.stamp);
   }
 
   // When the sample under the cursor was taken.
