@@ -36,8 +36,8 @@ HEAD = struct.Struct("<HHHHdd")
 SERIES = struct.Struct("<IIII")
 LEVELS = ((6000, 1), (24_000, 8), (96_000, 32), (math.inf, 128))
 """How far back, in samples from the newest, and how many samples become one there."""
-MOST_AT_ONCE = 32_768
-"""Number of samples that are computed for one frame."""
+MOST_AT_ONCE = 8192
+"""Number of samples that are computed for one frame: more would hold up others on the event loop."""
 
 
 class Piece(NamedTuple):

@@ -31,8 +31,8 @@ class Growing:
         needed = len(self) + len(new)
         if self._end + len(new) > len(self._rows):
             kept, size = self.rows, len(self._rows)
-            if 2 * needed > size:
-                size = max(2 * size, 2 * needed)
+            if 5 * needed > 4 * size:
+                size = 3 * needed // 2
                 self._rows = np.empty((size, *self._rows.shape[1:]), self._rows.dtype)
             self._rows[: len(kept)] = kept
             self._begin, self._end = 0, len(kept)

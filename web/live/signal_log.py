@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Collection
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -34,6 +35,12 @@ OTHER_CLOCK = 0.5
 """Seconds from the vehicle's time above which a stamp is of another clock."""
 PIECE = 8192
 """Number of a derived signal's samples that are computed at once."""
+
+
+@lru_cache(256)
+def expression_of(text: str) -> Expression:
+    """Return the live derived signal of a text. Raises OutOfBoundsError."""
+    return parse(text, UNITS)
 
 
 class Log(Protocol):
@@ -98,14 +105,14 @@ class SignalLog(Evaluator):
             return place
         if not is_expression(name):
             raise OutOfBoundsError(f"unknown signal {name!r:.80}; /api/signals lists them")
-        return parse(name, UNITS)
+        return expression_of(name)
 
     def keep(self, expressions: Collection[str]) -> None:
         """Keep the samples of these derived signals and of no others, from the oldest input on."""
         gone = self._kept.keys() - set(expressions)
         self._kept = {name: one for name, one in self._kept.items() if name not in gone}
         for name in set(expressions) - self._kept.keys():
-            self._kept[name] = _Kept(parse(name, UNITS))
+            self._kept[name] = _Kept(expression_of(name))
 
     def advance(self) -> None:
         """Compute the next samples of derived signals: of each at most PIECE."""
@@ -133,13 +140,14 @@ class SignalLog(Evaluator):
         if log is None:
             return 0
         kept = self._kept.get(name)
-        return kept.end - log.dropped if kept else self._settled_count(name)
+        return max(0, kept.end - log.dropped) if kept else self._settled_count(name)
 
     def _settled_count(self, name: str) -> int:
         place, times = self.place(name), self.times(name)
         inputs = place.inputs if isinstance(place, Expression) else place.source.inputs
-        settled = min((self._settled(one, times) for one in inputs), default=math.inf)
-        return count_before(times, settled)
+        if not inputs:
+            return len(times)
+        return count_before(times, min(self._settled(one, times) for one in inputs))
 
     def _settled(self, name: str, times: Array) -> float:
         """Return until when an input has the samples that it will have."""

@@ -18,7 +18,6 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import Any
 
 import msgspec
@@ -30,11 +29,11 @@ from vehicle_link.clock import monotonic
 from web.latest import STALE, Live
 from web.live import frames
 from web.live.conversation import converse
-from web.live.signal_log import SignalLog
+from web.live.signal_log import SignalLog, expression_of
 from web.live.topic_logs import KEPT
-from web.signals import PLACES, UNITS, topics_for
+from web.signals import PLACES, topics_for
 from web.signals.evaluator import Made, count_before
-from web.signals.expression import Expression, is_expression, parse
+from web.signals.expression import is_expression
 
 RATE = 25.0  # Hz
 MOST_SIGNALS = 96  # state table, four charts and the Beacons tab together
@@ -95,12 +94,6 @@ def parse_request(text: str) -> Subscription | Ping:
     if not 0 <= wanted.id <= 0xFFFF:
         raise ValueError(f"id {wanted.id}; allowed 0 to 65535")
     return wanted
-
-
-@lru_cache(256)
-def expression_of(text: str) -> Expression:
-    """Return the live derived signal of a text. Raises OutOfBoundsError."""
-    return parse(text, UNITS)
 
 
 def topics_of(signals: Sequence[str]) -> list[str]:
