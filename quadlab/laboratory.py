@@ -287,11 +287,9 @@ class Laboratory:
 
 
 def _decoded(frame: bytes, signals: Sequence[str]) -> dict[str, float]:
-    count = len(signals)
-    origin, now = struct.unpack_from("<2d", frame, 8)  # see web.live.frames
-    at = len(frame) - (4 * count + 7) // 8 * 8  # the newest values are the last part
-    values = struct.unpack_from(f"<{count}f", frame, at)
-    return {"time": origin + now, **dict(zip(signals, values, strict=True))}
+    at = len(frame) - (4 * len(signals) + 7) // 8 * 8  # see web.live.frames
+    values = dict(zip(signals, struct.unpack_from(f"<{len(signals)}f", frame, at), strict=True))
+    return {"time": sum(struct.unpack_from("<2d", frame, 8)), **values}
 
 
 def _reason(answer: httpx.Response) -> str:

@@ -34,7 +34,7 @@ def packets_of(ticks: Record) -> list[bytes]:
 
 
 class Received:
-    """What a web process received of a vehicle; `clock` is that of the computer."""
+    """The messages that a web process received of a vehicle; `clock` is that of the computer."""
 
     def __init__(self, **options: Any) -> None:
         self.clock = Clock(10.0)

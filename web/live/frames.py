@@ -24,20 +24,21 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from web.signals.evaluator import Array
 
+Indices = npt.NDArray[np.int64]
 NEVER = 65535
 HEAD = struct.Struct("<HHHHdd")
 SERIES = struct.Struct("<IIII")
 LEVELS = ((6000, 1), (24_000, 8), (96_000, 32), (math.inf, 128))
 """How far back, in samples from the newest, and how many samples become one there."""
 MOST_AT_ONCE = 8192
-"""Number of samples that are computed for one frame: more would hold up others on the event loop."""
+"""Number of samples that are computed for one frame; more would hold up the event loop."""
 
 
 class Piece(NamedTuple):
@@ -91,7 +92,7 @@ def joined(
     return np.insert(found, places, middles), parted, list(zip(middles, missing, strict=True))
 
 
-def _extremes(column: Array, begins: npt.NDArray[Any], ends: npt.NDArray[Any]) -> Array:
+def _extremes(column: Array, begins: Indices, ends: Indices) -> Array:
     least, most = np.fmin.reduceat(column, begins), np.fmax.reduceat(column, begins)
     return np.stack([least, most, column[ends]], axis=1).ravel()
 

@@ -11,13 +11,14 @@ import math
 from collections import deque
 from collections.abc import Callable, Collection
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from quadrotor.errors import LinkError, LogFormatError, OutOfBoundsError
+from quadrotor.records import Stamps
 from vehicle_link.clock import monotonic
-from vehicle_link.telemetry import unpack_samples
+from vehicle_link.telemetry import Samples, unpack_samples
 from web.latest import STALE, TICK_TOPICS, TICKS, Stored
 from web.live.growing import Growing
 from web.live.topic_logs import MessageLog, TickLog, TickTopic
@@ -41,6 +42,9 @@ PIECE = 8192
 def expression_of(text: str) -> Expression:
     """Return the live derived signal of a text. Raises OutOfBoundsError."""
     return parse(text, UNITS)
+
+
+Packet = tuple[Stamps, Samples]
 
 
 class Log(Protocol):
@@ -86,7 +90,7 @@ class SignalLog(Evaluator):
 
     def take(self) -> None:
         """Sort in what has arrived."""
-        packets: list[tuple[Any, Any]] = []
+        packets: list[Packet] = []
         while self._arrived:
             message = self._arrived.popleft()
             if message.topic == TICKS:
@@ -98,7 +102,7 @@ class SignalLog(Evaluator):
     def log(self, topic: str) -> Log | None:
         """Return the log of a topic; None while nothing of it arrived."""
         found = self._logs.get(topic)
-        return found and found.log
+        return None if found is None else found.log
 
     def place(self, name: str) -> Place | Expression:
         if (place := PLACES.get(name)) is not None:
@@ -162,9 +166,7 @@ class SignalLog(Evaluator):
         newest = max(float(log.time[-1]), self.now - STALE[topic])
         return min(newest, *of_inputs, math.inf)
 
-    def _take_packet(
-        self, message: Stored, packets: list[tuple[Any, Any]]
-    ) -> list[tuple[Any, Any]]:
+    def _take_packet(self, message: Stored, packets: list[Packet]) -> list[Packet]:
         try:
             _, stamps, samples = unpack_samples(message.payload)
         except LinkError:  # the station raises the alarm
@@ -182,7 +184,7 @@ class SignalLog(Evaluator):
         packets.append((stamps, samples))
         return packets
 
-    def _add(self, packets: list[tuple[Any, Any]]) -> None:
+    def _add(self, packets: list[Packet]) -> None:
         """Add ticks in the order of their stamps, each once."""
         if not packets:
             return

@@ -111,10 +111,7 @@ class Station:
         self._urgent.shutdown(wait=False, cancel_futures=True)
 
     def watch(self, topics: Collection[str]) -> None:
-        """Subscribe to these of the topics in `FAST`, and to no others. Blocks for some ms.
-
-        Those of the ticks arrive together.
-        """
+        """Subscribe to these of the topics in `FAST` and to no others. Blocks for some ms."""
         wanted = {TICKS if topic in TICK_TOPICS else topic for topic in topics}
         self._watched.want({topic: self._put(topic) for topic in wanted})
 

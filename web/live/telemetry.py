@@ -40,6 +40,8 @@ MOST_SIGNALS = 96  # state table, four charts and the Beacons tab together
 SLOW = 0.3
 """Seconds that a frame waits to be sent, above which a page is slow."""
 SLOWEST = 128
+REST = 0.01
+"""Seconds between two frames of what a page has missed, which leave the event loop to others."""
 QUICK = 50
 """Number of frames that were sent at once, after which a slow page gets finer series again."""
 
@@ -119,10 +121,12 @@ class _Page:
     Attributes:
         after: of each series, the time of the last sample that was sent.
         slowness: number of samples that become one.
+        is_behind: whether there is more to send than the last frame had.
     """
 
     def __init__(self, wanted: Subscription, slowness: int = 1) -> None:
         self.wanted, self.slowness, self.quick = wanted, slowness, 0
+        self.is_behind = False
         self.topics = topics_of(wanted.names)
         self.origin = wanted.origin
         self.after = [-math.inf if one.after is None else one.after for one in wanted.series]
@@ -146,7 +150,7 @@ class TelemetryFeed:
         self._pages: dict[WebSocket, _Page] = {}
         self._asked: dict[str, float] = {}  # s, when a page wanted each signal last
         self._made = Made()
-        self._parts: dict[tuple[Any, ...], bytes] = {}
+        self._parts: dict[tuple[object, ...], bytes] = {}
 
     @property
     def pages(self) -> int:
@@ -192,6 +196,7 @@ class TelemetryFeed:
         origin = 1e-9 * log.origin_ns
         if page.origin != origin:
             page.origin, page.after = origin, [-math.inf] * len(page.after)
+        page.is_behind = False
         parts = [self._part(page, place) for place in range(len(page.after))]
         ages = [self._live.age(topic) for topic in page.topics]
         values = [self._newest(name) for name in page.wanted.signals]
@@ -216,6 +221,7 @@ class TelemetryFeed:
             return b""
         first, last, of = frames.piece(first, count, page.slowness)
         page.after[place] = float(topic.time[last - 1])
+        page.is_behind = page.is_behind or last < count
         key = (place, *names, first, last, of)
         if key not in self._parts:
             before = topic.time[first - 1 : first] if first else [math.nan]
@@ -239,9 +245,13 @@ class TelemetryFeed:
 
         async def talk() -> None:
             loop = asyncio.get_running_loop()
+            page = self._pages[socket]
             while True:
-                async with self._tick:
-                    await self._tick.wait()
+                if page.is_behind:
+                    await asyncio.sleep(REST)
+                else:
+                    async with self._tick:
+                        await self._tick.wait()
                 page = self._pages[socket]
                 frame, began = self.frame(page), loop.time()
                 await socket.send_bytes(frame)

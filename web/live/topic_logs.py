@@ -1,4 +1,4 @@
-"""What arrived of a topic in the last ten minutes, as columns that are named as in a log."""
+"""Messages of a topic of the last ten minutes, as columns that are named as in a log."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Samples(Evaluator):
         """Return minimum and maximum of each of the bins `first` <= index < `last` of a signal."""
         place, index = self.place(name), 0
         if isinstance(place, Place) and place.source.function is not None:
-            name, index = f"@{place.source.signals[0].name}", place.index
+            name, index = f"@{place.source.signals[0].name}", place.number
         low, high = (bins[first:last] for bins in self._extremes(name)[index])
         return low, high
 

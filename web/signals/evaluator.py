@@ -19,9 +19,8 @@ import numpy.typing as npt
 from web.latest import STALE
 from web.signals.expression import Expression
 from web.signals.functions import Step
-from web.signals.signal import Source
+from web.signals.signal import Array, Source
 
-Array = npt.NDArray[np.float64]
 Made = dict[tuple[str, int, int], Sequence[Array]]
 """Signals that one answer has computed, by the first one of their source and the samples' range."""
 
@@ -38,11 +37,11 @@ class Columns(Protocol):
 
 
 class Place(NamedTuple):
-    """Where a signal comes from: its place in a source, and the source's columns in this log."""
+    """The origin of a signal: its number in a source, and the source's columns in this log."""
 
     topic: str
     source: Source
-    index: int
+    number: int
     columns: Sequence[str]
 
 
@@ -75,11 +74,11 @@ class Evaluator(ABC):
         place = self.place(name)
         if isinstance(place, Expression):
             return self.expression_values(place, first, last)
-        source, column = place.source, place.columns[place.index : place.index + 1]
+        source, column = place.source, place.columns[place.number : place.number + 1]
         if source.function is None:
             samples: Array = self._topics[place.topic].values(column[0], first, last)
-            return samples * source.factors[place.index]
-        return self._make(place, first, last, {} if made is None else made)[place.index]
+            return samples * source.factors[place.number]
+        return self._make(place, first, last, {} if made is None else made)[place.number]
 
     def at(self, name: str, times: Array, first: int, last: int, made: Made) -> Array:
         """Return a signal at times[first:last]."""

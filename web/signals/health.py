@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from quadrotor.constants import MOTORS
 from web.signals.motion import DEGREES
-from web.signals.signal import Signal, Source, one, rms, scaled, xyz
+from web.signals.signal import Array, Signal, Source, one, rms, scaled, xyz
 
 MILLI, MICRO = 1e3, 1e6
 
@@ -18,7 +17,7 @@ def _axes(*names: str) -> tuple[str, ...]:
     return tuple(f"{name}.{axis}" for name in names for axis in "xyz")
 
 
-def _estimator(*columns: Any) -> Sequence[Any]:
+def _estimator(*columns: Array) -> Sequence[Array]:
     *vectors, nis, freedom = columns
     position, attitude, p, v, a = (vectors[k : k + 3] for k in range(0, 15, 3))
     nis_a_number = np.where(freedom == 0, np.nan, nis / freedom)

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,7 @@ class Source:
     columns: tuple[str, ...]
     signals: tuple[Signal, ...]
     factors: tuple[float, ...] = ()
-    function: Callable[..., Sequence[Any]] | None = None
+    function: Callable[..., Sequence[Array]] | None = None
     inputs: tuple[str, ...] = ()
     member: str = ""
 
@@ -83,6 +85,7 @@ def xyz(prefix: str, group: str, unit: str, column: str, factor: float = 1.0) ->
     return [one(f"{prefix}.{a}", a, unit, group, f"{column}.{a}", factor) for a in "xyz"]
 
 
-def rms(*variances: Any) -> Any:
+def rms(*variances: Array) -> Array:
     """Return the root-mean-square length of an error with these variances."""
-    return np.sqrt(sum(variances))
+    length: Array = np.sqrt(sum(variances))
+    return length

@@ -1,4 +1,4 @@
-"""What a page shows of a flight is what the run's log has: each sample, at its tick."""
+"""A page shows of a flight what the run's log has: each sample, at its tick."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 // Its axis is a TimeAxis or a replay's Range. Its source says what there is, live or recorded:
 //   signals: name → { label, unit, group, topic }
 //   lines(names, styles): [{ name, stroke, dash, … }] of what was chosen; `second` ones have no name
-//   samples(line, from, to): { times, values, from, to, shift, gap } of a time, or undefined
+//   samples(line, from, to): { times, values, from, to, shift, holes } of a time, or undefined
 //   read(output, line, figure): writes the value that belongs to the cursor or to now
 //   figures(line, from, to): statistics of a time, see figures.js; table(names, from, to): groups of columns, see save.js
 
@@ -270,11 +270,11 @@ export class Chart {
     this.ends[i] = null;
     const piece = this.pieces[i];
     if (!piece) return null;
-    const { times, values, from, to, shift = 0, gap } = piece, key = u.series[i + 1].scale, y = u.scales[key];
+    const { times, values, from, to, shift = 0 } = piece, key = u.series[i + 1].scale, y = u.scales[key];
     const { left, width, top, height } = u.bbox, { min, max } = u.scales.x;
     const slope = width / (max - min), rise = height / (y.max - y.min);
     const yOf = y.distr === 3 ? (value) => u.valToPos(value, key, true) : (value) => top + (y.max - value) * rise;
-    const { path, end } = trace(times, values, from, to, (time) => left + (time - shift - min) * slope, yOf, gap);
+    const { path, end } = trace(times, values, from, to, (time) => left + (time - shift - min) * slope, yOf);
     this.ends[i] = end;
     return { stroke: path, fill: null, clip: null, band: null, gaps: null, flags: 1 };
   }

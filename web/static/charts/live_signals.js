@@ -25,7 +25,7 @@ export class LiveSignals {
   /** @param {{ name: string }} line @param {number} min @param {number} max */
   samples({ name }, min, max) {
     const series = this.axis.source.of(name), { times, start = 0, end = 0, holes } = series ?? {}, values = series?.columns.get(name);
-    return times && values && { times, values, holes, gap: Infinity, ...between(times, min, max, start, end) };
+    return times && values && { times, values, holes, ...between(times, min, max, start, end) };
   }
 
   /** @param {{ name: string }} line @param {number} from @param {number} to */

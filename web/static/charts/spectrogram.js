@@ -24,7 +24,7 @@ export class Spectrogram extends Asked {
 
   samples({ rotor }) {
     const values = this.found?.rotors[rotor];
-    return values && { times: this.found.times, values, from: 0, to: values.length, gap: Infinity };
+    return values && { times: this.found.times, values, from: 0, to: values.length };
   }
 
   // Where it is strongest at the cursor, above the vehicle's own motion.
