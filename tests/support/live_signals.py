@@ -60,5 +60,10 @@ class Received:
                 found[name] = float(self.log.values(name, count - 1, count)[0])
         return found
 
+    def times(self) -> list[float]:
+        """Return the times of the ticks."""
+        log = self.log.log("state")
+        return [] if log is None else log.time.tolist()
+
     def samples(self, name: str) -> list[float]:
         return [float(one) for one in self.log.values(name, 0, self.log.formed(name))]

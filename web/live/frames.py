@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from web.signals.evaluator import Array
+from web.signals.signal import Array
 
 Indices = npt.NDArray[np.int64]
 NEVER = 65535

@@ -23,9 +23,10 @@ from web.latest import STALE, TICK_TOPICS, TICKS, Stored
 from web.live.growing import Growing
 from web.live.topic_logs import MessageLog, TickLog, TickTopic
 from web.signals import PLACES, UNITS
-from web.signals.evaluator import Array, Evaluator, Place, count_before
+from web.signals.evaluator import Evaluator, Place, count_before
 from web.signals.expression import Expression, is_expression, parse
 from web.signals.functions import Step
+from web.signals.signal import Array
 
 SECOND_NS = 1_000_000_000
 MOST_WAITING = 60_000

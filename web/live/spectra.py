@@ -17,8 +17,9 @@ from web.latest import TICK_TOPICS
 from web.live.signal_log import SignalLog
 from web.live.telemetry import topic_of
 from web.signals import INDEX
-from web.signals.evaluator import Array, count_before
+from web.signals.evaluator import count_before
 from web.signals.expression import is_expression
+from web.signals.signal import Array
 
 SECONDS = 5.0
 """Seconds of telemetry of which a spectrum is made."""

@@ -17,7 +17,8 @@ from vehicle_link.telemetry import FLOATS, Samples, ticks_of
 from vehicle_link.topics.table import TOPICS
 from web.latest import STALE, TICK_TOPICS
 from web.live.growing import Growing
-from web.signals.evaluator import Array, count_before
+from web.signals.evaluator import count_before
+from web.signals.signal import Array
 
 KEPT = 600.0
 """Seconds for which everything is kept."""

@@ -24,7 +24,8 @@ from quadrotor.errors import MeasurementError, OutOfBoundsError, StorageError
 from vehicle_link.topics.measurements import PICTURE, decode_picture
 from web.replay.build import INDEX, TRACK, VERSION
 from web.replay.samples import BIN, Samples, coarser
-from web.signals.evaluator import Array, Made, count_before
+from web.signals.evaluator import Made, count_before
+from web.signals.signal import Array
 
 MOST_SAMPLES = 2_000_000
 """Largest number of samples for one spectrum."""

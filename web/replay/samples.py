@@ -11,9 +11,9 @@ import numpy as np
 from flight_log.run import Series
 from quadrotor.errors import OutOfBoundsError
 from web.replay.signals import derived, members_of
-from web.signals.evaluator import Array, Evaluator, Place
+from web.signals.evaluator import Evaluator, Place
 from web.signals.expression import Expression, answers, is_expression, parse
-from web.signals.signal import Scaled, Signal, scaled
+from web.signals.signal import Array, Scaled, Signal, scaled
 
 BIN = 16
 """Number of samples whose minimum and maximum are cached, to draw a whole flight."""

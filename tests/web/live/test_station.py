@@ -94,7 +94,7 @@ class Router:
     def publish_state(self) -> None:
         ticks = ticks_of(1)
         ticks["state"]["position_w"] = (1.0, 2.0, 3.0)
-        self.ticks.put(*packets_of(ticks))
+        self.ticks.put(packets_of(ticks)[0])
 
 
 @pytest.fixture

@@ -162,7 +162,7 @@ def test_a_page_that_comes_back_gets_what_it_missed_and_no_spike_is_lost() -> No
         most = max(most, float(np.nanmax(parts[0].values[X])))
         assert not parts[0].holes
     assert found[0] > 10.0
-    assert found[-1] == received.log.log("state").time[-1]
+    assert found[-1] == received.times()[-1]
     assert np.diff(found).max() < 128 / 500.0
     assert np.diff(found[-6000:]).max() == pytest.approx(0.002, abs=1e-6)
     assert most == 9.0
@@ -174,7 +174,7 @@ def test_everything_older_than_ten_minutes_is_given_up() -> None:
     for start in (0.0, 300.0, 700.0):
         received.ticks(ticks_of(100, start=start))
         received.put("battery", new("sensor_msgs/BatteryState", voltage=start), start + 0.1)
-    times = received.log.log("state").time
+    times = received.times()
     assert len(times) == 200
     assert times[-1] - times[0] < KEPT
     assert received.samples("battery.voltage") == [300.0, 700.0]
@@ -402,7 +402,7 @@ def test_nothing_waits_for_a_page_that_does_not_read(monkeypatch: pytest.MonkeyP
         for raw in asyncio.run(converse())
         for part in (read(raw, [], [[X]]).series if raw[:2] == b"\1\0" else {}).values()
     ]
-    assert parts[-1].time[-1] == received.log.log("state").time[-1]
+    assert parts[-1].time[-1] == received.times()[-1]
     assert sum(len(one.time) for one in parts) < 8000
 
 
