@@ -28,7 +28,7 @@ from console.trackers.camera_store import CameraStore
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
-from quadrotor.records import TICK
+from quadrotor.records import TICK, Record
 from tests.support.runs import run_entry
 from tests.support.survey import survey
 from tests.waiting import wait_for
@@ -129,7 +129,8 @@ class ScriptedStation(Station):
         )
 
     def put(self, topic: str, message: Any) -> None:
-        self._live.put(topic, encode(message), time.time_ns())
+        payload = pack(message, 0) if isinstance(message, np.ndarray) else encode(message)
+        self._live.put(topic, payload, time.time_ns())
 
     @property
     def watched(self) -> set[str]:
@@ -145,12 +146,8 @@ class ScriptedStation(Station):
         """Deliver a message of such a topic, as Zenoh's thread does."""
         self._forwarded.wanted[topic](Received(encode(message), 1, received_ns, received_ns))
 
-    def fly(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> None:
-        """Publish one sample of everything, with the present time."""
-        stamp = header(time.time_ns())
-        pose = {"pose": {"position": (x, y, z), "orientation": (0.0, 0.0, 0.6, 0.8)}}
-        twist = {"twist": {"linear": (1.0, 0.0, 0.5), "angular": (0.1, 0.2, 0.3)}}
-        self.put("truth", new("nav_msgs/Odometry", header=stamp, pose=pose, twist=twist))
+    def tick(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> Record:
+        """Return a tick of the present time."""
         tick = np.zeros(1, TICK)
         state, actuators = tick["state"], tick["actuators"]
         tick["imu"]["stamp_ns"] = time.time_ns()
@@ -159,7 +156,15 @@ class ScriptedStation(Station):
         state["velocity_w"], state["angular_velocity_b"] = (0.28, 0.96, 0.5), (0.1, 0.2, 0.3)
         tick["reference"]["position_w"] = (x, y, 1.0)
         actuators["wrench"][:, 0], actuators["motor_references"] = 12.8, 127.0
-        self._live.put(TICKS, pack(tick, 0), 1)
+        return tick
+
+    def fly(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> None:
+        """Publish one sample of everything, with the present time."""
+        stamp = header(time.time_ns())
+        pose = {"pose": {"position": (x, y, z), "orientation": (0.0, 0.0, 0.6, 0.8)}}
+        twist = {"twist": {"linear": (1.0, 0.0, 0.5), "angular": (0.1, 0.2, 0.3)}}
+        self.put("truth", new("nav_msgs/Odometry", header=stamp, pose=pose, twist=twist))
+        self.put(TICKS, self.tick(x, y, z))
         self.put("estimator", new("quadlab_msgs/EstimatorStatus", header=stamp, mass=1.31))
         self.put(
             "status",

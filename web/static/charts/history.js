@@ -78,7 +78,10 @@ export class History {
     this.wants = new Map(); // who wants which signals
     /** @type {Series[]} */
     this.series = [];
-    telemetry.addEventListener("origin", () => { this.series = this.series.map(({ names }) => new Series(names)); telemetry.chart(this.series); });
+    telemetry.addEventListener("origin", () => {
+      this.series = this.series.map(({ names }) => new Series(names));
+      telemetry.chart(this.series);
+    });
   }
 
   get origin() { return this.telemetry.origin; }

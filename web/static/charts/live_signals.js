@@ -24,8 +24,10 @@ export class LiveSignals {
   // Where something is missing a sample without a value says so.
   /** @param {{ name: string }} line @param {number} min @param {number} max */
   samples({ name }, min, max) {
-    const series = this.axis.source.of(name), { times, start = 0, end = 0, holes } = series ?? {}, values = series?.columns.get(name);
-    return times && values && { times, values, holes, ...between(times, min, max, start, end) };
+    const series = this.axis.source.of(name), values = series?.columns.get(name);
+    if (!series || !values) return undefined;
+    const { times, start, end, holes } = series;
+    return { times, values, holes, ...between(times, min, max, start, end) };
   }
 
   /** @param {{ name: string }} line @param {number} from @param {number} to */
@@ -49,8 +51,9 @@ export class LiveSignals {
   // The index of the sample at the cursor, else of the newest.
   /** @param {string} name */
   at(name) {
-    const { axis } = this, series = axis.source.of(name), end = series?.end ?? 0;
-    return series && (axis.cursor === null && !axis.paused ? end : indexAt(series.times, (axis.cursor ?? axis.span[1]) + 1e-9, series.start, end)) - 1;
+    const { axis } = this, series = axis.source.of(name), isPast = axis.cursor !== null || axis.paused;
+    if (!series || !isPast) return series && series.end - 1;
+    return indexAt(series.times, (axis.cursor ?? axis.span[1]) + 1e-9, series.start, series.end) - 1;
   }
 
   // When that sample was taken, s since the origin.
@@ -63,8 +66,9 @@ export class LiveSignals {
   // What is old keeps its last value and is marked as old.
   /** @param {HTMLElement} output @param {{ name: string }} line @param {(value: number) => string} figure */
   read(output, { name }, figure) {
-    const { axis } = this, series = axis.source.of(name), isPast = axis.cursor !== null || axis.paused, index = this.at(name) ?? -1;
-    const value = series && index >= series.start ? series.columns.get(name)?.[index] ?? NaN : NaN, text = figure(value);
+    const { axis } = this, series = axis.source.of(name), isPast = axis.cursor !== null || axis.paused;
+    const index = this.at(name) ?? -1, column = series && index >= series.start ? series.columns.get(name) : undefined;
+    const value = column?.[index] ?? NaN, text = figure(value);
     if (!isPast) output.dataset.topic ??= this.signals.get(name)?.topic; // by what is now, or by what was then
     else if (output.dataset.topic !== undefined) { delete output.dataset.topic; output.classList.remove("stale"); }
     const isNews = isPast || Number.isFinite(value) || output.textContent === "";
@@ -72,5 +76,8 @@ export class LiveSignals {
   }
 }
 
-/** @param {Series | undefined} series @param {number} from @param {number} to @returns {[number, number]} */
-const inside = (series, from, to) => (series ? [indexAt(series.times, from, series.start, series.end), indexAt(series.times, to, series.start, series.end)] : [0, 0]);
+/** @param {Series | undefined} series @param {number[]} ends @returns {[number, number]} */
+function inside(series, ...ends) {
+  const [from, to] = ends.map((time) => (series ? indexAt(series.times, time, series.start, series.end) : 0));
+  return [from, to];
+}

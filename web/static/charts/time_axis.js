@@ -58,7 +58,10 @@ export class TimeAxis extends Axis {
     this.zoom = null; // [from, to] in s, while paused
     this.reached = 0; // s, the vehicle's time in the newest frame
     this.received = NaN; // ms, when that came
-    history.telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => { this.reached = detail.time; this.received = performance.now(); });
+    history.telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => {
+      this.reached = detail.time;
+      this.received = performance.now();
+    });
     history.telemetry.addEventListener("origin", () => this.resume());
   }
 
@@ -150,8 +153,9 @@ export class TimeAxis extends Axis {
   // 14:03:27 by the vehicle's clock, with so many digits.
   /** @param {number} time @param {number} digits */
   clock(time, digits) {
-    const ticks = Math.floor(time * 10 ** digits + 1e-6), text = new Date((this.origin + ticks / 10 ** digits) * 1e3 + 1e-3).toTimeString().slice(0, 8);
-    return digits ? `${text}.${String(ticks % 10 ** digits).padStart(digits, "0")}` : text;
+    const steps = 10 ** digits, count = Math.floor(time * steps + 1e-6);
+    const text = new Date((this.origin + count / steps) * 1e3 + 1e-3).toTimeString().slice(0, 8);
+    return digits ? `${text}.${String(count % steps).padStart(digits, "0")}` : text;
   }
 
   changed() {

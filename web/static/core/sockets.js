@@ -105,11 +105,12 @@ export class Telemetry extends Socket {
 
   subscribe() {
     this.names = [...new Set([...this.wants.values()].flat())];
-    const topics = new Set([...this.names, ...this.series.flatMap(({ names }) => names)].map((name) => this.topicOf.get(name)));
+    const all = [...this.names, ...this.series.flatMap(({ names }) => names)];
+    const topics = new Set(all.map((name) => this.topicOf.get(name)));
     this.topics = this.order.filter((topic) => topics.has(topic));
     this.id = (this.id + 1) % 65536;
-    this.send(JSON.stringify({ id: this.id, signals: this.names, origin: this.origin,
-      series: this.series.map(({ names, last }) => ({ signals: names, ...(last === undefined ? {} : { after: last }) })) }));
+    const series = this.series.map(({ names, last }) => ({ signals: names, after: last }));
+    this.send(JSON.stringify({ id: this.id, signals: this.names, origin: this.origin, series }));
   }
 
   read(buffer) {
@@ -143,7 +144,8 @@ export class Telemetry extends Socket {
     const columns = series.names.map((_, k) => new Float32Array(buffer, at + 4 * k * count, count));
     at += padded(4 * count * series.names.length);
     const pairs = new Float64Array(buffer, at, 2 * holes);
-    series.add(times, columns, Array.from({ length: holes }, (_, k) => ({ t: pairs[2 * k], count: pairs[2 * k + 1] })));
+    const told = Array.from({ length: holes }, (_, k) => ({ t: pairs[2 * k], count: pairs[2 * k + 1] }));
+    series.add(times, columns, told);
     return at + 16 * holes;
   }
 
