@@ -52,9 +52,11 @@ test("a vehicle's clock that begins anew begins everything anew", () => {
   const feed = new Feed(), history = new History(feed);
   history.want("me", ["a"]);
   add(history.of("a"), [1, 2], [5, 6]);
+  const asked = feed.charted.length;
   feed.dispatchEvent(new Event("origin"));
-  assert.deepEqual(of(history, "a"), []);
-  assert.deepEqual(feed.charted.at(-1), [[["a"], undefined]]);
+  assert.deepEqual([of(history, "a"), feed.charted.length], [[], asked]); // the server knows
+  add(history.of("a"), [0.5], [7]);
+  assert.deepEqual(of(history, "a"), [7]);
 });
 
 test("a frozen copy stays as it is", () => {

@@ -33,6 +33,11 @@ export class Series {
     this.holes = [...(this.holes[0]?.t < oldest ? this.holes.filter(({ t }) => t >= oldest) : this.holes), ...holes];
   }
 
+  clear() {
+    this.start = this.end = 0;
+    this.holes = [];
+  }
+
   // For so many more: at most half of it is in use afterwards.
   /** @param {number} count */
   room(count) {
@@ -78,10 +83,7 @@ export class History {
     this.wants = new Map(); // who wants which signals
     /** @type {Series[]} */
     this.series = [];
-    telemetry.addEventListener("origin", () => {
-      this.series = this.series.map(({ names }) => new Series(names));
-      telemetry.chart(this.series);
-    });
+    telemetry.addEventListener("origin", () => this.series.forEach((one) => one.clear())); // all of it comes anew
   }
 
   get origin() { return this.telemetry.origin; }

@@ -180,6 +180,7 @@ def test_a_page_that_was_cut_off_has_no_hole_when_it_is_back(
           const { times, start, end, holes } = one, values = one.columns.get('state.position.x');
           let apart = 0, most = 0;
           for (let i = start; i < end; i++) {
+            if (times[i] < times[i - 1]) throw new Error('it went back');
             if (i > start) apart = Math.max(apart, times[i] - times[i - 1]);
             most = Math.max(most, values[i]);
           }
