@@ -11,12 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from quadrotor.records import Record
 from vehicle_link.clock import monotonic
-from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.telemetry import unpack
-from vehicle_link.topics import actuator_messages, imu_messages, reference_messages, state_messages
-from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics import TICK_TOPICS, TOPICS
 
 STALE = {name: row.stale for name, row in TOPICS.items() if row.stale}
 """Topics whose newest message is stored.
@@ -32,14 +29,7 @@ CHARTED = tuple(name for name in STALE if TOPICS[name].page == "chart")
 
 
 TICKS = "ticks"
-"""Topic of whole packets of telemetry."""
-TICK_TOPICS: dict[str, Callable[[Record], Records]] = {
-    "state": state_messages,
-    "reference": reference_messages,
-    "imu": imu_messages,
-    "actuators": actuator_messages,
-}
-"""Topics that have a sample for every tick, and their encoders; they are received as TICKS."""
+"""Topic of whole packets of telemetry, by which all of TICK_TOPICS are received."""
 
 
 class Stored(NamedTuple):

@@ -10,13 +10,13 @@ from console.checks.observed import Observed
 from console.comparison.feed import ComparisonFeed
 from console.context import StationContext
 from console.experiment_running.runner import ExperimentRunner
-from console.link.outbox import ENCODERS, TICKS
+from console.link.outbox import TICKS
 from console.runs.recorder import Message
 from quadrotor.records import Record
 from vehicle_link.clock import time_ns
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.telemetry import unpack
-from vehicle_link.topics import SCENE_TOPICS, TOPICS, SceneMessages
+from vehicle_link.topics import SCENE_TOPICS, TICK_TOPICS, TOPICS, SceneMessages
 from vehicle_link.topics.rmw_keys import full_name
 from vehicle_link.transport.publisher import Received
 
@@ -59,7 +59,7 @@ class TelemetryReception:
             self._recorder.put_all(messages)
         elif shown:
             payloads = expanded(
-                ticks[-1:], self._vehicle, self._outbox.subscribed_topics & ENCODERS.keys()
+                ticks[-1:], self._vehicle, self._outbox.subscribed_topics & TICK_TOPICS.keys()
             )
         if shown:
             for name in self._outbox.subscribed_topics & payloads.keys():
@@ -79,10 +79,10 @@ class TelemetryReception:
 
 
 def expanded(
-    ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
+    ticks: Record, vehicle: str, wanted: Collection[str] = tuple(TICK_TOPICS)
 ) -> dict[str, list[bytes]]:
     """Return the payloads of the requested topics, one for each of the TICK records (N,)."""
-    return {topic: payloads_of(ENCODERS[topic](ticks, vehicle)) for topic in wanted}
+    return {topic: payloads_of(TICK_TOPICS[topic](ticks, vehicle)) for topic in wanted}
 
 
 def messages_of(

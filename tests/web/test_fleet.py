@@ -14,8 +14,9 @@ import websockets.exceptions
 
 from benchmarks.page.live_frames import read
 from console.catalogue.catalogue import Catalogue
+from vehicle_link.topics import TICK_TOPICS
 from web.fleet.fleet import SEEN
-from web.latest import TICK_TOPICS, TICKS
+from web.latest import TICKS
 
 NAMES = ("quad1", "quad2")
 

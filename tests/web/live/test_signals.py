@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from console.exchange.subscriptions import RECORDED_AS_RECEIVED
-from console.link.outbox import ENCODERS, RECORDED
+from console.link.outbox import RECORDED
 from tests.support.live_signals import Received, ticks_of
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.units import number_at, numbers
-from vehicle_link.topics import TOPICS
-from web.latest import STALE, TICK_TOPICS
+from vehicle_link.topics import TICK_TOPICS, TOPICS
+from web.latest import STALE
 from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described
 from web.signals.plain import MEMBERS
 
 TEXT = {"events", "parameter_changes"}
 """Topics with lines, not values over time."""
-LOGGED = ({*RECORDED_AS_RECEIVED, *RECORDED, *ENCODERS}) - TEXT
+LOGGED = ({*RECORDED_AS_RECEIVED, *RECORDED, *TICK_TOPICS}) - TEXT
 WITH_NUMBERS = {topic for topic in LOGGED if numbers(TOPICS[topic].type_name, 0)}
 
 
