@@ -21,8 +21,7 @@ from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change, from_parameters, to_parameters
-from vehicle_link.topics import TICK_TOPICS
-from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.topics import SERVICES, TICK_TOPICS, TOPICS
 from web.latest import FAST, STALE, TICKS, Live
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.optional_topics import OptionalTopics, subscribe_directly
