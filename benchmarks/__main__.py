@@ -72,6 +72,7 @@ FOLDERS = {
         "run_list",
         "page_notice",
         "up_cost",
+        "live_signals",
         "late_ticks",
         "view_rate",
     ),

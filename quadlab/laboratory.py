@@ -146,8 +146,8 @@ class Laboratory:
         return [one["name"] for one in self._json("GET", "/api/signals")["signals"]]
 
     def stream(self, *signals: str) -> Iterator[dict[str, float]]:
-        """Yield telemetry as it arrives, 25 times a second: `time` (s, epoch, of the station) and
-        each signal in its unit, NaN while it has no value.
+        """Yield telemetry as it arrives, 25 times a second: `time` (s, of the vehicle's epoch) and
+        the newest value of each signal in its unit, NaN while it has none.
 
         Raises UsageError for an unknown signal, LinkError when the connection ends.
         """
@@ -287,9 +287,9 @@ class Laboratory:
 
 
 def _decoded(frame: bytes, signals: Sequence[str]) -> dict[str, float]:
-    _, count, stamp = struct.unpack_from("<HHd", frame)
-    values = struct.unpack_from(f"<{count}f", frame, len(frame) - 4 * count)
-    return {"time": stamp, **dict(zip(signals, values, strict=True))}
+    at = len(frame) - (4 * len(signals) + 7) // 8 * 8  # see web.live.frames
+    values = dict(zip(signals, struct.unpack_from(f"<{len(signals)}f", frame, at), strict=True))
+    return {"time": sum(struct.unpack_from("<2d", frame, 8)), **values}
 
 
 def _reason(answer: httpx.Response) -> str:

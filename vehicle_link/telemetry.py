@@ -8,15 +8,17 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from quadrotor.errors import LinkError
-from quadrotor.records import TICK, Record, offset_of
+from quadrotor.records import TICK, Record, Stamps, offset_of
 from vehicle_link.messages.cdr_layout import FixedLayout
 
 SAMPLES_A_PACKET = 5
 """Ticks in one packet: 5 make 1048 bytes, with Zenoh's framing below the 1100 B of a datagram."""
 
 FLOATS = 50
+Samples = npt.NDArray[np.float32]
 _SPAN_NS = 4_000_000_000  # what fits into uint32 nanoseconds, rounded down
 
 # The float64 runs of a tick in the order of a sample: one copy for each, not for each field.
@@ -86,14 +88,28 @@ def unpack(payload: bytes) -> tuple[int, Record]:
     Raises:
         LinkError: the bytes are not telemetry of this version.
     """
+    sequence, stamps_ns, samples = unpack_samples(payload)
+    return sequence, ticks_of(stamps_ns, samples)
+
+
+def unpack_samples(payload: bytes) -> tuple[int, Stamps, Samples]:
+    """Unpack a packet as it was sent: (its sequence, stamps (N,) in ns, samples (N, FLOATS)).
+
+    Raises LinkError as `unpack` does.
+    """
     count = (len(payload) - _layout(1).size) // (4 * (1 + FLOATS)) + 1
     if count < 1:
         raise LinkError(f"{len(payload)} bytes are too few for a telemetry packet")
     record = _layout(count).decode(payload)
-    ticks = np.zeros(count, TICK)
-    ticks["imu"]["stamp_ns"] = record["stamp_ns"] + record["offsets_ns"].astype(np.int64)
-    samples = record["samples"].reshape(-1, FLOATS)
+    stamps_ns = record["stamp_ns"] + record["offsets_ns"].astype(np.int64)
+    return int(record["sequence"]), stamps_ns, record["samples"].reshape(-1, FLOATS)
+
+
+def ticks_of(stamps_ns: Stamps, samples: Samples) -> Record:
+    """Return the TICK records, shape (N,), of unpacked samples."""
+    ticks = np.zeros(len(samples), TICK)
+    ticks["imu"]["stamp_ns"] = stamps_ns
     runs = ticks.view(_TICK_RUNS)
     for name, place in _PLACES.items():
         runs[name] = samples[:, place]
-    return int(record["sequence"]), ticks
+    return ticks

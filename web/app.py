@@ -109,7 +109,7 @@ def create_app(
     add_users(app, context.people)
     add_control(app, context.station)
     add_setup(app, context, fleet)
-    add_spectra(app, context.station, context.vehicle)
+    add_spectra(app, context.log)
     add_fleet(app, fleet)
     add_pictures(app, context.forwarding)
     for feature in features:

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
+from quadrotor.records import Record
 from vehicle_link.clock import monotonic
 from vehicle_link.messages.records import Message
-from vehicle_link.topics.table import TOPICS
+from vehicle_link.telemetry import unpack
+from vehicle_link.topics import TICK_TOPICS, TOPICS
 
 if TYPE_CHECKING:
     from vehicle_link.topics.typed_tables import Newest
@@ -31,11 +33,33 @@ CHARTED = tuple(name for name in STALE if TOPICS[name].page == "chart")
 """Those among them that only charts need."""
 
 
+TICKS = "ticks"
+"""Topic of whole packets of telemetry, by which all of TICK_TOPICS are received."""
+
+
+class Stored(NamedTuple):
+    """One message as it arrived."""
+
+    topic: str
+    payload: bytes
+    source_ns: int
+    received: float  # s, monotonic
+
+
+@dataclass(slots=True)
+class _Packet:
+    """A packet of telemetry, and its newest tick once a topic of it was asked for."""
+
+    payload: bytes
+    tick: Record | None = None
+
+
 @dataclass(slots=True)
 class _Newest:
     payload: bytes
     received: float  # s, monotonic
     message: Message | None = None
+    packet: _Packet | None = None  # of which the payload is still to be made
 
 
 class Live:
@@ -44,22 +68,38 @@ class Live:
     Args:
         decode: called as `decode(payload, type_name)`; returns the message.
         clock: s, monotonic.
+        also: called with each message too, on the same thread.
     """
 
     def __init__(
-        self, decode: Callable[[bytes, str], Message], clock: Callable[[], float] = monotonic
+        self,
+        decode: Callable[[bytes, str], Message],
+        clock: Callable[[], float] = monotonic,
+        also: Callable[[Stored], None] = lambda message: None,
     ) -> None:
         self._decode = decode
         self._clock = clock
+        self._also = also
         self._newest: dict[str, _Newest] = {}
         self.newest = cast("Newest", self._decoded)
         """Return the newest message whatever its age, decoded once; None before the first."""
         self.current = cast("Newest", self._current)
         """Return the newest message, or None when it is stale."""
 
-    def put(self, topic: str, payload: bytes) -> None:
-        """Store a message; may be called from any thread."""
-        self._newest[topic] = _Newest(payload, self._clock())
+    def put(self, topic: str, payload: bytes, source_ns: int = 0) -> None:
+        """Store a message; may be called from any thread.
+
+        Of a packet of telemetry, the newest tick is the newest message of each of TICK_TOPICS,
+        unless `source_ns` is 0: then it arrived late.
+        """
+        received = self._clock()
+        self._also(Stored(topic, payload, source_ns, received))
+        if topic != TICKS:
+            self._newest[topic] = _Newest(payload, received)
+        elif source_ns:
+            packet = _Packet(payload)
+            made = {name: _Newest(b"", received, packet=packet) for name in TICK_TOPICS}
+            self._newest.update(made)
 
     def age(self, topic: str) -> float:
         """Return the seconds since the newest message arrived; inf before the first."""
@@ -73,6 +113,10 @@ class Live:
         newest = self._newest.get(topic)
         if newest is None:
             return None
+        if (packet := newest.packet) is not None:
+            if packet.tick is None:
+                packet.tick = unpack(packet.payload)[1][-1:]
+            newest.payload, newest.packet = TICK_TOPICS[topic](packet.tick).tobytes(), None
         if newest.message is None:
             newest.message = self._decode(newest.payload, TOPICS[topic].type_name)
         return newest.message

@@ -27,6 +27,7 @@ from web.commands.trajectories import TrajectoryMonitor
 from web.latest import Live
 from web.live.events import EventHub, Message
 from web.live.forwarding import Forwarding
+from web.live.signal_log import SignalLog
 from web.live.station import Reactions, Station
 from web.live.telemetry import TelemetryFeed
 from web.parameters.follower import ParameterFollower
@@ -83,8 +84,9 @@ class VehicleContext:
         self.history = ParameterHistory(shared.catalogue.engine, vehicle)
         self.presets = ParameterPresets(shared.catalogue.engine, vehicle)
 
-        self.live = live = Live(decode)
-        self.feed = TelemetryFeed(live)
+        self.log = SignalLog(self._began_anew)
+        self.live = live = Live(decode, also=self.log.put)
+        self.feed = TelemetryFeed(live, self.log)
         self.replica = PageParameters(self._publish_parameters)
         self.scene = Scene(view_server, live)
         self.stick = StickOutput(self._publish_stick)
@@ -124,6 +126,9 @@ class VehicleContext:
         self.trajectories.stop()
         self.station.stop()
         self.view_server.stop()
+
+    def _began_anew(self) -> None:
+        self.hub.say("warn", f"the clock of {self.vehicle} began anew, and so do the charts")
 
     def _publish_parameters(self, message: Message) -> None:
         self.hub.publish(message)

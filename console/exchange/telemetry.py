@@ -1,4 +1,6 @@
-"""Reception of telemetry packets: every sample is recorded, the newest one distributed."""
+"""Reception of telemetry packets: every sample is recorded and passed to the page, the newest one
+distributed as messages.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +9,14 @@ from collections.abc import Callable, Collection
 from console.checks.observed import Observed
 from console.context import StationContext
 from console.experiment_running.runner import ExperimentRunner
-from console.link.outbox import ENCODERS
-from console.link.recent_telemetry import RecentTelemetry
+from console.link.outbox import TICKS
 from console.part import Part
 from console.runs.recorder import Message
 from quadrotor.records import Record
 from vehicle_link.clock import time_ns
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.telemetry import unpack
-from vehicle_link.topics import SCENE_TOPICS, TOPICS, SceneMessages
+from vehicle_link.topics import SCENE_TOPICS, TICK_TOPICS, TOPICS, SceneMessages
 from vehicle_link.topics.rmw_keys import full_name
 from vehicle_link.transport.publisher import Received
 
@@ -37,7 +38,6 @@ class TelemetryReception:
         self._outbox, self._recorder = context.outbox, context.recorder
         self._parts, self._observed = parts, observed
         self._experiments, self._newest = experiments, on_stamp
-        self._recent = RecentTelemetry(context.node)
         self._scene = SceneMessages(context.vehicle)
 
     def received(self, received: Received) -> None:
@@ -46,11 +46,12 @@ class TelemetryReception:
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
         shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time_ns())
         self._parts.telemetry(received.payload)
-        self._recent.received(received.payload)
         self._experiments.readings.telemetry(sequence, ticks)
         if shown:
             self._observed.telemetry(ticks[-1])
             self._experiments.feed.telemetry(stamp_ns, ticks["state"]["position_w"][-1])
+        if TICKS in self._outbox.subscribed_topics:
+            self._outbox.put(TICKS, received.payload, stamp_ns if shown else 0)
         payloads: dict[str, list[bytes]] = {}
         if self._recorder.run_id:
             payloads = expanded(ticks, self._vehicle)
@@ -58,7 +59,7 @@ class TelemetryReception:
             self._recorder.put_all(messages)
         elif shown:
             payloads = expanded(
-                ticks[-1:], self._vehicle, self._outbox.subscribed_topics & ENCODERS.keys()
+                ticks[-1:], self._vehicle, self._outbox.subscribed_topics & TICK_TOPICS.keys()
             )
         if shown:
             for name in self._outbox.subscribed_topics & payloads.keys():
@@ -78,10 +79,10 @@ class TelemetryReception:
 
 
 def expanded(
-    ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
+    ticks: Record, vehicle: str, wanted: Collection[str] = tuple(TICK_TOPICS)
 ) -> dict[str, list[bytes]]:
     """Return the payloads of the requested topics, one for each of the TICK records (N,)."""
-    return {topic: payloads_of(ENCODERS[topic](ticks, vehicle)) for topic in wanted}
+    return {topic: payloads_of(TICK_TOPICS[topic](ticks, vehicle)) for topic in wanted}
 
 
 def messages_of(

@@ -8,25 +8,18 @@ from collections.abc import Callable, Sequence
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.link.permission import CommandPermission
 from quadrotor.parameter_description import ParameterValue
-from quadrotor.records import Record, has_attitude, pose_sample
+from quadrotor.records import has_attitude, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
-from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.messages.records import Message
 from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.topics import SCENE_TOPICS, TOPICS
+from vehicle_link.topics import SCENE_TOPICS, TICK_TOPICS, TOPICS
 from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import OtherPath
 
-ENCODERS: dict[str, Callable[[Record, str], Records]] = {
-    "state": topics.state_messages,
-    "reference": lambda ticks, vehicle: topics.reference_messages(ticks),
-    "imu": topics.imu_messages,
-    "actuators": topics.actuator_messages,
-}
-"""Topic → function that returns its payloads for TICK records, shape (N,)."""
+TICKS = "ticks"
 
 RECORDED = tuple(name for name, row in TOPICS.items() if row.recorded and row.sender == "station")
 """Topics recorded as they are sent. Heartbeats are not; telemetry's topics are recorded at full
@@ -34,7 +27,7 @@ rate elsewhere."""
 
 INFO, WARN = 20, 30
 """Levels of events (rcl_interfaces/Log)."""
-FROM_TELEMETRY = (*ENCODERS, *SCENE_TOPICS)
+FROM_TELEMETRY = (TICKS, *TICK_TOPICS, *SCENE_TOPICS)
 CHECK_PERIOD = 0.2  # s
 
 PutMessage = Callable[[str, str, bytes, int, int], None]
@@ -90,7 +83,7 @@ class Outbox:
 
     @property
     def subscribed_topics(self) -> frozenset[str]:
-        """Return the expanded telemetry topics that had subscribers at most `CHECK_PERIOD` ago:
+        """Return the topics of telemetry that had subscribers at most `CHECK_PERIOD` ago:
         usually none.
         """
         now = time.monotonic()

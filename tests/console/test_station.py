@@ -32,7 +32,7 @@ from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
-from vehicle_link.telemetry import pack
+from vehicle_link.telemetry import pack, unpack
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient, serve_parameters
@@ -175,6 +175,7 @@ class Bench(LinkedStation):
         self.inbox = Inbox(
             self.page,
             "state",
+            "ticks",
             "station_status",
             "link_status",
             "events",
@@ -272,6 +273,22 @@ def test_old_telemetry_is_not_shown(bench: Bench) -> None:
     fresh_ns = bench.vehicle.send_telemetry()["imu"]["stamp_ns"][-1]
     assert until(lambda: any(r.source_ns == fresh_ns for r in bench.inbox.got["state"]))
     assert not any(r.source_ns == old_ns for r in bench.inbox.got["state"])
+
+
+def test_every_tick_is_passed_on_and_an_old_one_is_told(bench: Bench) -> None:
+    old_ns = vehicle_now() - 1_000_000_000
+    old = bench.vehicle.send_telemetry(old_ns)["imu"]["stamp_ns"].tolist()
+    fresh = bench.vehicle.send_telemetry()["imu"]["stamp_ns"].tolist()
+
+    def passed(ticks: list[int], source_ns: int) -> bool:
+        stamps = [
+            unpack(one.payload)[1]["imu"]["stamp_ns"].tolist()
+            for one in list(bench.inbox.got["ticks"])
+            if one.source_ns == source_ns
+        ]
+        return ticks in stamps
+
+    assert until(lambda: passed(old, 0) and passed(fresh, fresh[-1]))
 
 
 def test_the_link_is_good_and_the_vehicles_clock_known(bench: Bench) -> None:

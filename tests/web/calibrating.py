@@ -16,7 +16,7 @@ from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.boards.imu import ImuCalibration
-from vehicle_link.messages import header, new
+from vehicle_link.messages import new
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import to_descriptor
 
@@ -234,9 +234,8 @@ class Bench:
             self.station.reactions.changed(change)
 
     def fly(self) -> None:
+        self.station.specific_force = (1.4, 2.1, 9.4)
         self._fly()
-        force = {"linear_acceleration": (1.4, 2.1, 9.4)}
-        self.station.put("imu", new("sensor_msgs/Imu", header=header(time.time_ns()), **force))
         if self.status is not None:
             message = new("quadlab_msgs/ExperimentStatus", **self.status)
             self.station.put("experiment_status", message)

@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import httpx
+import numpy as np
 import pytest
 import uvicorn
 from starlette.responses import HTMLResponse
@@ -26,16 +27,19 @@ from console.trackers.camera_store import CameraStore
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.records import TICK, Record
 from tests.support.runs import run_entry
 from tests.support.survey import survey
 from tests.waiting import wait_for
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.telemetry import pack
 from vehicle_link.transport.publisher import Received
 from web.access.passwords import Passwords
 from web.access.sign_in_limiter import SignInLimiter
 from web.access.tls import Tls
 from web.assembly import assemble
+from web.latest import TICKS
 from web.live.sockets import listen
 from web.live.station import Station
 from web.process import server, url_of
@@ -80,6 +84,7 @@ class ScriptedStation(Station):
         self.store = ParameterStore(_Root().model_copy(deep=True))
         self.requests: list[tuple[str, Any]] = []
         self.sticks: list[tuple[tuple[float, ...], bool]] = []
+        self.specific_force = (0.0, 0.0, 0.0)
         self.answers_sticks = True
         self.present: set[str] = set()
         self.real_time_factor = 0.0
@@ -127,7 +132,8 @@ class ScriptedStation(Station):
         )
 
     def put(self, topic: str, message: Any) -> None:
-        self._live.put(topic, encode(message))
+        payload = pack(message, 0) if isinstance(message, np.ndarray) else encode(message)
+        self._live.put(topic, payload, time.time_ns())
 
     @property
     def watched(self) -> set[str]:
@@ -143,18 +149,25 @@ class ScriptedStation(Station):
         """Deliver a message of such a topic, as Zenoh's thread does."""
         self._forwarded.wanted[topic](Received(encode(message), 1, received_ns, received_ns))
 
+    def tick(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> Record:
+        """Return a tick of the present time."""
+        tick = np.zeros(1, TICK)
+        state, actuators = tick["state"], tick["actuators"]
+        tick["imu"]["stamp_ns"] = time.time_ns()
+        tick["imu"]["specific_force_b"] = self.specific_force
+        state["position_w"], state["quaternion_wb"] = (x, y, z), (0.8, 0.0, 0.0, 0.6)
+        state["velocity_w"], state["angular_velocity_b"] = (0.28, 0.96, 0.5), (0.1, 0.2, 0.3)
+        tick["reference"]["position_w"] = (x, y, 1.0)
+        actuators["wrench"][:, 0], actuators["motor_references"] = 12.8, 127.0
+        return tick
+
     def fly(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> None:
         """Publish one sample of everything, with the present time."""
         stamp = header(time.time_ns())
         pose = {"pose": {"position": (x, y, z), "orientation": (0.0, 0.0, 0.6, 0.8)}}
         twist = {"twist": {"linear": (1.0, 0.0, 0.5), "angular": (0.1, 0.2, 0.3)}}
-        self.put("state", new("nav_msgs/Odometry", header=stamp, pose=pose, twist=twist))
         self.put("truth", new("nav_msgs/Odometry", header=stamp, pose=pose, twist=twist))
-        self.put("reference", new("quadlab_msgs/Reference", header=stamp, position=(x, y, 1.0)))
-        self.put(
-            "actuators",
-            new("quadlab_msgs/Actuators", header=stamp, thrust=12.8, motor_references=[127.0] * 4),
-        )
+        self.put(TICKS, self.tick(x, y, z))
         self.put("estimator", new("quadlab_msgs/EstimatorStatus", header=stamp, mass=1.31))
         self.put(
             "status",

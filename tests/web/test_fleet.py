@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -11,8 +12,11 @@ import httpx
 import pytest
 import websockets.exceptions
 
+from benchmarks.page.live_frames import read
 from console.catalogue.catalogue import Catalogue
+from vehicle_link.topics import TICK_TOPICS
 from web.fleet.fleet import SEEN
+from web.latest import TICKS
 
 NAMES = ("quad1", "quad2")
 
@@ -38,6 +42,9 @@ def pilot(fleet_site: Any) -> Iterator[httpx.Client]:
 def viewer(fleet_site: Any, pilot: httpx.Client) -> Iterator[httpx.Client]:
     with fleet_site.invited(pilot, "viewer") as client:
         yield client
+
+
+WATCHED = SEEN - TICK_TOPICS.keys() | {TICKS}
 
 
 def asked(station: Any) -> list[str]:
@@ -195,15 +202,33 @@ def test_land_all_leaves_alone_what_stands_with_its_motors_off(
     assert second.requests == []
 
 
+def test_each_page_shows_the_ticks_of_its_own_vehicle(fleet_site: Any, pilot: httpx.Client) -> None:
+    name, (first, second) = "state.position.x", fleet_site.stations
+    asked = json.dumps({"id": 7, "signals": [], "series": [{"signals": [name]}]})
+    for address, x in (("", 1.5), ("/v/quad2", -2.5)):
+        with fleet_site.websocket(f"{address}/ws/telemetry", fleet_site.cookie(pilot)) as page:
+            page.send(asked)
+            found: list[float] = []
+            while len(found) < 3:
+                first.fly(x=1.5)
+                second.fly(x=-2.5)
+                raw = page.recv(timeout=10.0)
+                parts = read(raw, [], [[name]]).series if raw[:2] == b"\7\0" else {}
+                values = [one for part in parts.values() for one in part.values[name].tolist()]
+                found += [one for one in values if math.isfinite(one)]  # a hole has none
+            assert found[-1] == x
+
+
 def test_what_comes_fast_is_taken_of_the_vehicle_that_is_looked_at(
     fleet_site: Any, pilot: httpx.Client, until: Callable[..., None], monkeypatch: Any
 ) -> None:
     monkeypatch.setattr("web.fleet.fleet.LINGER", 0.0)
+    monkeypatch.setattr("web.live.telemetry.KEPT", 0.0)
     first, second = fleet_site.stations
     with fleet_site.websocket("/v/quad2/ws/events", fleet_site.cookie(pilot)):
-        until(lambda: second.watched == SEEN and not first.watched)
+        until(lambda: second.watched == WATCHED and not first.watched)
     with fleet_site.websocket("/ws/fleet?plot=1", fleet_site.cookie(pilot)):
-        until(lambda: first.watched == second.watched == {"state"})
+        until(lambda: first.watched == second.watched == {TICKS})
     until(lambda: not first.watched and not second.watched)
 
 

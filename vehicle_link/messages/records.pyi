@@ -517,12 +517,6 @@ class Quaternion(Message):
     z: float
     w: float
 
-class RecentTelemetryRequest(PersonalRequest[RecentTelemetryResponse]): ...
-
-class RecentTelemetryResponse(Answer):
-    packets: NDArray[np.uint8]
-    lengths: NDArray[np.uint32]
-
 class RecordRequest(PersonalRequest[RecordResponse]):
     start: bool
 
@@ -1082,18 +1076,6 @@ class Decode(Protocol):
     ) -> Quaternion: ...
     @overload
     def __call__(
-        self,
-        payload: bytes | memoryview,
-        type_name: Literal["quadlab_msgs/srv/RecentTelemetry_Request"],
-    ) -> RecentTelemetryRequest: ...
-    @overload
-    def __call__(
-        self,
-        payload: bytes | memoryview,
-        type_name: Literal["quadlab_msgs/srv/RecentTelemetry_Response"],
-    ) -> RecentTelemetryResponse: ...
-    @overload
-    def __call__(
         self, payload: bytes | memoryview, type_name: Literal["quadlab_msgs/srv/Record_Request"]
     ) -> RecordRequest: ...
     @overload
@@ -1540,14 +1522,6 @@ class New(Protocol):
     def __call__(
         self, type_name: Literal["geometry_msgs/Quaternion"], **fields: object
     ) -> Quaternion: ...
-    @overload
-    def __call__(
-        self, type_name: Literal["quadlab_msgs/srv/RecentTelemetry_Request"], **fields: object
-    ) -> RecentTelemetryRequest: ...
-    @overload
-    def __call__(
-        self, type_name: Literal["quadlab_msgs/srv/RecentTelemetry_Response"], **fields: object
-    ) -> RecentTelemetryResponse: ...
     @overload
     def __call__(
         self, type_name: Literal["quadlab_msgs/srv/Record_Request"], **fields: object

@@ -37,6 +37,7 @@ from vehicle_link.topics.status import (
 )
 from vehicle_link.topics.table import SERVICES, TOPICS, TRACKER_PICTURES, Priority, Topic
 from vehicle_link.topics.ticks import (
+    TICK_TOPICS,
     actuator_messages,
     decode_imu,
     decode_odometry,
@@ -52,6 +53,7 @@ __all__ = [
     "PICTURE",
     "SCENE_TOPICS",
     "SERVICES",
+    "TICK_TOPICS",
     "TOPICS",
     "TRACKER_PICTURES",
     "Priority",

@@ -60,6 +60,8 @@ _ROWS = (
     Topic("reference", "quadlab_msgs/Reference", "station", 100, stale=0.3, page="seen"),
     Topic("actuators", "quadlab_msgs/Actuators", "station", 100, stale=0.3, page="seen"),
     Topic("imu", "sensor_msgs/Imu", "station", 100, stale=0.3, page="chart"),
+    # On loopback: telemetry as it arrived, with every tick; source stamp 0 where it is not current.
+    Topic("ticks", "quadlab_msgs/Telemetry", "station", 100),
     # For 3D panels; recorded with the telemetry that they are made of.
     Topic("/tf", "tf2_msgs/TFMessage", "station", 50),
     Topic("/tf_static", "tf2_msgs/TFMessage", "station", 1),
@@ -252,7 +254,6 @@ _SERVICES = {
     "onboard_files": "quadlab_msgs/srv/OnboardFiles",
     "onboard_part": "quadlab_msgs/srv/OnboardPart",
     "transfer": "quadlab_msgs/srv/Transfer",
-    "recent_telemetry": "quadlab_msgs/srv/RecentTelemetry",
     "checks": "quadlab_msgs/srv/Checks",
     "control": "quadlab_msgs/srv/Control",
     "calibrate": "quadlab_msgs/srv/Calibrate",
@@ -260,6 +261,6 @@ _SERVICES = {
 SERVICES = cast("Services", _SERVICES)
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
 `/quad1/station/<name>`. Of those that are not commands only the station has `mark`, `experiment`,
-`control`, `transfer` and `recent_telemetry`, and it forwards `onboard_files` and `onboard_log` to
-the vehicle; only the vehicle has `time_sync`, `whoami`, `lane`, `calibrate` and the other
-services for the files of its log."""
+`control` and `transfer`, and it forwards `onboard_files` and `onboard_log` to the vehicle; only
+the vehicle has `time_sync`, `whoami`, `lane`, `calibrate` and the other services for the files of
+its log."""

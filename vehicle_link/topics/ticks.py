@@ -7,6 +7,7 @@ in body axes, as nav_msgs/Odometry requires; `decode_odometry` converts it back 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -137,6 +138,17 @@ def actuator_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
     for field in ("thrusts", "motor_references", "scaling"):
         out[field] = source[field]
     return out
+
+
+TICK_TOPICS: dict[str, Callable[..., Records]] = {
+    "state": state_messages,
+    "reference": lambda ticks, vehicle=VEHICLE: reference_messages(ticks),
+    "imu": imu_messages,
+    "actuators": actuator_messages,
+}
+"""Topics that have a message for every tick; each function is called with TICK records (N,) and,
+if needed, the vehicle's name.
+"""
 
 
 def set_stamps(out: Records, stamps_ns: Any, within: str = "") -> None:

@@ -1,8 +1,8 @@
 """Vehicles of this page: the state of each one, and what a page shows of it.
 
-Fast topics are subscribed to only where they are shown: for vehicles whose page someone has open,
-those for charts while a chart shows them, and all positions while someone has the fleet's page
-open.
+Fast topics are subscribed to only where they are shown: for vehicles whose page someone has open;
+those of signals also while such a page may come back; and all positions while someone has the
+fleet's page open.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LOOK = 0.2  # s between checks of which pages are open
 LINGER = 5.0  # s for which topics are kept after the last page closes: it may be reloading
 POSITION = frozenset({"state"})
 SEEN = FAST.difference(CHARTED)
-"""Topics subscribed to while a vehicle's page is open; the other fast ones only while charted."""
+"""Topics subscribed to while a vehicle's page is open; the other fast ones only for signals."""
 
 Message = dict[str, Any]
 
@@ -87,9 +87,9 @@ class Fleet:
                 now = loop.time()
                 if one.is_looked_at:
                     self._seen[one.vehicle] = now
-                wanted = POSITION if self._plots else frozenset()
+                wanted = (POSITION if self._plots else frozenset()) | one.feed.topics & FAST
                 if now - self._seen[one.vehicle] <= LINGER:
-                    wanted = SEEN | one.feed.topics
+                    wanted |= SEEN
                 if wanted == self._taken.get(one.vehicle, frozenset()):
                     continue
                 with contextlib.suppress(LinkError):  # the session is closing; tried again

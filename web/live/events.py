@@ -103,9 +103,14 @@ class EventHub:
             self._pages.discard(queue)
 
 
-def event(level: str, text: str, source: str, stamp: float) -> Message:
-    """Return an event; `stamp` in s, epoch; `level` is info, warn or error."""
-    return {"type": "event", "level": level, "text": text, "source": source, "stamp": stamp}
+def event(level: str, text: str, source: str, stamp: float, time: float | None = None) -> Message:
+    """Return an event; `stamp` in s, epoch; `level` is info, warn or error.
+
+    Args:
+        time: s, by the vehicle's clock, which the charts show.
+    """
+    what = {"type": "event", "level": level, "text": text, "source": source}
+    return {**what, "stamp": stamp, "time": time}
 
 
 async def serve(

@@ -22,8 +22,8 @@ from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.messages.records import Answer
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change, from_parameters, to_parameters
-from vehicle_link.topics.table import SERVICES, TOPICS
-from web.latest import FAST, STALE, Live
+from vehicle_link.topics import SERVICES, TICK_TOPICS, TOPICS
+from web.latest import FAST, STALE, TICKS, Live
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.optional_topics import OptionalTopics, subscribe_directly
 
@@ -113,8 +113,9 @@ class Station:
         self._urgent.shutdown(wait=False, cancel_futures=True)
 
     def watch(self, topics: Collection[str]) -> None:
-        """Subscribe to these of the topics in `FAST`, and to no others. Blocks for some ms."""
-        self._watched.want({topic: self._put(topic) for topic in topics})
+        """Subscribe to these of the topics in `FAST` and to no others. Blocks for some ms."""
+        wanted = {TICKS if topic in TICK_TOPICS else topic for topic in topics}
+        self._watched.want({topic: self._put(topic) for topic in wanted})
 
     def forward(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
         """Subscribe to these topics and no others.
@@ -263,13 +264,13 @@ class Station:
 
     def _put(self, topic: str) -> Callable[[Received], None]:
         def put(received: Received) -> None:
-            self._live.put(topic, received.payload)
+            self._live.put(topic, received.payload, received.source_ns)
 
         return put
 
     def _on_link(self, received: Received) -> None:
         """Show pages a broken link at once, not with the next summary."""
-        self._live.put("link_status", received.payload)
+        self._live.put("link_status", received.payload, received.source_ns)
         state = decode(received.payload, TOPICS["link_status"].type_name).state
         if state != self._link_said:
             self._link_said = state
@@ -279,7 +280,8 @@ class Station:
         log = decode(received.payload, "rcl_interfaces/Log")
         stamp = received.received_ns * 1e-9
         level = LEVELS.get(int(log.level), "info")
-        self._hub.publish_from_thread(event(level, log.msg, log.name or self._vehicle, stamp))
+        time = log.stamp.sec + 1e-9 * log.stamp.nanosec or None
+        self._hub.publish_from_thread(event(level, log.msg, log.name or self._vehicle, stamp, time))
 
     def _on_stick_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["stick_status"].type_name)

@@ -1,11 +1,14 @@
-"""`/ws/telemetry`: the signals that a page requests, as small binary frames at 25 Hz.
+"""`/ws/telemetry`: what a page shows of its signals, in one binary frame each 40 ms.
 
-The page sends `{"id": 3, "signals": ["state.position.x", …]}` whenever its selection changes.
-A frame (little endian): uint16 id, uint16 count, float64 time (s, this computer's epoch), uint16
-age in ms (65535: never or longer) of each topic of these signals, in the order of
-`web.latest.STALE`, float32 values. With the 40 signals of state table, default charts and
-Beacons tab, a frame has 186 B and a page costs 4.7 kB/s with the heads of the websocket; the
-maximum of 96 signals costs 10.6 kB/s. Only what a page requests is computed.
+The page sends, whenever its selection changes,
+
+    {"id": 3, "signals": ["battery.voltage", …], "origin": 1700000000,
+     "series": [{"signals": ["state.position.x", …], "after": 12.5}, …]}
+
+Of `signals` a frame has the newest values; of each of the `series`, whose signals have one topic,
+every sample since the last frame: at first all that are kept from `after` on (s since `origin`, see
+web.live.frames; without it from the oldest). Only what a page requests is computed. A page that
+reads slowly gets coarser series, and a frame has what is new when it is sent: nothing waits.
 
 `{"ping": 12.5}` is answered at once by `{"pong": 12.5}`, which measures the page's own link.
 """
@@ -14,9 +17,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-import struct
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import Any
 
 import msgspec
@@ -24,16 +25,32 @@ import numpy as np
 from fastapi import WebSocket
 
 from quadrotor.errors import OutOfBoundsError
-from vehicle_link.clock import wall_time
+from vehicle_link.clock import monotonic
 from web.latest import STALE, Live
+from web.live import frames
 from web.live.conversation import converse
-from web.signals import INDEX, SIGNALS, UNITS, snapshot, topics_for
-from web.signals.expression import Expression, is_expression, parse
-from web.signals.functions import Step
+from web.live.signal_log import SignalLog, expression_of
+from web.live.topic_logs import KEPT
+from web.signals import PLACES, topics_for
+from web.signals.evaluator import Made, count_before
+from web.signals.expression import is_expression
 
 RATE = 25.0  # Hz
 MOST_SIGNALS = 96  # state table, four charts and the Beacons tab together
-NEVER = 65535
+SLOW = 0.3
+"""Seconds that a frame waits to be sent, above which a page is slow."""
+SLOWEST = 128
+REST = 0.01
+"""Seconds between two frames of what a page has missed, which leave the event loop to others."""
+QUICK = 50
+"""Number of frames that were sent at once, after which a slow page gets finer series again."""
+
+
+class Series(msgspec.Struct, forbid_unknown_fields=True):
+    """Signals of one topic, each of whose samples a page wants; from `after` (s) on."""
+
+    signals: list[str]
+    after: float | None = None
 
 
 class Subscription(msgspec.Struct, forbid_unknown_fields=True):
@@ -41,6 +58,12 @@ class Subscription(msgspec.Struct, forbid_unknown_fields=True):
 
     id: int
     signals: list[str]
+    series: list[Series] = []
+    origin: float = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        return [*self.signals, *(name for one in self.series for name in one.signals)]
 
 
 class Ping(msgspec.Struct, forbid_unknown_fields=True):
@@ -57,26 +80,22 @@ def parse_request(text: str) -> Subscription | Ping:
             return msgspec.json.decode(text, type=Ping)
         wanted = msgspec.json.decode(text, type=Subscription)
     except msgspec.DecodeError as error:
-        raise ValueError(f"a subscription is {{id, signals}}: {error}") from error
+        raise ValueError(f"a subscription is {{id, signals, series}}: {error}") from error
+    if len(names := wanted.names) > MOST_SIGNALS:
+        raise ValueError(f"{len(names)} signals; at most {MOST_SIGNALS} at once")
     try:
-        for name in filter(is_expression, wanted.signals):
+        for name in filter(is_expression, names):
             expression_of(name)
     except OutOfBoundsError as error:
         raise ValueError(str(error)) from error
-    unknown = [name for name in wanted.signals if name not in INDEX and not is_expression(name)]
+    unknown = [name for name in names if name not in PLACES and not is_expression(name)]
     if unknown:
-        raise ValueError(f"unknown signal {unknown[0]!r}; /api/signals lists them")
-    if len(wanted.signals) > MOST_SIGNALS:
-        raise ValueError(f"{len(wanted.signals)} signals; at most {MOST_SIGNALS} at once")
+        raise ValueError(f"unknown signal {unknown[0]!r:.80}; /api/signals lists them")
+    if any(len({topic_of(name) for name in one.signals}) != 1 for one in wanted.series):
+        raise ValueError("the signals of a series have one topic, and there is at least one")
     if not 0 <= wanted.id <= 0xFFFF:
         raise ValueError(f"id {wanted.id}; allowed 0 to 65535")
     return wanted
-
-
-@lru_cache(256)
-def expression_of(text: str) -> Expression:
-    """Return the live derived signal of a text. Raises OutOfBoundsError."""
-    return parse(text, UNITS)
 
 
 def topics_of(signals: Sequence[str]) -> list[str]:
@@ -87,8 +106,7 @@ def topics_of(signals: Sequence[str]) -> list[str]:
 
 def topic_of(name: str) -> str:
     """Return a signal's topic; that of a derived one is its first input's."""
-    first = expression_of(name).inputs[0] if is_expression(name) else name
-    return SIGNALS[INDEX[first]].topic
+    return PLACES[expression_of(name).inputs[0] if is_expression(name) else name].topic
 
 
 def described_expression(text: str) -> dict[str, Any]:
@@ -97,36 +115,42 @@ def described_expression(text: str) -> dict[str, Any]:
     return expression.described(topic_of(expression.name))
 
 
-def frame(identity: int, stamp: float, ages: Sequence[float], values: Sequence[float]) -> bytes:
-    """Return one frame; `stamp` and `ages` in s."""
-    milliseconds = [min(NEVER, round(1e3 * age)) if math.isfinite(age) else NEVER for age in ages]
-    return struct.pack(
-        f"<HHd{len(ages)}H{len(values)}f", identity, len(values), stamp, *milliseconds, *values
-    )
-
-
 class _Page:
-    """Subscription of one page."""
+    """Subscription of one page, and what it has of it.
 
-    def __init__(self, wanted: Subscription) -> None:
-        self.identity = wanted.id
-        self.signals = wanted.signals
-        self.topics = topics_of(wanted.signals)
+    Attributes:
+        after: of each series, the time of the last sample that was sent.
+        slowness: number of samples that become one.
+        is_behind: whether there is more to send than the last frame had.
+    """
+
+    def __init__(self, wanted: Subscription, slowness: int = 1) -> None:
+        self.wanted, self.slowness, self.quick = wanted, slowness, 0
+        self.is_behind = False
+        self.topics = topics_of(wanted.names)
+        self.origin = wanted.origin
+        self.after = [-math.inf if one.after is None else one.after for one in wanted.series]
+
+    def sent(self, seconds: float) -> None:
+        """Note how long a frame took to be sent."""
+        if seconds > SLOW:
+            self.slowness, self.quick = min(max(4, 2 * self.slowness), SLOWEST), 0
+        else:
+            self.quick += 1
+        if self.quick >= QUICK and self.slowness > 1:
+            self.slowness, self.quick = self.slowness // 2 if self.slowness > 4 else 1, 0
 
 
 class TelemetryFeed:
-    """Feed that computes the snapshot once a period, however many pages are open."""
+    """Feed that sorts in what has arrived once a period, however many pages are open."""
 
-    def __init__(self, live: Live, clock: Callable[[], float] = wall_time) -> None:
-        self._live = live
-        self._clock = clock
+    def __init__(self, live: Live, log: SignalLog, clock: Callable[[], float] = monotonic) -> None:
+        self._live, self._log, self._clock = live, log, clock
         self._tick = asyncio.Condition()
-        self._values: list[float] = []
-        self._derived: dict[str, tuple[Expression, Step]] = {}  # those that pages request
-        self._derived_values: dict[str, float] = {}
-        self._ages: dict[str, float] = {}
-        self._stamp = 0.0
         self._pages: dict[WebSocket, _Page] = {}
+        self._asked: dict[str, float] = {}  # s, when a page wanted each signal last
+        self._made = Made()
+        self._parts: dict[tuple[object, ...], bytes] = {}
 
     @property
     def pages(self) -> int:
@@ -134,15 +158,12 @@ class TelemetryFeed:
 
     @property
     def topics(self) -> frozenset[str]:
-        """Return the topics from which the open pages' signals are computed."""
-        return topics_for(self._wanted)
-
-    @property
-    def _wanted(self) -> frozenset[str]:
-        names = {name for page in self._pages.values() for name in page.signals}
-        derived = {name for name in names if is_expression(name)}
+        """Return the topics from which the signals of pages are computed, also of those that have
+        been away for less than KEPT: they get what they missed.
+        """
+        derived = set(filter(is_expression, self._asked))
         inputs = {one for name in derived for one in expression_of(name).inputs}
-        return frozenset(names - derived | inputs)
+        return topics_for(self._asked.keys() - derived | inputs)
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -150,34 +171,65 @@ class TelemetryFeed:
         while True:
             deadline = max(deadline + 1.0 / RATE, loop.time())
             await asyncio.sleep(deadline - loop.time())
-            if not self._pages:
-                continue
-            self._values = snapshot(self._live, self._wanted)
-            self._ages = {topic: self._live.age(topic) for topic in STALE}
-            self._stamp = self._clock()
-            self._derive()
+            self.step()
             async with self._tick:
                 self._tick.notify_all()
 
-    def _derive(self) -> None:
-        """Compute the derived signals, each once for all pages."""
-        names = {name for page in self._pages.values() for name in page.signals}
-        kept = {name: one for name, one in self._derived.items() if name in names}
-        for name in filter(is_expression, names - set(kept)):
-            expression = expression_of(name)
-            kept[name] = expression, expression.start()
-        self._derived = kept
-        time = np.array([self._stamp])
-        self._derived_values = {
-            name: float(
-                step(time, {one: np.array([self._values[INDEX[one]]]) for one in of.inputs})[0]
+    def step(self) -> None:
+        """Sort in what has arrived, and compute the next samples of derived signals."""
+        now = self._clock()
+        self._asked.update(
+            dict.fromkeys(
+                (name for page in self._pages.values() for name in page.wanted.names), now
             )
-            for name, (of, step) in kept.items()
-        }
+        )
+        self._asked = {name: at for name, at in self._asked.items() if now - at <= KEPT}
+        self._made.clear()
+        self._parts.clear()
+        self._log.take()
+        self._log.keep([name for name in self._asked if is_expression(name)])
+        self._log.advance()
 
-    def _value(self, name: str) -> float:
-        place = INDEX.get(name)
-        return self._derived_values.get(name, math.nan) if place is None else self._values[place]
+    def frame(self, page: _Page) -> bytes:
+        """Return what a page has to get now."""
+        log = self._log
+        origin = 1e-9 * log.origin_ns
+        if page.origin != origin:
+            page.origin, page.after = origin, [-math.inf] * len(page.after)
+        page.is_behind = False
+        parts = [self._part(page, place) for place in range(len(page.after))]
+        ages = [self._live.age(topic) for topic in page.topics]
+        values = [self._newest(name) for name in page.wanted.signals]
+        clock = origin, log.now
+        known = [part for part in parts if part]
+        return frames.frame(page.wanted.id, page.slowness, clock, ages, values, known)
+
+    def _newest(self, name: str) -> float:
+        """Return the newest value of a signal; NaN while its topic is old."""
+        count = self._log.formed(name) if self._live.fresh(topic_of(name)) else 0
+        return float(self._log.values(name, count - 1, count, self._made)[0]) if count else math.nan
+
+    def _part(self, page: _Page, place: int) -> bytes:
+        """Return the new samples of one series; empty without any."""
+        names = page.wanted.series[place].signals
+        topic = self._log.log(topic_of(names[0]))
+        if topic is None:
+            return b""
+        first = count_before(topic.time, page.after[place])
+        count = min(self._log.formed(name) for name in names)
+        if count <= first:
+            return b""
+        first, last, of = frames.piece(first, count, page.slowness)
+        page.after[place] = float(topic.time[last - 1])
+        page.is_behind = page.is_behind or last < count
+        key = (place, *names, first, last, of)
+        if key not in self._parts:
+            before = topic.time[first - 1 : first] if first else [math.nan]
+            columns = [self._log.values(name, first, last, self._made) for name in names]
+            holes = {k - first: n for k, n in topic.missing(first, last).items()}
+            times = np.concatenate([before, topic.time[first:last]])
+            self._parts[key] = frames.series(place, of, *frames.joined(times, columns, of, holes))
+        return self._parts[key]
 
     async def serve(self, socket: WebSocket) -> None:
         await socket.accept()
@@ -189,16 +241,21 @@ class TelemetryFeed:
                 if isinstance(asked, Ping):
                     await socket.send_text(f'{{"pong":{asked.ping!r}}}')
                 else:
-                    self._pages[socket] = _Page(asked)
+                    self._pages[socket] = _Page(asked, self._pages[socket].slowness)
 
         async def talk() -> None:
+            loop = asyncio.get_running_loop()
+            page = self._pages[socket]
             while True:
-                page = self._pages[socket]  # a request received now counts for the next snapshot
-                async with self._tick:
-                    await self._tick.wait()
-                ages = [self._ages[topic] for topic in page.topics]
-                values = [self._value(name) for name in page.signals]
-                await socket.send_bytes(frame(page.identity, self._stamp, ages, values))
+                if page.is_behind:
+                    await asyncio.sleep(REST)
+                else:
+                    async with self._tick:
+                        await self._tick.wait()
+                page = self._pages[socket]
+                frame, began = self.frame(page), loop.time()
+                await socket.send_bytes(frame)
+                page.sent(loop.time() - began)
 
         try:
             await converse(socket, talk(), listen())

@@ -23,7 +23,9 @@ from flight_log.run import gaps, run_of
 from quadrotor.errors import MeasurementError, OutOfBoundsError, StorageError
 from vehicle_link.topics.measurements import PICTURE, decode_picture
 from web.replay.build import INDEX, TRACK, VERSION
-from web.replay.samples import BIN, Array, Made, Row, Samples, coarser, count_before
+from web.replay.samples import BIN, Samples, coarser
+from web.signals.evaluator import Made, count_before
+from web.signals.signal import Array
 
 MOST_SAMPLES = 2_000_000
 """Largest number of samples for one spectrum."""
@@ -76,10 +78,9 @@ class Replay:
         """
         found: dict[str, Figures] = {}
         for name in dict.fromkeys(names):
-            row = self._samples.row(name)
-            times = self._samples.times(row)
+            times = self._samples.times(name)
             first, last = count_before(times, start), count_before(times, end)
-            values = self._samples.values(row, first, last)
+            values = self._samples.values(name, first, last)
             known = values[np.isfinite(values)].astype(float, copy=False)
             figures: dict[str, Callable[[Array], Any]] = {
                 "mean": np.mean,
@@ -111,14 +112,13 @@ class Replay:
 
         Raises OutOfBoundsError for an unknown signal.
         """
-        groups: dict[int, list[Row]] = {}
+        groups: dict[int, list[str]] = {}
         for name in dict.fromkeys(names):
-            row = self._samples.row(name)
-            groups.setdefault(id(self._samples.times(row)), []).append(row)
+            groups.setdefault(id(self._samples.times(name)), []).append(name)
         head, parts = [], []
-        for rows in groups.values():
-            times, columns = self._group(rows, start, end, points, with_extremes)
-            head.append({"signals": [row["name"] for row in rows], "count": len(times)})
+        for its in groups.values():
+            times, columns = self._group(its, start, end, points, with_extremes)
+            head.append({"signals": its, "count": len(times)})
             parts += [times.astype("<f8", copy=False), *(one.astype("<f4") for one in columns)]
         for topic in self._run.log.topics.values():
             topic.release()
@@ -155,12 +155,11 @@ class Replay:
         """Return each signal's newest value at t (s) and its age (s); None before the first."""
         found: dict[str, list[float | None]] = {}
         for name in names:
-            row = self._samples.row(name)
-            times = self._samples.times(row)
+            times = self._samples.times(name)
             index = count_before(times, t) - 1
             found[name] = [None, None]
             if index >= 0:
-                value = float(self._samples.values(row, index, index + 1)[0])
+                value = float(self._samples.values(name, index, index + 1)[0])
                 age = t - float(times[index])
                 found[name] = [value if np.isfinite(value) else None, round(age, 4)]
         return found
@@ -186,40 +185,40 @@ class Replay:
 
     def _even(self, name: str, start: float, end: float) -> tuple[float, float, Array]:
         """Return the time of the first sample (s), the rate (Hz) and samples at it, (N, 1)."""
-        times, values = self._between(self._samples.row(name), start, end)
+        times, values = self._between(name, start, end)
         known = np.isfinite(values)
         rate, even = evenly(times[known], values[known, None])
         return float(times[known][0]), rate, even
 
     def _rotors(self, start: float, end: float) -> list[tuple[Array, Array]]:
         """Return times (s) and revolutions a second of each rotor whose thrust is in the log."""
-        rows = [self._samples.known(f"actuators/thrusts[{k}]") for k in range(4)]
-        thrusts = [self._between(row, start, end) for row in rows if row is not None]
+        names = [f"actuators/thrusts[{k}]" for k in range(4)]
+        thrusts = [self._between(one, start, end) for one in names if self._samples.has(one)]
         return [(times, rotor_frequency(values)) for times, values in thrusts if len(values)]
 
-    def _between(self, row: Row, start: float, end: float) -> tuple[Array, Array]:
-        times = self._samples.times(row)
+    def _between(self, name: str, start: float, end: float) -> tuple[Array, Array]:
+        times = self._samples.times(name)
         first, last = count_before(times, start), count_before(times, end)
         if last - first > MOST_SAMPLES:
             raise MeasurementError(
                 f"{last - first} samples are too many for a spectrum, allowed are {MOST_SAMPLES}: "
                 "zoom in"
             )
-        return times[first:last], self._samples.values(row, first, last)
+        return times[first:last], self._samples.values(name, first, last)
 
     def _group(
-        self, rows: list[Row], start: float, end: float, points: int, with_extremes: bool
+        self, names: list[str], start: float, end: float, points: int, with_extremes: bool
     ) -> tuple[Array, list[Array]]:
         """Return the times of signals that share them, and a column of each signal."""
         made: Made = {}
-        times, its_gaps = self._samples.times(rows[0]), self._gaps(rows[0]["topic"])
+        times, its_gaps = self._samples.times(names[0]), self._gaps(self._samples.topic(names[0]))
         # One more sample on each side continues the lines to the window's edges.
         first = max(count_before(times, start) - 1, 0)
         last = min(count_before(times, end) + 1, len(times))
         count = max(last - first, 0)
         if count <= DETAIL * points or not with_extremes:
             step = 1 if with_extremes else max(1, -(-count // points))
-            columns = [self._samples.values(row, first, last, made)[::step] for row in rows]
+            columns = [self._samples.values(one, first, last, made)[::step] for one in names]
             keys = np.arange(first, last, step)
             return _parted(times[keys], columns, keys, its_gaps)
         size = BIN if count // BIN >= points else 1
@@ -229,11 +228,11 @@ class Replay:
         ends = np.minimum(np.minimum(begins + factor, high_bin) * size, len(times)) - 1
         keys = np.stack([begins * size, ends], axis=1).ravel()
         columns = []
-        for row in rows:
+        for name in names:
             if size == 1:
-                low = high = self._samples.values(row, first, last, made)
+                low = high = self._samples.values(name, first, last, made)
             else:
-                low, high = self._samples.extremes(row, low_bin, high_bin)
+                low, high = self._samples.extremes(name, low_bin, high_bin)
             columns.append(np.stack(coarser(low, high, factor), axis=1).ravel())
         return _parted(times[keys], columns, keys, its_gaps)
 

@@ -7,12 +7,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_log.run import Series
 from quadrotor.errors import OutOfBoundsError
 from web.replay.signals import derived, members_of
-from web.signals.expression import answers, is_expression, parse
+from web.signals.evaluator import Evaluator, Place
+from web.signals.expression import Expression, answers, is_expression, parse
+from web.signals.signal import Array, Scaled, Signal, scaled
 
 BIN = 16
 """Number of samples whose minimum and maximum are cached, to draw a whole flight."""
@@ -23,15 +24,12 @@ MOST_EVALUATED = 16
 PIECE = 1 << 16
 """Number of samples that are computed at once."""
 
-Array = npt.NDArray[np.float64]
 Extremes = tuple[Array, Array]
-Made = dict[tuple[str, int, int], Sequence[Array]]
-"""Signals that one answer has computed, by the first one of their source and the samples' range."""
 Row = dict[str, Any]
 """Signal as web.replay.signals describes it."""
 
 
-class Samples:
+class Samples(Evaluator):
     """Samples of all signals of a run; thread-safe.
 
     Args:
@@ -40,115 +38,83 @@ class Samples:
     """
 
     def __init__(self, topics: Mapping[str, Series], signals: Iterable[Row]) -> None:
-        self._topics = topics
+        super().__init__(topics)
         made = derived(topics, members_of(topics)).values()
         self._made = {column: one for its in made for column, one in its.items()}
         self._signals = {row["name"]: row for row in signals}
         self._units = {name: row["unit"] for name, row in self._signals.items()}
+        self._places = {name: self._place(row) for name, row in self._signals.items()}
+        self._parsed = lru_cache(MOST_EVALUATED)(lambda text: parse(text, self._units))
         self._evaluated = lru_cache(MOST_EVALUATED)(self._evaluate)
         self._extremes = lru_cache(MOST_BINNED)(self._binned)
 
-    def known(self, name: str) -> Row | None:
-        """Return a signal of the log; None if the log does not have it."""
-        return self._signals.get(name)
+    def has(self, name: str) -> bool:
+        """Return whether the log has this signal."""
+        return name in self._signals
 
-    def row(self, name: str) -> Row:
-        """Return a signal of the log or one derived by an expression, whose text its name is.
+    def place(self, name: str) -> Place | Expression:
+        """Return where a signal of the log comes from, or one whose text its name is.
 
         Raises OutOfBoundsError for an unknown signal or a wrong expression.
         """
-        if (row := self.known(name)) is not None:
-            return row
+        if (place := self._places.get(name)) is not None:
+            return place
         if is_expression(name):
-            return self._derived(name)
+            return self._parsed(name)
         raise OutOfBoundsError(f"no signal {name!r:.80} in this run; its page lists them")
 
     def expressions(self, texts: Sequence[str]) -> list[dict[str, Any]]:
         """Return the derived signal of each text, or what is wrong with it as `problem`."""
-        return answers(texts, self._derived)
 
-    def times(self, row: Row) -> Array:
-        return self._topics[row["topic"]].time
+        def described(text: str) -> Row:
+            expression = parse(text, self._units)
+            return expression.described(self.topic(expression.inputs[0]))
 
-    def values(self, row: Row, first: int, last: int, made: Made | None = None) -> Array:
-        """Return the samples of a signal with `first` <= index < `last`."""
-        column = row["column"]
-        if column in self._made:
-            place = self._made[column][2]
-            return self._make(column, first, last, {} if made is None else made)[place]
-        samples: Array = self._column(row["topic"], column, first, last) * row["factor"]
-        return samples
+        return answers(texts, described)
 
-    def extremes(self, row: Row, first: int, last: int) -> Extremes:
+    def expression_values(self, expression: Expression, first: int, last: int) -> Array:
+        return self._evaluated(expression.name)[first:last]
+
+    def extremes(self, name: str, first: int, last: int) -> Extremes:
         """Return minimum and maximum of each of the bins `first` <= index < `last` of a signal."""
-        column, factor = row["column"], row["factor"]
-        source, _, place = self._made.get(column, (None, [], 0))
-        key = f"@{source.signals[0].name}" if source else column
-        low, high = (factor * bins[first:last] for bins in self._extremes(row["topic"], key)[place])
-        return (low, high) if factor >= 0.0 else (high, low)
+        place, index = self.place(name), 0
+        if isinstance(place, Place) and place.source.function is not None:
+            name, index = f"@{place.source.signals[0].name}", place.number
+        low, high = (bins[first:last] for bins in self._extremes(name)[index])
+        return low, high
 
-    def _derived(self, text: str) -> Row:
-        expression = parse(text, self._units)
-        described = expression.described(self._signals[expression.inputs[0]]["topic"])
-        return described | {"column": expression.name, "factor": 1.0}
+    def _place(self, row: Row) -> Place:
+        if row["column"] in self._made:
+            source, columns, index = self._made[row["column"]]
+            return Place(source.topic, source, index, columns)
+        signal = Signal(row["name"], row["label"], row["unit"], row["group"], row["topic"])
+        source = scaled(Scaled(signal, row["column"], row["factor"]))
+        return Place(row["topic"], source, 0, source.columns)
 
     def _evaluate(self, text: str) -> Array:
         """Return all samples of an expression, at the times of the first signal in it."""
-        expression = parse(text, self._units)
-        step, times = expression.start(), self.times(self._derived(text))
-        pieces = [np.zeros(0)]
-        for first in range(0, len(times), PIECE):
-            last, made = min(first + PIECE, len(times)), Made()
-            columns = {
-                name: self._at(name, times, first, last, made).astype(float, copy=False)
-                for name in expression.inputs
-            }
-            pieces.append(step(times[first:last], columns))
-        return np.concatenate(pieces)
+        expression = self._parsed(text)
+        step, count = expression.start(), len(self.times(text))
+        pieces = [
+            self.step(expression, step, first, min(first + PIECE, count))
+            for first in range(0, count, PIECE)
+        ]
+        return np.concatenate([np.zeros(0), *pieces])
 
-    def _column(self, topic: str, column: str, first: int, last: int) -> npt.NDArray[Any]:
-        if is_expression(column):
-            return self._evaluated(column)[first:last]
-        return self._topics[topic].values(column, first, last)
-
-    def _make(self, column: str, first: int, last: int, made: Made) -> Sequence[Array]:
-        """Return all signals of the source of a derived column."""
-        source, names, _ = self._made[column]
-        assert source.function is not None
-        key = (source.signals[0].name, first, last)
-        if key not in made:
-            series = self._topics[source.topic]
-            columns = [series.values(name, first, last) for name in names]
-            inputs = [self._at(name, series.time, first, last, made) for name in source.inputs]
-            with np.errstate(invalid="ignore", divide="ignore"):
-                made[key] = source.function(np, *columns, *inputs)
-        return made[key]
-
-    def _at(self, name: str, times: Array, first: int, last: int, made: Made) -> Array:
-        """Return a signal at times[first:last], interpolated; NaN outside of its samples."""
-        row, wanted = self.row(name), times[first:last]
-        its = self.times(row)
-        if its is times or not len(wanted):
-            return self.values(row, first, last, made)
-        begin = max(count_before(its, wanted[0]) - 1, 0)
-        end = min(count_before(its, wanted[-1]) + 1, len(its))
-        samples = self.values(row, begin, end, made)
-        between: Array = np.interp(wanted, its[begin:end], samples, left=np.nan, right=np.nan)
-        return between
-
-    def _binned(self, topic: str, column: str) -> list[Extremes]:
+    def _binned(self, name: str) -> list[Extremes]:
         """Return minimum and maximum of every BIN samples.
 
-        They are of a column, or of all signals of the source of a derived one.
+        They are of a signal, or with `@` before its name of all signals of its source.
         """
-        count = len(self._topics[topic])
+        place, name = self._made.get(name), name.removeprefix("@")
+        count = len(self.times(name))
         pieces: list[list[Extremes]] = []
         for first in range(0, count, PIECE):
             last = min(first + PIECE, count)
-            if column in self._made:
-                values = self._make(column, first, last, {})
+            if place is not None:
+                values = self._make(Place(place[0].topic, place[0], 0, place[1]), first, last, {})
             else:
-                values = [self._column(topic, column, first, last).astype(float, copy=False)]
+                values = [self.values(name, first, last).astype(float, copy=False)]
             pieces.append([coarser(one, one, BIN) for one in values])
         return [
             (np.concatenate([low for low, _ in its]), np.concatenate([high for _, high in its]))
@@ -162,8 +128,3 @@ def coarser(low: Array, high: Array, factor: int) -> tuple[Array, Array]:
         return low, high
     begins = np.arange(0, len(low), factor)
     return np.fmin.reduceat(low, begins), np.fmax.reduceat(high, begins)
-
-
-def count_before(times: Array, t: float) -> int:
-    """Return the number of times at or before t."""
-    return int(np.searchsorted(times, t, side="right"))

@@ -1,22 +1,21 @@
 """Numbers that a chart or the state table can show: name, label, unit, and source.
 
 The named ones come first, in units that are easy to read; then every other number of the topics
-that are stored (`web.latest.STALE`), made from their message types. A value is NaN when its
-topic is stale or missing: the charts draw a gap, the table shows the cell in grey.
+that are stored (`web.latest.STALE`), made from their message types.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Set
 from dataclasses import asdict
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import msgspec
 
-from web.latest import STALE, Live
+from web.latest import STALE
 from web.signals.estimates import COMPARED, ESTIMATES, RESULTS
+from web.signals.evaluator import Place
 from web.signals.health import HEALTH
 from web.signals.motion import MOTION
 from web.signals.plain import sources_of
@@ -27,13 +26,14 @@ __all__ = [
     "INDEX",
     "NAMED",
     "NAMED_SOURCES",
+    "PLACES",
     "SIGNALS",
     "UNITS",
     "Signal",
     "Source",
     "describe",
     "described",
-    "snapshot",
+    "topics_for",
 ]
 
 NAMED_SOURCES = (*MOTION, *HEALTH, *ESTIMATES)
@@ -53,46 +53,20 @@ NAMED = sum(len(source.signals) for source in NAMED_SOURCES)
 """Number of leading SIGNALS that have their own names."""
 INDEX: dict[str, int] = {signal.name: i for i, signal in enumerate(SIGNALS)}
 UNITS: dict[str, str] = {signal.name: signal.unit for signal in SIGNALS}
-_NOTHING = [math.nan] * len(SIGNALS)
+PLACES: dict[str, Place] = {
+    signal.name: Place(source.topic, source, k, source.named_columns)
+    for source in _SOURCES
+    for k, signal in enumerate(source.signals)
+}
+"""Where each signal comes from; a column of a member is named `MEMBER/COLUMN`."""
 
 
-@lru_cache(maxsize=64)
-def _plan(wanted: Set[str] | None) -> list[tuple[Source, slice, list[int]]]:
-    """Return the sources to read, with the places of their signals and of their inputs."""
-    needed = set(INDEX if wanted is None else wanted)
-    found = []
-    for source in reversed(_SOURCES):  # inputs are listed before the signals made of them
-        if needed.isdisjoint(signal.name for signal in source.signals):
-            continue
-        needed.update(source.inputs)
-        first = INDEX[source.signals[0].name]
-        place = slice(first, first + len(source.signals))
-        found.append((source, place, [INDEX[name] for name in source.inputs]))
-    return found[::-1]
-
-
-def snapshot(live: Live, wanted: frozenset[str] | None = None) -> list[float]:
-    """Return the present values, in the order of SIGNALS; NaN where stale.
-
-    Args:
-        wanted: names of signals; sources with none of them are not read and give NaN. None: all.
-    """
-    values = _NOTHING.copy()
-    messages: dict[str, Any] = {}
-    for source, place, inputs in _plan(wanted):
-        topic = source.topic
-        if topic not in messages:
-            messages[topic] = live.current(topic)
-        if (message := messages[topic]) is not None:
-            found = source.values(message, [values[i] for i in inputs])
-            if found is not None:
-                values[place] = found
-    return values
-
-
-def topics_for(wanted: frozenset[str]) -> frozenset[str]:
+def topics_for(wanted: Set[str]) -> frozenset[str]:
     """Return the topics from which the values of these signals are computed."""
-    return frozenset(source.topic for source, _, _ in _plan(wanted))
+    places = [PLACES[name] for name in wanted]
+    inputs = {name for place in places for name in place.source.inputs}
+    its = frozenset(place.topic for place in places)
+    return its | topics_for(inputs) if inputs else its
 
 
 def describe() -> dict[str, Any]:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from web.signals.motion import DEGREES
 from web.signals.plain import leaves
-from web.signals.signal import Scaled, Signal, Source, one, rms, scaled, xyz
+from web.signals.signal import Array, Scaled, Signal, Source, one, rms, scaled, xyz
 
 COMPARED = (
     "vehicle",
@@ -26,8 +25,8 @@ one has its row in the Beacons tab and no signal.
 _RESULT = "quadlab_msgs/EstimatorResult"
 
 
-def _deviation(xp: Any, *variances: Any) -> Sequence[Any]:
-    return (1e3 * rms(xp, *variances),)
+def _deviation(*variances: Array) -> Sequence[Array]:
+    return (1e3 * rms(*variances),)
 
 
 def _compared(of: str) -> Source:

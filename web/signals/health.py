@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from quadrotor.constants import MOTORS
 from web.signals.motion import DEGREES
-from web.signals.signal import Signal, Source, one, rms, scaled, xyz
+from web.signals.signal import Array, Signal, Source, one, rms, scaled, xyz
 
 MILLI, MICRO = 1e3, 1e6
 
@@ -19,21 +17,18 @@ def _axes(*names: str) -> tuple[str, ...]:
     return tuple(f"{name}.{axis}" for name in names for axis in "xyz")
 
 
-def _estimator(xp: Any, *columns: Any) -> Sequence[Any]:
+def _estimator(*columns: Array) -> Sequence[Array]:
     *vectors, nis, freedom = columns
     position, attitude, p, v, a = (vectors[k : k + 3] for k in range(0, 15, 3))
-    if xp is math:
-        nis_a_number = nis / freedom if freedom else math.nan
-    else:
-        nis_a_number = np.where(freedom == 0, np.nan, nis / freedom)
+    nis_a_number = np.where(freedom == 0, np.nan, nis / freedom)
     return (
-        1e3 * rms(xp, *(x * x for x in position)),
-        DEGREES * rms(xp, *(x * x for x in attitude)),
+        1e3 * rms(*(x * x for x in position)),
+        DEGREES * rms(*(x * x for x in attitude)),
         nis_a_number,
-        1e3 * rms(xp, *p),
-        1e3 * rms(xp, *v),
-        DEGREES * rms(xp, *a),
-        DEGREES * rms(xp, a[2]),
+        1e3 * rms(*p),
+        1e3 * rms(*v),
+        DEGREES * rms(*a),
+        DEGREES * rms(a[2]),
     )
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from quadrotor.plain_rotations import roll_pitch_yaw, roll_pitch_yaw_of_rows, rotate
-from web.signals.signal import Signal, Source, one, scaled, xyz
+from quadrotor.plain_rotations import roll_pitch_yaw_of_rows, rotate
+from web.signals.signal import Array, Signal, Source, one, scaled, xyz
 
 DEGREES = math.degrees(1.0)
 ATTITUDE = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
@@ -25,28 +24,29 @@ def _names(prefix: str) -> list[str]:
     return [f"{prefix}.{axis}" for axis in "xyz"]
 
 
-def _state(xp: Any, *columns: Any) -> Sequence[Any]:
+def _state(*columns: Array) -> Sequence[Array]:
     q, velocity_b = columns[:4], columns[4:]
-    angles = roll_pitch_yaw(*q) if xp is math else roll_pitch_yaw_of_rows(np.stack(q, axis=1)).T
+    angles = roll_pitch_yaw_of_rows(np.stack(q, axis=1)).T
     return (*rotate(q, velocity_b), *(angle * DEGREES for angle in angles))
 
 
-def _tracking(xp: Any, *inputs: Any) -> Sequence[Any]:
+def _tracking(*inputs: Array) -> Sequence[Array]:
     x, y, z, yaw, *reference, reference_yaw = inputs
     error = (x - reference[0], y - reference[1], z - reference[2])
     turn = (yaw - reference_yaw) / DEGREES
-    wrapped = xp.atan2(xp.sin(turn), xp.cos(turn))
-    return (*error, _length(xp, *error), wrapped * DEGREES)
+    wrapped = np.atan2(np.sin(turn), np.cos(turn))
+    return (*error, _length(*error), wrapped * DEGREES)
 
 
-def _truth(xp: Any, *inputs: Any) -> Sequence[Any]:
+def _truth(*inputs: Array) -> Sequence[Array]:
     truth = (*inputs[7:10], *rotate(inputs[:4], inputs[4:7]))  # position, velocity
     error = [of_state - of_truth for of_state, of_truth in zip(inputs[10:], truth, strict=True)]
-    return (1e3 * _length(xp, *error[:3]), _length(xp, *error[3:]))
+    return (1e3 * _length(*error[:3]), _length(*error[3:]))
 
 
-def _length(xp: Any, x: Any, y: Any, z: Any) -> Any:
-    return xp.sqrt(x * x + y * y + z * z)
+def _length(x: Array, y: Array, z: Array) -> Array:
+    length: Array = np.sqrt(x * x + y * y + z * z)
+    return length
 
 
 MOTION = (

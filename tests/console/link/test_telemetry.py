@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from console.exchange.telemetry import expanded, messages_of
-from console.link.outbox import ENCODERS
 from console.link.telemetry_quality import TelemetryWindow
 from quadrotor.records import TICK, Record
 from vehicle_link.messages import decode
 from vehicle_link.telemetry import pack, unpack
-from vehicle_link.topics import decode_external_reference, decode_imu, decode_odometry
+from vehicle_link.topics import TICK_TOPICS, decode_external_reference, decode_imu, decode_odometry
 
 MS = 1_000_000
 
@@ -35,9 +34,9 @@ def test_every_sample_of_a_packet_comes_out_on_every_topic_with_its_stamp() -> N
     _, received = unpack(pack(sent, 7))
     messages = messages_of(expanded(received, "quad1"), received, "quad1", received_ns=42)
     assert len(messages) == 4 * 5
-    assert {m[0] for m in messages} == {f"/quad1/{topic}" for topic in ENCODERS}
+    assert {m[0] for m in messages} == {f"/quad1/{topic}" for topic in TICK_TOPICS}
     assert {m[3] for m in messages} == {42}
-    for topic in ENCODERS:
+    for topic in TICK_TOPICS:
         stamps = [m[4] for m in messages if m[0] == f"/quad1/{topic}"]
         assert stamps == sent["imu"]["stamp_ns"].tolist()
 

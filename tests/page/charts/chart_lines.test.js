@@ -11,10 +11,10 @@ globalThis.Path2D = class {
   lineTo(x, y) { this.moves.push(["l", x, y]); }
 };
 
-test("a line is broken where a value is missing or late", () => {
-  const times = [0, 0.1, 0.2, 0.3, 0.9, 1.0], values = [1, 2, NaN, 4, 5, 6];
+test("a line is broken where a value is missing, and a sample alone is a dot", () => {
+  const times = [0, 0.1, 0.2, 0.3, 0.9, 1.0], values = [1, 2, NaN, 4, NaN, 6];
   const { path, end } = trace(times, values, 0, 6, (time) => 100 * time, (value) => value);
-  assert.deepEqual(path.moves, [["m", 0, 1], ["l", 10, 2], ["m", 30, 4], ["l", 31, 4], ["m", 90, 5], ["l", 100, 6]]);
+  assert.deepEqual(path.moves, [["m", 0, 1], ["l", 10, 2], ["m", 30, 4], ["l", 31, 4], ["m", 100, 6], ["l", 101, 6]]);
   assert.deepEqual(end, [100, 6]);
 });
 

@@ -7,7 +7,7 @@ import { LONGEST, SHORTEST, TimeAxis } from "../../../web/static/charts/time_axi
 function made(context) {
   const clock = { ms: 0 };
   context.mock.method(performance, "now", () => clock.ms);
-  const telemetry = new EventTarget(), frozen = { times: [900, 1000], start: 0, end: 2 };
+  const telemetry = new EventTarget(), frozen = { first: 900, origin: 1e9 };
   const axis = new TimeAxis({ telemetry, freeze: () => frozen }, 30);
   telemetry.dispatchEvent(new CustomEvent("frame", { detail: { time: 1000 } }));
   return { axis, clock };
@@ -15,6 +15,8 @@ function made(context) {
 
 test("it runs on while nothing comes, and stands while paused", (context) => {
   const { axis, clock } = made(context);
+  clock.ms = 100;
+  assert.deepEqual(axis.span, [970, 1000]); // three frames are nothing
   clock.ms = 2000;
   assert.deepEqual(axis.span, [972, 1002]);
   axis.pause();

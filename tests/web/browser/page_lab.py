@@ -35,6 +35,7 @@ from web.access.accounts import Accounts
 from web.access.database import AccessDatabase
 from web.access.passwords import Passwords
 from web.access.roles import Role
+from web.latest import TICKS
 
 RUN, LATER = "20260131T093042Z_quad1", "20260131T100000Z_quad1"
 NAME, PASSWORD = "anna", "correct horse battery"
@@ -80,7 +81,6 @@ def circle(station: Any, t: float, *, stands: bool = False) -> None:
 
     x, y, z = place(angle - lag)
     half = 0.0 if stands else 0.5 * 0.12
-    pose = {"pose": {"position": (x + wobble, y, z), "orientation": (half, half, 0.0, 0.995)}}
     truth = {"pose": {"position": (x, y + 0.004, z), "orientation": (half, half, 0.0, 0.995)}}
     twist = {
         "twist": {
@@ -89,13 +89,17 @@ def circle(station: Any, t: float, *, stands: bool = False) -> None:
         }
     }
     put = station.put
-    ours = ("state", "truth", "reference", "link_status", "station_status")
+    ours = (TICKS, "truth", "link_status", "station_status")
     station.put = lambda topic, message: None if topic in ours else put(topic, message)
     station.fly()
     station.put = put
-    put("state", new("nav_msgs/Odometry", header=stamp, pose=pose, twist=twist))
+    tick = station.tick(x + wobble, y, z)
+    state = tick["state"]
+    state["quaternion_wb"] = (0.995, half, half, 0.0)
+    state["velocity_w"], state["angular_velocity_b"] = twist["twist"].values()
+    tick["reference"]["position_w"] = place(angle)
+    put(TICKS, tick)
     put("truth", new("nav_msgs/Odometry", header=stamp, pose=truth, twist=twist))
-    put("reference", new("quadlab_msgs/Reference", header=stamp, position=place(angle)))
     put(
         "link_status",
         new(

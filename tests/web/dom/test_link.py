@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from vehicle_link.messages import header, new
-from web.latest import STALE
+from web.latest import STALE, TICKS
 
 
 @pytest.fixture
@@ -28,13 +28,13 @@ def test_every_number_of_the_vehicle_has_a_deadline(page: Any) -> None:
 def test_a_row_of_two_messages_is_grey_when_one_of_them_is_missing(
     page: Any, look: Any, station: Any, flying: Any
 ) -> None:
-    error = "#table tbody tr >> nth=5"
-    look.text(f"{error} >> td >> nth=3", r"^0\.500$")
+    error = "#table tbody tr >> nth=8"  # thrust and mass
+    look.text(f"{error} >> td >> nth=3", r"^1\.310$")
     fly, put = station.fly, station.put
-    station.put = lambda topic, message: topic == "reference" or put(topic, message)
+    station.put = lambda topic, message: topic == "estimator" or put(topic, message)
     try:
         look.has_class(f"{error} >> td >> nth=3", "stale")
-        look.text(f"{error} >> td >> nth=3", r"^0\.500$")
+        look.text(f"{error} >> td >> nth=3", r"^1\.310$")
     finally:
         station.put = put
     assert station.fly == fly
@@ -46,7 +46,7 @@ def test_silence_of_the_vehicle_shows_before_the_station_says_so(
 ) -> None:
     look.has_no_class("#link", "warn")
     put = station.put
-    station.put = lambda topic, message: topic == "state" or put(topic, message)
+    station.put = lambda topic, message: topic == TICKS or put(topic, message)
     try:
         look.has_class("#link", "warn")  # the station's own status still arrives and is good
         look.text("#flags", "^no telemetry for")

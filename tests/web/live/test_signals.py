@@ -5,31 +5,29 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 from console.exchange.subscriptions import RECORDED_AS_RECEIVED
-from console.link.outbox import ENCODERS, RECORDED
+from console.link.outbox import RECORDED
+from tests.support.live_signals import Received, ticks_of
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.units import number_at, numbers
-from vehicle_link.topics import TOPICS
-from web.latest import STALE, Live
-from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described, snapshot
+from vehicle_link.topics import TICK_TOPICS, TOPICS
+from web.latest import STALE
+from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described
 from web.signals.plain import MEMBERS
 
 TEXT = {"events", "parameter_changes"}
 """Topics with lines, not values over time."""
-LOGGED = ({*RECORDED_AS_RECEIVED, *RECORDED, *ENCODERS}) - TEXT
+LOGGED = ({*RECORDED_AS_RECEIVED, *RECORDED, *TICK_TOPICS}) - TEXT
 WITH_NUMBERS = {topic for topic in LOGGED if numbers(TOPICS[topic].type_name, 0)}
 
 
-def values(live: Live, wanted: frozenset[str] | None = None) -> dict[str, float]:
-    return dict(zip(INDEX, snapshot(live, wanted), strict=True))
-
-
-def live_with(topic: str, message: Any) -> Live:
-    live = Live(decode)
-    live.put(topic, encode(message))
-    return live
+def values_with(topic: str, message: Any) -> dict[str, float]:
+    received = Received()
+    received.put(topic, message)
+    return received.newest()
 
 
 def filled(type_name: str) -> Any:
@@ -48,23 +46,44 @@ def filled(type_name: str) -> Any:
     return message
 
 
-@pytest.mark.parametrize("topic", sorted(WITH_NUMBERS))
+@pytest.mark.parametrize("topic", sorted(WITH_NUMBERS - TICK_TOPICS.keys()))
 def test_every_number_of_a_logged_topic_can_be_charted(topic: str) -> None:
     found = numbers(TOPICS[topic].type_name, 0)
     assert topic in STALE
     message = filled(TOPICS[topic].type_name)
-    live = live_with(topic, message)
-    if topic == "truth":
-        live.put("state", encode(message))
-    shown = [v for v in values(live).values() if math.isfinite(v)]
+    received = Received()
+    received.ticks(ticks_of(3, rate=1e4, start=-1e-4))
+    received.put(topic, message)
+    shown = [v for v in received.newest().values() if math.isfinite(v)]
     for path, _ in found:
         number = number_at(decode(encode(message), TOPICS[topic].type_name), path)
         scales = (1.0, 1e2, 1e3, 1e6, math.degrees(1.0))  # %, mm or ms, µs, degrees
         assert any(math.isclose(number * k, v, rel_tol=1e-6) for v in shown for k in scales), path
 
 
+@pytest.mark.parametrize("topic", sorted(TICK_TOPICS))
+def test_every_number_of_a_tick_can_be_charted(topic: str) -> None:
+    received, ticks = Received(), ticks_of(1)
+    whole = ticks.view(np.uint8).copy()
+    for part in ("state", "reference", "actuators"):
+        runs = ticks[part].dtype
+        ticks[part] = np.arange(1.0, runs.itemsize / 8 + 1).view(runs)
+    ticks["imu"]["specific_force_b"], ticks["imu"]["angular_velocity_b"] = 7.5, 8.5
+    assert (ticks.view(np.uint8) != whole).any()
+    received.ticks(ticks)
+    message, shown = received.live.newest(topic), list(received.newest().values())
+    assert message is not None
+    for path, _ in numbers(TOPICS[topic].type_name, 0):
+        number = number_at(message, path)
+        scales = (1.0, math.degrees(1.0))
+        assert any(math.isclose(number * k, v, rel_tol=1e-6) for v in shown for k in scales), path
+
+
 def test_a_plain_signal_is_the_number_of_its_field() -> None:
-    now = values(live_with("imu", new("sensor_msgs/Imu", linear_acceleration=(1.0, 2.0, 9.5))))
+    received, ticks = Received(), ticks_of(1)
+    ticks["imu"]["specific_force_b"] = (1.0, 2.0, 9.5)
+    received.ticks(ticks)
+    now = received.newest()
     assert [now[f"imu.linear_acceleration.{a}"] for a in "xyz"] == [1.0, 2.0, 9.5]
     signal = SIGNALS[INDEX["imu.linear_acceleration.z"]]
     assert (signal.unit, signal.group, signal.label) == ("m/s²", "linear acceleration", "z")
@@ -78,13 +97,13 @@ def test_consistency_is_told_a_number_and_deviations_as_lengths() -> None:
         position_variance=(4e-4, 4e-4, 1e-4),
         attitude_variance=(math.radians(0.5) ** 2, 0.0, 0.0),
     )
-    now = values(live_with("estimator", told))
+    now = values_with("estimator", told)
     assert now["nis"] == 1.5
     assert now["deviation.position"] == pytest.approx(30.0)
     assert now["deviation.attitude"] == pytest.approx(0.5)
     assert now["deviation.heading"] == 0.0
     told.nis_freedom = 0  # the newest was refused, or there is no covariance
-    assert math.isnan(values(live_with("estimator", told))["nis"])
+    assert math.isnan(values_with("estimator", told)["nis"])
 
 
 def test_units_are_inherited_by_what_is_nested() -> None:
@@ -94,13 +113,13 @@ def test_units_are_inherited_by_what_is_nested() -> None:
 
 
 def test_an_array_that_is_shorter_gives_no_number() -> None:
-    now = values(live_with("joy", new("sensor_msgs/Joy", axes=(0.5, -0.25), buttons=[1])))
+    now = values_with("joy", new("sensor_msgs/Joy", axes=(0.5, -0.25), buttons=[1]))
     assert (now["joy.axes.0"], now["joy.axes.1"], now["joy.buttons.0"]) == (0.5, -0.25, 1.0)
     assert all(math.isnan(now[f"joy.axes.{i}"]) for i in range(2, MEMBERS))
 
 
 def test_true_and_false_are_one_and_zero() -> None:
-    now = values(live_with("status", new("quadlab_msgs/VehicleStatus", armed=True)))
+    now = values_with("status", new("quadlab_msgs/VehicleStatus", armed=True))
     assert (now["status.armed"], now["status.airborne"]) == (1.0, 0.0)
 
 
@@ -109,26 +128,10 @@ def test_every_field_of_a_compared_estimator_is_found_by_its_name() -> None:
         new("quadlab_msgs/EstimatorResult", name=name, velocity=(i, 0.0, 0.0))
         for i, name in enumerate(reversed(COMPARED))
     ]
-    live = live_with("comparison", new("quadlab_msgs/EstimatorComparison", estimators=results[1:]))
-    now = values(live)
+    message = new("quadlab_msgs/EstimatorComparison", estimators=results[1:])
+    now = values_with("comparison", message)
     assert now[f"comparison.{COMPARED[0]}.velocity.x"] == len(COMPARED) - 1
     assert math.isnan(now[f"comparison.{COMPARED[-1]}.velocity.x"]), "it did not come"
-
-
-def test_what_nobody_wants_is_not_read() -> None:
-    decoded: list[str] = []
-
-    def decoding(payload: bytes, type_name: str) -> Any:
-        decoded.append(type_name)
-        return decode(payload, type_name)
-
-    live = Live(decoding)
-    live.put("estimator", encode(new("quadlab_msgs/EstimatorStatus", mass=1.3)))
-    live.put("imu", encode(new("sensor_msgs/Imu")))
-    now = values(live, frozenset({"mass"}))
-    assert decoded == ["quadlab_msgs/EstimatorStatus"]
-    assert now["mass"] == 1.3
-    assert math.isnan(now["imu.linear_acceleration.z"])
 
 
 def test_named_signals_come_first_and_nothing_has_two() -> None:

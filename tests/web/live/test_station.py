@@ -12,6 +12,7 @@ import pytest
 
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
+from tests.support.live_signals import packets_of, ticks_of
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
@@ -66,7 +67,7 @@ class Router:
         for name in ("arm", "emergency", "start_behavior", "change_parameters", "record", "checks"):
             self.node.serve(f"station/{name}", SERVICES[name], self._answer(name))
         serve_parameters(self.vehicle, self.backend)
-        self.state = self.node.advertise(TOPICS["state"])
+        self.ticks = self.node.advertise(TOPICS["ticks"])
         self.events = self.node.advertise(TOPICS["events"])
         self.changes = self.node.advertise(TOPICS["parameter_changes"])
 
@@ -92,7 +93,9 @@ class Router:
         return answer
 
     def publish_state(self) -> None:
-        self.state.put(encode(new("nav_msgs/Odometry", pose={"pose": {"position": (1, 2, 3)}})))
+        ticks = ticks_of(1)
+        ticks["state"]["position_w"] = (1.0, 2.0, 3.0)
+        self.ticks.put(packets_of(ticks)[0])
 
 
 @pytest.fixture
@@ -217,8 +220,8 @@ def test_forwarded_messages_come_as_they_are_and_only_while_they_are_wanted(
 
     until(arrived)
     assert set(came) == {payload}
-    client.station.forward({"state": lambda received: None})
-    until(lambda: router.state.has_subscribers)  # this is known after the other has ended
+    client.station.forward({"ticks": lambda received: None})
+    until(lambda: router.ticks.has_subscribers)  # this is known after the other has ended
     count = len(came)
     router.events.put(payload)
     until(lambda: any(line["text"] == "hello" for line in client.hub.lines))

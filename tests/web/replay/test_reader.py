@@ -22,7 +22,7 @@ from web.replay.build import build_replay
 from web.replay.reader import Replay
 from web.replay.samples import BIN, coarser
 from web.replay.track import PARTS, WIDTH
-from web.signals import NAMED_SOURCES, Source
+from web.signals import NAMED_SOURCES
 
 RUN = MadeRun(
     24.0,
@@ -253,27 +253,13 @@ def test_rotations_give_their_angles_and_world_velocities() -> None:
     }
     [source] = [one for one in NAMED_SOURCES if one.signals[0].name == "state.velocity.x"]
     assert source.function is not None
-    values = source.function(np, *(columns[name] for name in source.columns))
+    values = source.function(*(columns[name] for name in source.columns))
     found = {signal.name: one for signal, one in zip(source.signals, values, strict=True)}
     for name, expected in (("roll", roll), ("pitch", pitch), ("yaw", yaw)):
         assert found[f"state.{name}"] == pytest.approx(np.degrees(expected), abs=1e-7)
     # The body's x axis in the world.
     assert found["state.velocity.x"] == pytest.approx(np.cos(yaw) * np.cos(pitch), abs=1e-9)
     assert found["state.velocity.z"] == pytest.approx(-np.sin(pitch), abs=1e-9)
-
-
-@pytest.mark.parametrize("source", [one for one in NAMED_SOURCES if one.function])
-def test_a_signal_of_a_log_is_what_it_is_live_sample_by_sample(source: Source) -> None:
-    """Compute many samples at once and each alone, a missing value among them."""
-    assert source.function is not None
-    count = len(source.columns) + len(source.inputs)
-    columns = np.random.default_rng(4).standard_normal((count, 50))
-    columns[-1, 3] = np.nan
-    columns[:, 7] = 0.0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        together = source.function(np, *columns)
-    alone = [source.function(math, *sample) for sample in columns.T.tolist()]
-    np.testing.assert_allclose(np.array(together).T, alone, rtol=1e-9, atol=1e-9)
 
 
 def test_the_track_holds_the_path_and_its_silence(replay: Replay) -> None:

@@ -2,7 +2,7 @@
 // Its axis is a TimeAxis or a replay's Range. Its source says what there is, live or recorded:
 //   signals: name → { label, unit, group, topic }
 //   lines(names, styles): [{ name, stroke, dash, … }] of what was chosen; `second` ones have no name
-//   samples(line, from, to): { times, values, from, to, shift, gap } of a time, or undefined
+//   samples(line, from, to): { times, values, from, to, shift, holes } of a time, or undefined
 //   read(output, line, figure): writes the value that belongs to the cursor or to now
 //   figures(line, from, to): statistics of a time, see figures.js; table(names, from, to): groups of columns, see save.js
 
@@ -232,10 +232,12 @@ export class Chart {
       const y = u.valToPos(this.limits[unit], `y${i}`, true);
       stroke("var(--amber)", [6, 4], [left, y], [left + width, y]);
     });
+    this.drawHoles(u);
     let free = -Infinity;
     ctx.textBaseline = "top";
     ctx.textAlign = "left";
-    for (const { t, text, kind } of this.hasEvents ? this.axis.events : []) {
+    for (const { t: time, text, kind } of this.hasEvents ? this.axis.events : []) {
+      const t = time - this.axis.origin;
       if (t < min || t > max) continue;
       const x = Math.round(left + (t - min) / (max - min) * width) + 0.5;
       stroke(kind === "warn" ? "var(--amber)" : "var(--strong)", [], [x, top], [x, top + height]);
@@ -248,15 +250,31 @@ export class Chart {
     ctx.restore();
   }
 
+  // How many samples are missing, at the bottom; those of neighbouring holes together.
+  drawHoles({ ctx, bbox: { left, top, width, height }, scales: { x: { min, max } } }) {
+    const ratio = devicePixelRatio, apart = 44 * ratio, groups = [];
+    for (const { t, count } of this.pieces[0]?.holes ?? []) {
+      const x = left + (t - min) / (max - min) * width;
+      if (t < min || t > max || !count) continue;
+      const last = groups.at(-1);
+      if (last && x - last.x < apart) last.count += count;
+      else groups.push({ x, count });
+    }
+    ctx.textBaseline = "bottom";
+    ctx.textAlign = "center";
+    ctx.fillStyle = paint("var(--amber)");
+    for (const { x, count } of groups) ctx.fillText(`−${count}`, x, top + height - 2 * ratio);
+  }
+
   path(u, i) {
     this.ends[i] = null;
     const piece = this.pieces[i];
     if (!piece) return null;
-    const { times, values, from, to, shift = 0, gap } = piece, key = u.series[i + 1].scale, y = u.scales[key];
+    const { times, values, from, to, shift = 0 } = piece, key = u.series[i + 1].scale, y = u.scales[key];
     const { left, width, top, height } = u.bbox, { min, max } = u.scales.x;
     const slope = width / (max - min), rise = height / (y.max - y.min);
     const yOf = y.distr === 3 ? (value) => u.valToPos(value, key, true) : (value) => top + (y.max - value) * rise;
-    const { path, end } = trace(times, values, from, to, (time) => left + (time - shift - min) * slope, yOf, gap);
+    const { path, end } = trace(times, values, from, to, (time) => left + (time - shift - min) * slope, yOf);
     this.ends[i] = end;
     return { stroke: path, fill: null, clip: null, band: null, gaps: null, flags: 1 };
   }

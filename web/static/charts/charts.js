@@ -37,6 +37,7 @@ function lookOf({ names, scales, limits, view, hasFigures, hasEvents }) {
 
 export class Charts {
   chosen; add; pause; // made by the tools
+  slowness = 1;
 
   // events: of this page; what happens is a line in the charts
   constructor(place, telemetry, description, events) {
@@ -54,7 +55,7 @@ export class Charts {
     this.row = element("div", { className: "row" });
     place.append(this.bar(), this.row);
     this.show(layout, name);
-    this.axis.addEventListener("change", () => this.drawBar());
+    for (const change of ["change", "point"]) this.axis.addEventListener(change, () => this.drawBar());
     this.drawBar();
     onKey(" ", "pause or resume the charts", () => this.axis.toggle());
     setInterval(() => this.draw(), LOOK);
@@ -67,9 +68,10 @@ export class Charts {
   }
 
   follow(events) {
-    const { axis } = this, add = ({ stamp, text, level }) => { axis.events = [...axis.events.slice(-MOST_EVENTS), { t: stamp, text, kind: level === "info" ? "" : "warn" }]; };
-    events.on("hello", ({ events: lines }) => { axis.events = []; lines.forEach(add); });
-    events.on("event", add);
+    const { axis, history } = this, add = ({ time, text, level }) => { axis.events = [...axis.events.slice(-MOST_EVENTS), { t: time, text, kind: level === "info" ? "" : "warn" }]; };
+    events.on("hello", ({ events: lines }) => { axis.events = []; lines.filter(({ time }) => time).forEach(add); });
+    events.on("event", (line) => add({ ...line, time: line.time ?? history.origin + axis.now }));
+    this.telemetry.addEventListener("frame", ({ detail }) => { this.slowness = detail.slowness; });
   }
 
   // A signal from now on, in all menus; throws what is wrong with the text.
@@ -88,6 +90,7 @@ export class Charts {
     this.reset = element("button", { title: "reset the zoom (double-click in a chart)", hidden: true,
       onclick: () => this.axis.reset() }, "Whole window");
     this.state = element("output", { className: "state" });
+    this.at = element("output", { className: "at" });
     this.chosen = element("select", { ariaLabel: "layout of the charts", onchange: () => this.chooseLayout() });
     this.add = element("button", { title: "add a chart", ariaLabel: "add a chart",
       onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, icon("add"));
@@ -95,7 +98,7 @@ export class Charts {
       show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list(),
       derive: (text) => this.derive(text) });
     return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows,
-      this.reset, this.state,
+      this.reset, this.state, this.at,
       element("span", { className: "right" }, this.chosen, this.layoutMenu.button, this.add), this.layoutMenu.place);
   }
 
@@ -253,6 +256,15 @@ export class Charts {
     hide(this.reset, !zoom);
     this.place.classList.toggle("paused", paused);
     const shown = zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : "";
-    setText(this.state, paused ? `paused for ${duration(axis.pausedFor)}${shown}` : "");
+    const coarse = this.slowness > 1 ? `coarser, for this connection is slow: least and greatest of ${this.slowness} samples` : "";
+    setText(this.state, paused ? `paused for ${duration(axis.pausedFor)}${shown}` : coarse);
+    setText(this.at, this.stamp);
+  }
+
+  // When the sample under the cursor was taken.
+  get stamp() {
+    const { axis } = this, { source, names: [name] = [] } = this.charts.find(({ source: one, names }) => one.stamp && names.length) ?? {};
+    const time = name && axis.cursor !== null ? source.stamp(name) : undefined;
+    return time === undefined ? "" : `at ${axis.clock(time, 4)}`;
   }
 }

@@ -5,7 +5,6 @@ const AXIS = { x: "var(--x)", y: "var(--y)", z: "var(--z)", roll: "var(--x)", pi
 const OTHERS = ["teal", "violet", "gold", "rose", "accent", "amber", "y", "text"].map((name) => `var(--${name})`);
 const DASHES = [[], [9, 3], [2, 3], [9, 3, 2, 3]];
 const REFERENCE = [5, 4], TRUTH = [1.5, 3];
-const BREAK = 0.3; // s between samples above which nothing is known of the time between
 
 /** @param {string} name */
 export const isReference = (name) => name.startsWith("reference.");
@@ -59,7 +58,7 @@ export function extent(values, from, to, low = null, high = null) {
  * @param {(time: number) => number} xOf
  * @param {(value: number) => number} yOf
  */
-export function trace(times, values, from, to, xOf, yOf, gap = BREAK) {
+export function trace(times, values, from, to, xOf, yOf) {
   const path = new Path2D();
   let pen = false, column = NaN, first = 0, low = 0, high = 0, last = 0, count = 0, end = null, start = 0;
   const flush = () => { // one stroke for all samples of a pixel
@@ -80,7 +79,6 @@ export function trace(times, values, from, to, xOf, yOf, gap = BREAK) {
   for (let i = from; i < to; i++) {
     const value = values[i];
     if (!(Math.abs(value) < Infinity)) { lift(); continue; }
-    if (i > from && times[i] - times[i - 1] > gap) lift();
     const x = Math.round(xOf(times[i])), y = yOf(value);
     if (x !== column) { flush(); column = x; }
     if (!count) first = low = high = y;

@@ -24,7 +24,7 @@ export class Spectrogram extends Asked {
 
   samples({ rotor }) {
     const values = this.found?.rotors[rotor];
-    return values && { times: this.found.times, values, from: 0, to: values.length, gap: Infinity };
+    return values && { times: this.found.times, values, from: 0, to: values.length };
   }
 
   // Where it is strongest at the cursor, above the vehicle's own motion.
@@ -56,7 +56,7 @@ export class Spectrogram extends Asked {
 
 // Grows by the columns of the last seconds with each `renew`. Args: `axis` of the time.
 export class LiveSpectrogram extends Spectrogram {
-  offset = Infinity; name = ""; // s, page's time less the vehicle's: the least is that of the fastest answer
+  name = "";
 
   constructor(signals, axis) {
     super(axis);
@@ -70,16 +70,14 @@ export class LiveSpectrogram extends Spectrogram {
   take(found) {
     const [name] = this.names, last = this.name === name ? this.found : null;
     this.name = name;
-    this.offset = Math.min(this.offset, this.range.now - found.newest);
     const stamps = found.times, first = stamps[0], step = stamps.length > 1 ? stamps[1] - first : 0.5;
     const isSame = last?.frequency.length === found.frequency.length;
-    const until = isSame ? last.stamps.findLastIndex((stamp) => stamp < first - 0.5 * step) + 1 : 0;
-    const from = Math.max(0, until - COLUMNS), newest = until ? last.stamps[until - 1] : first;
+    const until = isSame ? last.times.findLastIndex((stamp) => stamp < first - 0.5 * step) + 1 : 0;
+    const from = Math.max(0, until - COLUMNS), newest = until ? last.times[until - 1] : first;
     // Columns are equally far apart: a gap has empty ones.
     const gap = Array.from({ length: Math.min(COLUMNS, Math.max(0, Math.round((first - newest) / step) - 1)) }, (_, k) => k + 1);
     const joined = (before, empty, after) => [...(before ?? []).slice(from, until), ...gap.map(empty), ...after];
-    const all = joined(last?.stamps, (k) => newest + k * step, stamps);
-    this.found = { frequency: found.frequency, stamps: all, times: all.map((stamp) => stamp + this.offset),
+    this.found = { frequency: found.frequency, times: joined(last?.times, (k) => newest + k * step, stamps),
       density: joined(last?.density, () => found.frequency.map(() => NaN), found.density),
       rotors: found.rotors.map((turns, rotor) => joined(last?.rotors[rotor], () => NaN, turns)) };
     this.greatest = greatestOf(this.found.density);

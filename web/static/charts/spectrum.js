@@ -90,10 +90,10 @@ export class Spectra extends Asked {
   samples({ name, rotor }, min, max) {
     const one = this.found.get(name);
     if (!one) return undefined;
-    if (rotor === undefined) return { times: one.frequency, values: one.density, from: 0, to: one.frequency.length, gap: Infinity };
+    if (rotor === undefined) return { times: one.frequency, values: one.density, from: 0, to: one.frequency.length };
     const at = this.rotors[rotor], inside = one.density.filter((value) => value > 0);
     if (!(at >= min && at <= max) || !inside.length) return undefined;
-    return { times: [at, at], values: [Math.min(...inside), Math.max(...inside)], from: 0, to: 2, gap: Infinity };
+    return { times: [at, at], values: [Math.min(...inside), Math.max(...inside)], from: 0, to: 2 };
   }
 
   // The value under the cursor.

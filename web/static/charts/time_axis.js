@@ -3,6 +3,7 @@
 /** @import { History } from "./history.js" */
 
 export const SHORTEST = 5, LONGEST = 600; // s
+const FRAMES = 0.12; // s without a frame that are nothing: three frames
 const FINEST = 0.2; // s, of a zoom into what is paused
 const STEPS = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300]; // s between ticks
 
@@ -11,8 +12,10 @@ export class Axis extends EventTarget {
   /** @type {number | null} */
   cursor = null; // s
   /** @type {{ t: number, text: string, kind: string }[]} */
-  events = []; // in order of time
+  events = []; // in order of time; t less the origin is a time of the axis
   version = 0; // counts what makes a chart that stands still draw again
+
+  get origin() { return 0; }
 
   /** @returns {number | null} s, where a replay is */
   get head() { return null; }
@@ -53,12 +56,22 @@ export class TimeAxis extends Axis {
     this.pausedAt = 0;
     /** @type {[number, number] | null} */
     this.zoom = null; // [from, to] in s, while paused
-    history.telemetry.addEventListener("frame",
-      (/** @type {any} */ { detail }) => { this.offset = detail.time - performance.now() / 1e3; });
+    this.reached = 0; // s, the vehicle's time in the newest frame
+    this.received = NaN; // ms, when that came
+    history.telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => {
+      this.reached = detail.time;
+      this.received = performance.now();
+    });
+    history.telemetry.addEventListener("origin", () => this.resume());
   }
 
-  get isKnown() { return this.offset !== undefined; }
-  get now() { return this.isKnown ? performance.now() / 1e3 + this.offset : 0; } // runs on while nothing comes
+  get origin() { return this.source.origin; }
+  get isKnown() { return !Number.isNaN(this.received); }
+  // The vehicle's time, which runs on while nothing comes.
+  get now() {
+    const waited = (performance.now() - this.received) / 1e3;
+    return this.reached + (waited > FRAMES ? waited : 0);
+  }
   get paused() { return this.frozen !== null; }
   get pausedFor() { return this.paused ? this.now - this.pausedAt : 0; }
   get hasRoom() { return !this.zoom; } // for the lines' names, on the right
@@ -111,7 +124,7 @@ export class TimeAxis extends Axis {
   /** @param {number} from @param {number} to */
   show(from, to) {
     this.pause();
-    const { source } = this, first = source.end ? source.times[0] : from, length = Math.max(FINEST, to - from);
+    const first = this.source.first ?? from, length = Math.max(FINEST, to - from);
     const start = Math.min(this.pausedAt - 0.1 * length, Math.max(first - 0.9 * length, from));
     this.zoom = [start, start + length];
     this.changed();
@@ -132,9 +145,17 @@ export class TimeAxis extends Axis {
   /** @param {number} time */
   label(time) {
     const before = this.now - time;
-    if (this.paused) return clock(time, this.span);
+    if (this.paused) return this.clock(time, this.span[1] - this.span[0] > 6 ? 0 : 1);
     if (before < 0.05) return "now";
     return before > 119.5 ? `−${Number((before / 60).toFixed(1))} min` : `−${Math.round(before)} s`;
+  }
+
+  // 14:03:27 by the vehicle's clock, with so many digits.
+  /** @param {number} time @param {number} digits */
+  clock(time, digits) {
+    const steps = 10 ** digits, count = Math.floor(time * steps + 1e-6);
+    const text = new Date((this.origin + count / steps) * 1e3 + 1e-3).toTimeString().slice(0, 8);
+    return digits ? `${text}.${String(count % steps).padStart(digits, "0")}` : text;
   }
 
   changed() {
@@ -143,9 +164,3 @@ export class TimeAxis extends Axis {
   }
 }
 
-// 14:03:27, with tenths when that is what is looked at.
-/** @param {number} time @param {[number, number]} span */
-function clock(time, [from, to]) {
-  const text = new Date(time * 1e3).toTimeString().slice(0, 8);
-  return to - from > 6 ? text : `${text}.${Math.floor(time * 10) % 10}`;
-}

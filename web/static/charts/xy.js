@@ -7,8 +7,6 @@ import { indexAt } from "./history.js";
 import { element } from "../core/dom.js";
 import { axisLook } from "../core/theme.js";
 
-const BREAK = 0.3; // s, as in lines.js
-
 export class XyChart extends Chart {
   dots = [element("i", { className: "dot cursor" }), element("i", { className: "dot" })];
   spans = /** @type {Record<string, [number, number]>} */ ({}); // of each axis: "x" and units
@@ -84,8 +82,7 @@ export class XyChart extends Chart {
     let isDrawn = false;
     for (let k = from; k < to; k++) {
       const across = times[k] >= start && times[k] <= end ? at(x, times[k]) : NaN;
-      if (!Number.isFinite(values[k] + across) || (k > from && times[k] - times[k - 1] > Math.max(BREAK, (end - start) / 50))) isDrawn = false;
-      if (!Number.isFinite(values[k] + across)) continue;
+      if (!Number.isFinite(values[k] + across)) { isDrawn = false; continue; }
       path[isDrawn ? "lineTo" : "moveTo"](u.valToPos(across, "x", true), u.valToPos(values[k], key, true));
       isDrawn = true;
     }

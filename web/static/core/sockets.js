@@ -6,6 +6,8 @@ const PAUSES = [250, 500, 1000, 2000]; // ms
 const PING = 1000; // ms
 const FRAME = 120; // ms without a frame that add nothing to an age: three frames
 
+const padded = (bytes) => 8 * Math.ceil(bytes / 8);
+
 export class Socket extends EventTarget {
   socket; isClosed;
 
@@ -68,13 +70,17 @@ export class Events extends Socket {
   }
 }
 
-// /ws/telemetry: see web/live/telemetry.py for the frame.
+const HEAD = 24; // bytes, of a frame: see web/live/frames.py
+
+// /ws/telemetry: see web/live/telemetry.py for what is asked for.
 export class Telemetry extends Socket {
   constructor(description) {
     super("/ws/telemetry", { binary: true });
     this.order = description.topics;
     this.topicOf = new Map(description.signals.map(({ name, topic }) => [name, topic]));
-    this.wants = new Map(); // who wants which signals
+    this.wants = new Map(); // who wants the newest values of which signals
+    this.series = []; // of which every sample is wanted: { names, last, add(times, columns, holes) }
+    this.origin = 0; // s, of the vehicle's epoch, from which times count
     this.names = [];
     this.topics = []; // of these, in the frame's order
     this.id = 0;
@@ -92,28 +98,55 @@ export class Telemetry extends Socket {
     this.subscribe();
   }
 
+  chart(series) {
+    this.series = series;
+    this.subscribe();
+  }
+
   subscribe() {
     this.names = [...new Set([...this.wants.values()].flat())];
-    const topics = new Set(this.names.map((name) => this.topicOf.get(name)));
+    const all = [...this.names, ...this.series.flatMap(({ names }) => names)];
+    const topics = new Set(all.map((name) => this.topicOf.get(name)));
     this.topics = this.order.filter((topic) => topics.has(topic));
     this.id = (this.id + 1) % 65536;
-    this.send(JSON.stringify({ id: this.id, signals: this.names }));
+    const series = this.series.map(({ names, last }) => ({ signals: names, after: last }));
+    this.send(JSON.stringify({ id: this.id, signals: this.names, origin: this.origin, series }));
   }
 
   read(buffer) {
     const view = new DataView(buffer);
     if (view.getUint16(0, true) !== this.id) return; // of the selection before
-    const count = view.getUint16(2, true), age = {}, value = {};
+    const [parts, count, slowness] = [2, 4, 6].map((at) => view.getUint16(at, true)), age = {}, value = {};
+    const origin = view.getFloat64(8, true), time = view.getFloat64(16, true);
     this.topics.forEach((topic, i) => {
-      const milliseconds = view.getUint16(12 + 2 * i, true);
+      const milliseconds = view.getUint16(HEAD + 2 * i, true);
       age[topic] = milliseconds === 65535 ? Infinity : milliseconds / 1e3;
     });
-    const start = 12 + 2 * this.topics.length;
-    for (let i = 0; i < count; i++) value[this.names[i]] = view.getFloat32(start + 4 * i, true);
+    let at = HEAD + padded(2 * this.topics.length);
+    for (let i = 0; i < count; i++) value[this.names[i]] = view.getFloat32(at + 4 * i, true);
+    at += padded(4 * count);
+    if (origin !== this.origin) {
+      this.origin = origin;
+      this.dispatchEvent(new Event("origin"));
+    }
+    for (let i = 0; i < parts; i++) at = this.readSeries(buffer, at);
     this.ages = age;
     this.received = performance.now();
-    const detail = { time: view.getFloat64(4, true), age, value };
-    this.dispatchEvent(new CustomEvent("frame", { detail }));
+    this.dispatchEvent(new CustomEvent("frame", { detail: { time, slowness, age, value } }));
+  }
+
+  // Gives one of the series its new samples; where the next one begins.
+  readSeries(buffer, start) {
+    const [place, count, holes] = new Uint32Array(buffer, start, 3), series = this.series[place];
+    let at = start + 16;
+    const times = new Float64Array(buffer, at, count);
+    at += 8 * count;
+    const columns = series.names.map((_, k) => new Float32Array(buffer, at + 4 * k * count, count));
+    at += padded(4 * count * series.names.length);
+    const pairs = new Float64Array(buffer, at, 2 * holes);
+    const told = Array.from({ length: holes }, (_, k) => ({ t: pairs[2 * k], count: pairs[2 * k + 1] }));
+    series.add(times, columns, told);
+    return at + 16 * holes;
   }
 
   // Age in seconds of a topic's newest message, running on while nothing arrives.

@@ -48,7 +48,7 @@ export class RecordedSignals extends EventTarget {
     const group = window?.groups.find(({ signals }) => signals.includes(name));
     if (!group) return undefined;
     const { times } = group, values = group.columns[group.signals.indexOf(name)];
-    return { times, values, shift, gap: Infinity, ...between(times, min + shift, max + shift, 0, times.length) };
+    return { times, values, shift, ...between(times, min + shift, max + shift, 0, times.length) };
   }
 
   // Of all samples between two instants.

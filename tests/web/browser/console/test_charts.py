@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from quadrotor.records import TICK
+from tests.support.live_signals import packets_of
+from tests.support.ticks import level_ticks
 from vehicle_link.telemetry import pack
-from web.latest import STALE
-from web.live.telemetry import RATE
+from web.latest import STALE, TICKS
 from web.signals import SIGNALS
 
 
@@ -44,7 +45,7 @@ def choose_view(page: Any, name: str) -> None:
     page.click(f"#chart-0 .menu.view button[name={name}]")
 
 
-HOUR = """async ([names, minutes, rate]) => {
+HOUR = """async ([names, minutes]) => {
   const { Telemetry } = await import('/static/core/sockets.js');
   const { History } = await import('/static/charts/history.js');
   const { TimeAxis } = await import('/static/charts/time_axis.js');
@@ -58,119 +59,86 @@ HOUR = """async ([names, minutes, rate]) => {
     const signals = new Map(description.signals.map((one) => [one.name, one]));
     const axis = new TimeAxis(new History(telemetry), 600);
     const chart = new Chart(place, { axis, source: new LiveSignals(axis, signals, 'hour'), names });
-    window.hour = { telemetry, chart, now: Date.now() / 1e3 };
+    window.hour = { telemetry, chart, ticks: 0 };
   }
-  const { telemetry, chart } = window.hour, head = 12 + 2 * telemetry.topics.length;
-  const view = new DataView(new ArrayBuffer(head + 4 * names.length));
-  view.setUint16(0, telemetry.id, true);
-  view.setUint16(2, names.length, true);
-  for (let i = 0; i < minutes * 60 * rate; i++) {
-    view.setFloat64(4, window.hour.now += 1 / rate, true);
-    names.forEach((_, k) => view.setFloat32(head + 4 * k, Math.sin(i / 50 + k), true));
-    telemetry.read(view.buffer);
+  const { telemetry, chart } = window.hour, { history } = chart.axis, series = history.of(names[0]);
+  const times = new Float64Array(20), columns = names.map(() => new Float32Array(20));
+  for (let i = 0; i < minutes * 60 * 25; i++) {
+    for (let k = 0; k < 20; k++) {
+      times[k] = window.hour.ticks++ / 500;
+      columns.forEach((column, n) => { column[k] = Math.sin(times[k] + n); });
+    }
+    series.add(times, columns);
+    const detail = { time: times[19], slowness: 1, age: {}, value: {} };
+    telemetry.dispatchEvent(new CustomEvent('frame', { detail }));
     if (i % 500) continue;
     chart.isSeen = true;
     chart.draw(performance.now() + i * 1e3);
     await null;
   }
-  const { start, end, times } = chart.axis.history;
-  return [end - start, times.length, chart.pieces[0].to - chart.pieces[0].from];
+  const [piece] = chart.pieces;
+  return [series.end - series.start, series.times.length, piece.to - piece.from];
 }"""
 
 
-def test_an_hour_of_frames_leaves_nodes_and_memory_as_they_were(modules: Any) -> None:
-    """Send an hour of frames through decoding, history and a chart of ten minutes."""
+def test_an_hour_of_every_tick_leaves_nodes_and_memory_as_they_were(modules: Any) -> None:
+    """Send an hour of ticks through history and a chart of ten minutes."""
     cdp = modules.context.new_cdp_session(modules)
     cdp.send("Performance.enable")
-    names = [signal.name for signal in SIGNALS[:6]]
+    names = [signal.name for signal in SIGNALS[:3]]
 
     def figures() -> dict[str, float]:
         cdp.send("HeapProfiler.collectGarbage")
         found = cdp.send("Performance.getMetrics")["metrics"]
         return {one["name"]: one["value"] for one in found}
 
-    modules.evaluate(HOUR, [names, 21, RATE])  # after the ring has wrapped
+    _, room, _ = modules.evaluate(HOUR, [names, 21])  # after the ring has wrapped
     before = figures()
-    held, room, drawn = modules.evaluate(HOUR, [names, 60, RATE])
+    held, now, drawn = modules.evaluate(HOUR, [names, 60])
     after = figures()
-    assert (held, drawn > 10_000) == (room / 2, True)
+    assert (held, now) == (600 * 500 + 1, room)
+    assert drawn > 0.95 * held
     assert after["Nodes"] - before["Nodes"] < 50
     assert after["JSHeapUsedSize"] - before["JSHeapUsedSize"] < 2e6
     assert after["JSEventListeners"] - before["JSEventListeners"] < 10
 
 
-CHOICES = """async ([first, second, third]) => {
-  const { History } = await import('/static/charts/history.js');
-  const { TimeAxis } = await import('/static/charts/time_axis.js');
-  const { Chart } = await import('/static/charts/chart.js');
-  const { LiveSignals } = await import('/static/charts/live_signals.js');
-  let wanted = [], time = 1e9, told = 0;
-  const telemetry = Object.assign(new EventTarget(), { want: (_, names) => { wanted = names; } });
-  const { signals } = await (await fetch('/api/signals')).json();
-  const axis = new TimeAxis(new History(telemetry), 60);
-  const place = document.body.appendChild(document.createElement('section'));
-  const source = new LiveSignals(axis, new Map(signals.map((one) => [one.name, one])), 'one');
-  const chart = new Chart(place, { axis, source, names: [first, second] });
-  const fly = () => {
-    for (let i = 0; i < 100; i++, told++) {
-      const value = Object.fromEntries(wanted.map((name, k) => [name, told + k]));
-      const detail = { time: time += 0.04, value };
-      telemetry.dispatchEvent(new CustomEvent('frame', { detail }));
-    }
-  };
-  const held = () => Object.fromEntries(chart.lines.map((line) => {
-    const { values = [], from, to } = source.samples(line, -Infinity, Infinity) ?? {};
-    return [line.name, [...values.slice(from, to)].map((v) => (Number.isFinite(v) ? v : null))];
-  }));
-  fly();
-  chart.select([first, third]);
-  const changed = held(); // before anything comes
-  fly();
-  chart.select([first, second, third]);
-  fly();
-  return [changed, held()];
-}"""
-
-
-def test_a_chart_keeps_what_it_had_when_its_signals_change(modules: Any) -> None:
-    """A signal that is removed and added again has a gap only while it was not requested."""
-    names = [signal.name for signal in SIGNALS[:3]]
-    changed, after = modules.evaluate(CHOICES, names)
-    steps = list(range(100))
-    whole = list(range(300))
-    first, second, third = names
-    assert changed[first] == steps
-    assert after[first] == whole
-    assert after[second] == [k + 1 for k in steps] + 100 * [None] + [k + 201 for k in steps]
-    assert after[third] == 100 * [None] + [k + 101 for k in steps] + [k + 202 for k in steps]
-
-
 def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
-    page: Any, site: Any, flying: Any, until: Any
+    open_page: Any, site: Any, until: Any
 ) -> None:
-    count = 2500
-    ticks = np.zeros(count, TICK)
-    ticks["imu"]["stamp_ns"] = 10**18 + 2_000_000 * np.arange(count)
-    ticks["state"]["position_w"][:, 0] = np.sin(2.0 * np.pi * 40.0 * 0.002 * np.arange(count))
-    ticks["state"]["quaternion_wb"][:, 0] = 1.0
-    packets = [pack(ticks[k : k + 5], k) for k in range(0, count, 5)]
-    site.station.answers.pop("recent_telemetry", None)
+    page, count, sent = open_page(site), 2500, 0
+
+    def come() -> None:
+        """Let five more seconds of ticks come at once."""
+        nonlocal sent
+        numbers = np.arange(sent, sent + count)
+        ticks, sent = np.zeros(count, TICK), sent + count
+        ticks["imu"]["stamp_ns"] = 10**18 + 2_000_000 * numbers  # of a clock that began anew
+        ticks["state"]["position_w"][:, 0] = np.sin(2.0 * np.pi * 40.0 * 0.002 * numbers)
+        ticks["state"]["quaternion_wb"][:, 0] = 1.0
+        for packet in packets_of(ticks):
+            site.station._live.put(TICKS, packet, 1)
+
+    def comes(selector: str, wanted: str) -> None:
+        def is_there() -> bool:
+            come()
+            return wanted in page.locator(selector).first.inner_text()
+
+        until(is_there)
+
+    site.station._live.put(TICKS, pack(level_ticks(0, 1), 0), 1)
     choose_view(page, "spectrum")
     page.wait_for_function(
         "() => document.querySelector('#chart-0 output.state').textContent.includes('needs 2 s')"
     )
-    site.station.answers["recent_telemetry"] = {
-        "packets": np.frombuffer(b"".join(packets), np.uint8),
-        "lengths": [len(one) for one in packets],
-    }
+    come()
     page.wait_for_selector("#chart-0 .plot[aria-label$='over frequency'] canvas")
-    page.wait_for_function(
-        "() => document.querySelector('#chart-0 output.state').textContent === ''"
-    )
+    comes("#chart-0 output.state", "")
     box = page.locator("#chart-0 .u-over").bounding_box()
     at = box["x"] + 40.0 / 250.0 * box["width"], box["y"] + 0.5 * box["height"]
 
     def reads_the_line() -> bool:
+        come()
         page.mouse.move(at[0] - 30.0, at[1])  # the axis was under the cursor at that moment
         page.mouse.move(*at)
         shown = page.locator("#chart-0 .legend output").all_inner_texts()
@@ -179,12 +147,56 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
     until(reads_the_line)
     choose_view(page, "spectrogram")
     page.wait_for_selector("#chart-0 .plot[aria-label$='over time and frequency'] .heat")
-    page.wait_for_function(
-        "() => document.querySelector('#chart-0 .heat').textContent.includes('m/√Hz')"
-    )
+    comes("#chart-0 .heat", "m/√Hz")
     choose_view(page, "time")
     page.wait_for_selector("#chart-0 .plot[aria-label$='over time'] canvas")
     assert chart_signals(page, 0)[0] == "state.position.x"
+
+
+def test_a_page_that_was_cut_off_has_no_hole_when_it_is_back(
+    modules: Any, site: Any, until: Callable[..., None]
+) -> None:
+    """Five minutes come while the page has no connection."""
+    sent = 0
+    modules.evaluate("""async () => {
+      const { Telemetry } = await import('/static/core/sockets.js');
+      const { History } = await import('/static/charts/history.js');
+      const telemetry = new Telemetry(await (await fetch('/api/signals')).json());
+      window.lab = { telemetry, history: new History(telemetry) };
+      window.lab.history.want('test', ['state.position.x']);
+    }""")
+
+    def come(count: int, spike: float = 0.0) -> None:
+        nonlocal sent
+        ticks = level_ticks(sent, count)
+        ticks["imu"]["stamp_ns"] -= 10**17
+        sent += count
+        ticks["state"]["position_w"][count // 2, 0] = spike
+        for packet in packets_of(ticks):
+            site.station._live.put(TICKS, packet, 1)
+
+    def held() -> list[float]:
+        script = """() => { const one = window.lab.history.of('state.position.x');
+          const { times, start, end, holes } = one, values = one.columns.get('state.position.x');
+          let apart = 0, most = 0;
+          for (let i = start; i < end; i++) {
+            if (times[i] < times[i - 1]) throw new Error('it went back');
+            if (i > start) apart = Math.max(apart, times[i] - times[i - 1]);
+            most = Math.max(most, values[i]);
+          }
+          return [times[end - 1] - times[start], apart, most, holes.length]; }"""
+        return list(modules.evaluate(script))
+
+    come(50)
+    until(lambda: held()[0] == pytest.approx(0.098))
+    modules.evaluate("window.lab.telemetry.socket.close()")
+    come(150_000, spike=7.0)
+    until(lambda: (held()[0] or 0.0) > 299.0)
+    passed, apart, most, holes = held()
+    assert passed == pytest.approx(300.098)
+    assert (most, holes) == (7.0, 0)
+    assert apart < 0.3
+    modules.evaluate("window.lab.telemetry.close()")
 
 
 def test_a_derived_signal_is_charted_over_another_and_stays_after_a_reload(

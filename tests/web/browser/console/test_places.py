@@ -16,6 +16,7 @@ from quadrotor.parameters import Parameters, ParameterStore
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new
+from web.latest import TICKS
 
 PLACES = """() => { scrollTo(0, 0); document.querySelector('#tab-fly').scrollTop = 0;
   return Object.fromEntries([...document.querySelectorAll(
@@ -170,14 +171,14 @@ def test_no_flight_control_moves_from_arming_to_a_lost_contact(
         record("emergency landing")
         station.said = FLIES
         text("#behavior", "^hover$")
-        flown.silent, flown.link = frozenset({"state", "status"}), "lost"
+        flown.silent, flown.link = frozenset({TICKS, "status"}), "lost"
         wait("#contact[data-cause=link]")
         text("#contact .next", "lands in|landing now")
         record("link lost")
         text("#contact .next", r"landing now, for [\d.]+ s")
         flown.silent, flown.link = frozenset(), "good"
         wait("#contact", state="hidden")
-        flown.silent = frozenset({"state", "status"})
+        flown.silent = frozenset({TICKS, "status"})
         wait("#contact[data-cause=flight]")
         text("#contact .next", "microcontroller")
         record("flight process gone")
@@ -208,11 +209,9 @@ def test_no_flight_control_moves_from_arming_to_a_lost_contact(
 
 
 TOPICS_OF_ALL = (
-    "state",
+    TICKS,
     "status",
     "truth",
-    "reference",
-    "actuators",
     "estimator",
     "battery",
     "link_status",
