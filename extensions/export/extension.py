@@ -15,6 +15,7 @@ EXTENSION = Extension(
             target=".command:Export",
             summary="Write a log as tables for other programs, times in s and ns, values in SI "
             "units; or as a page that replays it without a server.",
+            examples={"quadlab log export LOG --format parquet": "convert a log for pandas"},
         ),
     ),
     judged=(Judged(Evidence.PEER, "pyarrow and GNU Octave read the files"),),

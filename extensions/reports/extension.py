@@ -13,6 +13,7 @@ EXTENSION = Extension(
             target=".command:Report",
             summary="Write figures, metrics, parameters and calibrations of a log as a page and a "
             "PDF.",
+            examples={"quadlab log report LOG": "make a report of a recorded flight"},
         ),
     ),
     judged=(Judged(Evidence.SIMULATED, "runs of each experiment"),),

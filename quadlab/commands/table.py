@@ -62,10 +62,7 @@ _ROWS = (
         group=Group.RECORDED,
         summary="Inspect, check, repair, fetch, import or export logs, and write reports.",
         target=".log:LogCommand",
-        examples={
-            "quadlab log info --explain LOG": "print what happened in a flight",
-            "quadlab log export LOG --format parquet": "convert a log for pandas",
-        },
+        examples={"quadlab log info --explain LOG": "print what happened in a flight"},
     ),
     Row(
         name="link",
@@ -191,8 +188,8 @@ Base station and experiment console of a quadrotor laboratory.
 {commands}
 Examples:
   quadlab up                              fly a simulated vehicle under the page
-  quadlab fly figure_eight --report       fly the paper's 8 in simulated time
-  quadlab log report LOG                  make a report of a recorded flight
+  quadlab fly figure_eight                fly the paper's 8 in simulated time
+  quadlab log info --explain LOG          print what happened in a recorded flight
 
 quadlab COMMAND --help lists the options of a command, with examples. quadlab completion SHELL
 prints the completion for bash, zsh or tcsh, and quadlab --version the version.
