@@ -17,6 +17,12 @@ STIFFNESS = 4.0
 """Position gain, in 1/s², of the gain set `standard`, whatever the vehicle flies with."""
 PEAK = 3.0
 """Largest displacement by gusts, in rms."""
+JUDGED, DEVIATIONS = 8.0, 2.0
+"""Seconds over which an rms is judged at least; its standard deviations by chance that are allowed.
+
+The rms of two processes with exponential autocorrelation of time τ, over T seconds, has a relative
+standard deviation of sqrt(τ/T)/2.
+"""
 AVERAGED = 0.3
 """Share of the thrust that gusts take and give which an average over seconds still shows."""
 
@@ -29,17 +35,21 @@ class World:
         displacement: m rms, by which gusts displace a vehicle with the gains `standard`, without a
             disturbance observer: their drag over mass and STIFFNESS, as they are slower than it.
         mass: kg, by which they disturb an estimate of the mass.
+        lasts: s, correlation time of the gusts, for which they keep an estimate off.
     """
 
     displacement: float = 0.0
     mass: float = 0.0
+    lasts: float = 0.0
 
     def widened(self, limits: Mapping[str, float]) -> dict[str, float]:
         """Return limits of a flight with what the gusts cost added to them."""
+        chance = 1.0 + DEVIATIONS * 0.5 * math.sqrt(self.lasts / JUDGED)
         costs = {
-            "position_rms_m": self.displacement,
+            "position_rms_m": chance * self.displacement,
             "position_max_m": PEAK * self.displacement,
             "erratic_std_kg": self.mass,
+            "within_1_percent_s": self.lasts if self.mass else 0.0,
         }
         return {name: limit + costs.get(name, 0.0) for name, limit in limits.items()}
 
@@ -62,4 +72,5 @@ def gusts_of(truth: Mapping[str, ParameterValue]) -> World:
     along = math.hypot(*(drag + float(truth.get("drag", 0.0)) for drag in drags))
     loss = float(truth.get("inflow_loss", 0.0))
     taken = mass * loss * gust if math.isfinite(mass) else 0.0
-    return World(gust * along / (mass * STIFFNESS), AVERAGED * taken)
+    lasts = float(truth.get("gust_time", 0.0)) if gust else 0.0
+    return World(gust * along / (mass * STIFFNESS), AVERAGED * taken, lasts)
