@@ -23,7 +23,6 @@ from web.feature import Feature
 from web.panels import TAKEN, Panel
 from web.replay.routes import add_replay
 from web.replay.store import ReplayStore
-from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
 from web.runs.routes import add_runs
 from web.setup.camera_calibration import CameraCalibrations, add_camera_calibration
@@ -31,9 +30,9 @@ from web.setup.camera_calibration import CameraCalibrations, add_camera_calibrat
 
 def built_in(survey: SurveyRun | None, cameras: CameraCalibrations) -> tuple[Feature, ...]:
     """Return the features of every page; `survey` is None where no survey can be made."""
-    exports, reports, replays = ViserExports(), ReportMaking(), ReplayStore()
+    reports, replays = ReportMaking(), ReplayStore()
     return (
-        Feature(partial(add_runs, exports=exports), exports.stop),
+        Feature(add_runs),
         Feature(lambda app, context: add_replay(app, context.catalogue, replays)),
         Feature(lambda app, _: add_camera_calibration(app, cameras), cameras.stop),
         Feature(add_experiments),

@@ -57,18 +57,6 @@ def _page(log: Path, folder: Path) -> int:
     return 0
 
 
-def _recording(log: Path, folder: Path) -> int:
-    """Make the recording for viser."""
-    from web.runs.viser_recording import record
-
-    try:
-        record(log, folder / "a.viser")
-    except QuadlabError as error:
-        print(error, file=sys.stderr)
-        return 1
-    return 0
-
-
 COMMANDS: dict[str, Callable[[Path, Path], int]] = {
     "info": _command("log", "info"),
     "check": _command("log", "check"),
@@ -79,7 +67,6 @@ COMMANDS: dict[str, Callable[[Path, Path], int]] = {
     "report": _command("log", "report", out=True),
     "replay": _command("replay"),
     "page": _page,
-    "recording for viser": _recording,
 }
 
 

@@ -28,7 +28,7 @@ from quadrotor.errors import RefusedError, StorageError, os_errors
 
 TRASH = "trash"
 MADE_AGAIN = (".viser",)
-"""Endings of `<run>.…` files that are recreated on demand; they are not kept."""
+"""Endings of `<run>.…` files of earlier versions that are not kept."""
 
 
 @dataclass(frozen=True, slots=True)

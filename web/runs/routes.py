@@ -26,7 +26,6 @@ from web.runs.sharing import add_sharing, log_response
 from web.runs.trash import add_trash
 
 if TYPE_CHECKING:
-    from web.runs.exports import ViserExports
     from web.vehicle_context import VehicleContext
 
 MOST = 1000
@@ -35,7 +34,7 @@ Text = Annotated[str, Query(max_length=300)]
 Nanoseconds = Annotated[int, Query(ge=0, lt=2**63)]
 
 
-def add_runs(app: FastAPI, parts: VehicleContext, exports: ViserExports) -> None:
+def add_runs(app: FastAPI, parts: VehicleContext) -> None:
     """Add /runs and the routes below /api/runs.
 
     Also those below /api/tags, /api/marks, /api/trash, /api/storage and /api/onboard.
@@ -44,7 +43,7 @@ def add_runs(app: FastAPI, parts: VehicleContext, exports: ViserExports) -> None
     _add_notes(app, parts)
     _add_tags_and_marks(app, parts)
     add_trash(app, parts)
-    add_sharing(app, parts, exports)
+    add_sharing(app, parts)
     add_onboard(app, parts)
 
 

@@ -1,4 +1,4 @@
-"""Runs for other programs: signed links for Foxglove and Lichtblick, recordings for viser."""
+"""Runs for other programs: signed links for Foxglove and Lichtblick."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlencode, urlsplit
 
 from fastapi import FastAPI, HTTPException, Request
-from fastapi.responses import FileResponse, JSONResponse, Response
+from fastapi.responses import FileResponse
 
 from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
@@ -17,7 +17,6 @@ from web.access.requester import Asker
 from web.access.signed_links import AGE, SUFFIX
 
 if TYPE_CHECKING:
-    from web.runs.exports import ViserExports
     from web.vehicle_context import VehicleContext
 
 VIEWERS = {
@@ -33,7 +32,7 @@ def log_response(run: Path) -> FileResponse:
     return FileResponse(log_of(run), filename=f"{run.stem}{SUFFIX}", media_type=media_type)
 
 
-def add_sharing(app: FastAPI, parts: VehicleContext, exports: ViserExports) -> None:
+def add_sharing(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
 
     @app.post("/api/runs/{run_id}/link")
@@ -61,22 +60,3 @@ def add_sharing(app: FastAPI, parts: VehicleContext, exports: ViserExports) -> N
         except StorageError as error:
             raise HTTPException(404, str(error)) from error
         return log_response(path)
-
-    @app.post("/api/runs/{run_id}/viser")
-    def make(run_id: str, _: Asker) -> JsonObject:
-        """Start making the recording for viser, or return its state.
-
-        That is ready, working, waiting or failed, with progress 0 to 1 or the reason.
-        """
-        return exports.ask(run_id, catalogue.resolve(run_id)).as_json()
-
-    @app.get("/api/runs/{run_id}/viser")
-    def recording(run_id: str) -> Response:
-        """Return the recording, for /viser/?playbackPath=…, or 202 and the progress."""
-        log = catalogue.resolve(run_id)
-        state = exports.ask(run_id, log)
-        if state.path is None:
-            return JSONResponse(state.as_json(), 409 if state.name == "failed" else 202)
-        return FileResponse(
-            state.path, filename=f"{run_id}.viser", media_type="application/octet-stream"
-        )

@@ -65,8 +65,6 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/runs/{run_id}/notes": (VIEWER, None),
     "GET /api/runs/{run_id}/marks": (VIEWER, None),
     "POST /api/runs/{run_id}/link": (VIEWER, {}),
-    "POST /api/runs/{run_id}/viser": (VIEWER, {}),
-    "GET /api/runs/{run_id}/viser": (VIEWER, None),
     "GET /signed/runs/{name}": (VIEWER, None),
     "HEAD /signed/runs/{name}": (VIEWER, None),
     "GET /api/tags": (VIEWER, None),

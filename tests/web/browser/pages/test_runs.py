@@ -376,11 +376,6 @@ def test_a_link_for_a_viewer_says_how_long_it_works_and_what_browsers_refuse(
     sees.text("#detail .said >> nth=0", "for ten minutes, for anyone who has it.*Safari refuses")
 
 
-def test_a_recording_that_cannot_be_made_says_why(runs_page: Any, sees: Any) -> None:
-    runs_page.click("#detail button:has-text('3D recording')")
-    sees.text("#detail .said >> nth=0", f"No 3D recording: .*{FIRST}.mcap")
-
-
 def test_a_report_is_made_on_request_and_one_that_cannot_be_says_why(
     runs_page: Any, sees: Any
 ) -> None:
