@@ -1,4 +1,4 @@
-"""The page of runs with 2000 of them: a page of the list, a search, and the recording for viser.
+"""The page of runs with 2000 of them: a page of the list, and a search.
 
 In Chromium the list is scrolled with the answers of a real catalogue, without a server.
 """
