@@ -86,13 +86,19 @@ CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
 def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
     """Return the events of a run, heaviest first, consequences after causes.
 
-    Of each kind it is the heaviest. A detector ignores a run without the topics that it needs.
+    Of each kind it is the heaviest, of those that show their evidence if there are any. A detector
+    ignores a run without the topics that it needs.
     """
     topics = {name: one for name, one in topics.items() if len(one)}
     spans = airborne(topics)
     found: dict[str, Finding] = {}
     for one in (one for detector in DETECTORS for one in detector(topics, parameters, spans)):
-        if one.kind not in found or one.weight > found[one.kind].weight:
+        known = found.get(one.kind)
+        if known is None:
+            found[one.kind] = one
+        elif one.signals and not known.signals:  # what the vehicle told, with its figure
+            found[one.kind] = replace(one, weight=max(one.weight, known.weight))
+        elif one.weight > known.weight and bool(one.signals) >= bool(known.signals):
             found[one.kind] = one
     for cause, kinds in CONSEQUENCES.items():
         if cause in found and not found[cause].follows:

@@ -230,15 +230,15 @@ def centre(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
         inside = (time >= start) & (time < end)
         most = float(np.median(lever[inside]))
         torque = np.median(mean[inside, 1:], axis=0)
-        thrust = float(np.median(mean[inside, 0]))
+        x, y = np.round(1e3 * torque[::-1] / np.median(mean[inside, 0])).astype(int)
         yield Finding(
             "centre_off",
             most / CENTRE,
             start,
             end,
-            f"A steady torque held the vehicle level: its centre of mass is about "
-            f"{1e3 * -torque[1] / thrust:+.0f} mm along x_B and {1e3 * torque[0] / thrust:+.0f} mm "
-            "along y_B from the rotors' middle, or two motors are weaker than the others.",
+            f"A steady torque held the vehicle level: its centre of mass is about {-x:+d} mm along "
+            f"x_B and {y:+d} mm along y_B from the rotors' middle, or two motors are weaker than "
+            "the others.",
             ("torque.x", "torque.y"),
             "mean torque over thrust",
             "m",
