@@ -11,10 +11,10 @@ from console.experiments.catalogue import experiments
 from quadlab.option_types import Flag, Settings
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import ParameterError, UsageError
-from vehicle_link.messages.records import ExperimentResponse
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient
+    from vehicle_link.messages.records import ExperimentResponse
 
 _CALIBRATIONS = [name for name, one in experiments().items() if one.offer.calibration]
 CALIBRATION = f"{', '.join(_CALIBRATIONS)}, or one from your own file"

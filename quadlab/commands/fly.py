@@ -55,12 +55,14 @@ class Fly:
     """print verdict, log and metrics as one line of JSON at the end"""
 
     def run(self) -> int:
+        from console.plots import require_matplotlib
         from console.reports.writer import report_writer
         from quadlab.simulated.experiment import chosen, fly
 
         experiment = chosen(self.experiment)
-        if self.report:
-            report_writer()  # before the flight
+        if self.report:  # before the flight
+            require_matplotlib()
+            report_writer()
         done = fly(
             experiment,
             seed=self.seed,

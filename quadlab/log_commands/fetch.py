@@ -14,16 +14,16 @@ from quadlab.log_commands.log_file import progress_of
 from quadlab.option_types import Flag, optional
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import LinkError, StorageError, UsageError
-from vehicle_link.messages.records import (
-    Message,
-    OnboardFile,
-    OnboardFilesResponse,
-    Transfer,
-    Transfers,
-)
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient
+    from vehicle_link.messages.records import (
+        Message,
+        OnboardFile,
+        OnboardFilesResponse,
+        Transfer,
+        Transfers,
+    )
 
 NEWEST = "newest"
 SILENT = 10.0

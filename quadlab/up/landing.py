@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link import clock
-from vehicle_link.messages.records import VehicleStatus
 from vehicle_link.termination_signal import EndSignal
 
 if TYPE_CHECKING:
+    from vehicle_link.messages.records import VehicleStatus
     from vehicle_link.transport.publisher import Received
     from vehicle_link.transport.session import Session
 LANDING_PATIENCE = 40.0
