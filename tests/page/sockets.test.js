@@ -34,6 +34,21 @@ function withClock(context) {
   return clock;
 }
 
+test("who comes after the hello of a connection gets it too, and that of no earlier one", async (context) => {
+  withClock(context);
+  const events = new Events(), socket = FakeSocket.made.at(-1), heard = [];
+  socket.open();
+  socket.bring('{"type": "hello", "vehicle": "quad1"}');
+  events.on("hello", ({ vehicle }) => heard.push(vehicle));
+  assert.deepEqual(heard, []); // not before who listens has been made
+  await Promise.resolve();
+  assert.deepEqual(heard, ["quad1"]);
+  socket.close();
+  events.on("hello", ({ vehicle }) => heard.push(vehicle));
+  await Promise.resolve();
+  assert.deepEqual(heard, ["quad1"]);
+});
+
 test("a websocket comes back by itself, later and later, until it is closed for good", (context) => {
   const clock = withClock(context), events = new Events();
   for (const pause of [250, 500, 1000, 2000, 2000]) {

@@ -49,6 +49,7 @@ export class Socket extends EventTarget {
 export class Events extends Socket {
   constructor() {
     super("/ws/events");
+    this.hello = null;
     this.summary = { age: {} };
     this.received = -Infinity;
     this.addEventListener("message", ({ data }) => {
@@ -57,11 +58,18 @@ export class Events extends Socket {
         Object.assign(this.summary, message);
         this.received = performance.now();
       }
+      if (message.type === "hello") this.hello = message;
       this.dispatchEvent(new CustomEvent(message.type, { detail: message }));
     });
+    this.addEventListener("close", () => { this.hello = null; });
   }
 
-  on(type, listener) { this.addEventListener(type, ({ detail }) => listener(detail)); }
+  // Who comes after the hello of this connection, as a panel whose script was slow, gets it too.
+  on(type, listener) {
+    this.addEventListener(type, ({ detail }) => listener(detail));
+    const hello = type === "hello" && this.hello;
+    if (hello) queueMicrotask(() => listener(hello));
+  }
 
   // Age in seconds of a topic's newest message, running on while nothing arrives.
   age(topic) {
