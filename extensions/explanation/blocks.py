@@ -113,6 +113,11 @@ def means(rows: Array) -> Array:
     return found
 
 
+def medians(rows: Array) -> Array:
+    found: Array = np.median(rows, axis=0)
+    return found
+
+
 def rms_of(rows: Array) -> Array:
     found: Array = np.sqrt((rows**2).mean(axis=0))
     return found

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, within
-from extensions.explanation.blocks import blocks, has, longest
+from extensions.explanation.blocks import blocks, has, longest, medians
 from flight_log.fields import FORCE, POSITION, RATE, TRACKED, TRACKED_ATTITUDE
 
 FROZEN, JUMP = 0.15, 0.1
@@ -172,7 +172,7 @@ def barometer_off(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
     series, state = topics["pressure"], topics["state"]
     height = np.interp(series.time, state.time, state.values(POSITION[2]))
     away = -series.values("fluid_pressure").astype(np.float64) / PASCALS - height
-    starts, middle = blocks(series.time, away[:, None], spans, _medians, 1.0)
+    starts, middle = blocks(series.time, away[:, None], spans, medians, 1.0)
     if len(starts) < 2:
         return
     moved = middle[:, 0] - np.median(middle[:2, 0])
@@ -195,11 +195,6 @@ def barometer_off(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
             starts + 0.5,
             moved,
         )
-
-
-def _medians(rows: Array) -> Array:
-    found: Array = np.median(rows, axis=0)
-    return found
 
 
 def battery_stuck(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:

@@ -64,7 +64,6 @@ class Window:
         start: in s since the run's first message.
         imu, motors: by the accelerometer, and by the commanded thrust; None where it is not logged.
         turning_b: rad/s by which the gyroscope read more than the poses turned, (3,), body axes.
-        rate: rad/s, rms of what the gyroscope read.
         spread: in m, rms of the places about their mean; a delay and a scale show only in motion.
     """
 
@@ -72,7 +71,6 @@ class Window:
     imu: Fit
     motors: Fit | None
     turning_b: Array
-    rate: float
     spread: float
 
 
@@ -131,7 +129,6 @@ class _Flight:
             imu=imu,
             motors=motors,
             turning_b=self._turning(poses, samples),
-            rate=float(np.sqrt((self._rates[samples] ** 2).sum(axis=1).mean())),
             spread=float(np.sqrt(self._places[poses].var(axis=0).sum())),
         )
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from bearing_sim.beacons import parse_layout
 from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, within
-from extensions.explanation.blocks import blocks, has, longest
+from extensions.explanation.blocks import blocks, has, longest, medians
 from flight_log.fields import ATTITUDE, POSITION, TRACKED, TRACKED_ATTITUDE
 from quadrotor.errors import MeasurementError
 from quadrotor.plain_rotations import matrices_of
@@ -127,7 +127,7 @@ def _moved_apart(topics: Topics, spans: Spans) -> Iterator[Finding]:
     poses, own = topics["tracker_pose"], topics["bearing_pose"]
     near = np.searchsorted(poses.time, own.time).clip(max=len(poses) - 1)
     apart = own.rows(POSITION) - poses.rows(TRACKED)[near]
-    starts, middle = blocks(own.time, apart, spans, _medians)
+    starts, middle = blocks(own.time, apart, spans, medians)
     if len(starts) < 2:
         return
     away = np.linalg.norm(middle, axis=1)
@@ -148,11 +148,6 @@ def _moved_apart(topics: Topics, spans: Spans) -> Iterator[Finding]:
             starts,
             away,
         )
-
-
-def _medians(rows: Array) -> Array:
-    found: Array = np.median(rows, axis=0)
-    return found
 
 
 def _residuals(found: Sightings) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from extensions.explanation.blocks import (
     has,
     longest,
     means,
+    medians,
     overlaps,
     tracker_of,
 )
@@ -130,7 +131,7 @@ def tracker_slow(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
     time = topics[topic].time
     time = time[np.concatenate([[True], np.diff(time) > 0.0])]
     steps = np.append(np.diff(time), np.inf)
-    starts, found = blocks(time, steps[:, None], spans, _regular)
+    starts, found = blocks(time, steps[:, None], spans, medians)
     if not len(starts):
         return
     rate = 1.0 / np.maximum(found[:, 0], 1e-6)
@@ -149,11 +150,6 @@ def tracker_slow(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
 
 def _growth(rows: Array) -> Array:
     found: Array = (rows[-1] - rows[0]).clip(min=0.0)
-    return found
-
-
-def _regular(rows: Array) -> Array:
-    found: Array = np.median(rows, axis=0)
     return found
 
 
