@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import "../browser.js";
-import { LiveSpectrogram, Spectrogram, colorOf } from "../../../web/static/charts/spectrogram.js";
+import { LiveSpectrogram, Spectrogram, colorOf, pixelsOf } from "../../../web/static/charts/spectrogram.js";
 import { FrequencyAxis, Spectra } from "../../../web/static/charts/spectrum.js";
 
 const FOUND = { frequency: [0, 1, 2, 3, 4], density: [0, 2, 8, 4, 1] };
@@ -89,6 +89,18 @@ test("a live spectrogram grows by what is new, takes corrections, and leaves a g
   made.take(answer(1003, 2, 5));
   assert.deepEqual(shown(), [[1000.5, 1001, 1001.5, 1002, 1002.5, 1003, 1003.5], ...Array(2).fill([3, 4, 4, NaN, NaN, 5, 5])]);
   assert.equal(made.greatest, 5);
+});
+
+test("a gap of a spectrogram is transparent and has no strongest frequency", () => {
+  const pixels = pixelsOf([[1, 1], [NaN, NaN]], 1), output = { textContent: "" };
+  assert.deepEqual([...pixels], [253, 231, 76, 255, 0, 0, 0, 0, 253, 231, 76, 255, 0, 0, 0, 0]);
+  const made = new Spectrogram({ span: [0, 1], cursor: 0.5 }), [line] = made.lines(["imu.x"]);
+  made.take({ times: [0, 0.5], frequency: [0, 20], density: [[1, 1], [NaN, NaN]], rotors: [] }, 0);
+  made.read(output, line);
+  assert.equal(output.textContent, "");
+  made.range.cursor = 0;
+  made.read(output, line);
+  assert.equal(output.textContent, "20 Hz");
 });
 
 test("colours go by the logarithm, from the ground to yellow", () => {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.support.chromium import FLAGS
+from tests.waiting import LIMIT
 from web.live.sockets import listen
 from web.process import url_of
 
@@ -26,6 +28,7 @@ RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 BY_COLOUR = ["color-contrast", "link-in-text-block"]
 """Checks that depend on the theme; the others run in only one."""
 BOUND = 20_000  # ms, for a broken page only
+REACTION = 10.0  # s, after which a person lets go and presses again
 SCENE = (
     "<!doctype html><html lang=en><meta name=color-scheme content='light dark'>"
     "<title>3D view</title><body>"
@@ -51,6 +54,24 @@ class Look:
     def has_no_class(self, selector: str, name: str) -> None:
         expected = re.compile(rf"\b({name})\b")
         self._expect(self._page.locator(selector)).not_to_have_class(expected, timeout=BOUND)
+
+    def hold(self, selector: str, done: Callable[[], bool]) -> None:
+        """Hold a button until something is done, and anew if it let go by itself.
+
+        A button of a page that was slow may have been disabled at the press, or have moved.
+        """
+        page, bound = self._page, time.monotonic() + LIMIT
+        page.locator(selector).scroll_into_view_if_needed()
+        while not done():
+            assert time.monotonic() < bound, f"{selector}: held {LIMIT:.0f} s in vain"
+            page.hover(selector)
+            page.mouse.down()
+            patience = time.monotonic() + REACTION
+            while not done() and time.monotonic() < patience:
+                page.wait_for_timeout(20)
+                if page.locator(f"{selector}.holding").count():
+                    patience = time.monotonic() + REACTION
+            page.mouse.up()
 
     def value(self, selector: str, value: str | re.Pattern[str]) -> None:
         self._expect(self._page.locator(selector)).to_have_value(value, timeout=BOUND)

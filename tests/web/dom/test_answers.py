@@ -96,6 +96,7 @@ def test_what_a_vehicle_did_unheard_is_not_taken_for_done(
     look.text("#behavior", "^hover$")
     flying(False)
     page.evaluate(LATER, 2000)
+    look.has_class("#behavior", "stale")  # a message on its way at the silence is old by now, too
     page.click(FIGURE_8)
     station.said = FLIES
     flying(True)

@@ -34,7 +34,7 @@ export class Spectrogram extends Asked {
     if (rotor === undefined && found && cursor !== null) {
       const k = Math.round((cursor - found.times[0]) / this.step), column = found.density[k];
       const from = found.frequency.findIndex((frequency) => frequency > MOTION);
-      if (column && from >= 0) text = `${Math.round(found.frequency[column.indexOf(Math.max(...column.slice(from)), from)])} Hz`;
+      if (column && from >= 0 && column[from] >= 0) text = `${Math.round(found.frequency[column.indexOf(Math.max(...column.slice(from)), from)])} Hz`;
     }
     setText(output, text);
   }
@@ -121,15 +121,19 @@ export class SpectrogramChart extends Chart {
 
 const greatestOf = (density) => density.reduce((most, column) => Math.max(most, ...column.filter((value) => value > 0)), 0);
 
-// A pixel a value, times to the right and frequencies up; none where there is no value.
 function pictureOf(columns, greatest) {
-  const height = columns[0].length, canvas = element("canvas", { width: columns.length, height });
-  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")), picture = context.createImageData(columns.length, height);
-  columns.forEach((column, x) => column.forEach((value, y) => {
-    picture.data.set([...colorOf(value, greatest), Number.isNaN(value) ? 0 : 255], 4 * ((height - 1 - y) * columns.length + x));
-  }));
-  context.putImageData(picture, 0, 0);
+  const width = columns.length, height = columns[0].length, canvas = element("canvas", { width, height });
+  canvas.getContext("2d").putImageData(new ImageData(pixelsOf(columns, greatest), width, height), 0, 0);
   return canvas;
+}
+
+// Red, green, blue and opacity of a pixel a value, times to the right and frequencies up; transparent where there is no value.
+export function pixelsOf(columns, greatest) {
+  const width = columns.length, height = columns[0].length, pixels = new Uint8ClampedArray(4 * width * height);
+  columns.forEach((column, x) => column.forEach((value, y) => {
+    if (value >= 0) pixels.set([...colorOf(value, greatest), 255], 4 * ((height - 1 - y) * width + x));
+  }));
+  return pixels;
 }
 
 // By the logarithm.

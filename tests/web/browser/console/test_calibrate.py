@@ -92,14 +92,6 @@ def asked(bench: Any, action: str) -> list[Any]:
     ]
 
 
-def hold(page: Any, selector: str, until: Any, done: Callable[[], bool]) -> None:
-    page.locator(selector).scroll_into_view_if_needed()
-    page.hover(selector)
-    page.mouse.down()
-    until(lambda: (page.wait_for_timeout(20), done())[1])
-    page.mouse.up()
-
-
 def test_a_calibration_is_chosen_and_started_by_a_hold(
     tab: Any, see: Any, bench: Any, until: Any, calibrating: Any
 ) -> None:
@@ -111,11 +103,11 @@ def test_a_calibration_is_chosen_and_started_by_a_hold(
     tab.fill(f"{TAB} input[aria-label=poses]", "3")
     until(lambda: tab.is_enabled(START))
     bench.station.requests.clear()
-    hold(tab, START, until, lambda: tab.is_visible(f"{TAB} > .reason"))
+    see.hold(START, lambda: tab.is_visible(f"{TAB} > .reason"))
     see.text(f"{TAB} > .reason", "^accelerometer: poses = 3; allowed 4 to 40")
     assert asked(bench, "start") == []
     tab.fill(f"{TAB} input[aria-label=poses]", "9")
-    hold(tab, START, until, lambda: len(asked(bench, "start")) == 1)
+    see.hold(START, lambda: len(asked(bench, "start")) == 1)
     [request] = asked(bench, "start")
     assert request.name == "accelerometer"
     assert from_parameters(request.options) == {"method": "tracker", "poses": 9, "hold": 1.0}
@@ -147,7 +139,7 @@ def test_while_it_runs_it_guides_asks_and_shows_what_it_measures(
     see.text(".run .live", "^condition number14.25$")  # poses are drawn on the sphere
     assert tab.is_hidden(".calibrations")
     bench.station.requests.clear()
-    hold(tab, ".run .question button", until, lambda: len(asked(bench, "confirm")) == 1)
+    see.hold(".run .question button", lambda: len(asked(bench, "confirm")) == 1)
     assert from_parameters(asked(bench, "confirm")[0].options) == {"question": "In your hands?"}
     for k in range(4):
         figures = {"mass": (1.2 + 0.02 * k, "kg"), "mass deviation": (0.1 / (k + 1), "kg")}

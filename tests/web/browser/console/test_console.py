@@ -60,10 +60,7 @@ def test_arming_needs_a_hold_and_a_click_does_nothing(
         if button == "#arm":
             look.text(button, "^Disarm$")  # the page may still show the motors off
         count = len(station.requests)
-        page.hover(button)
-        page.mouse.down()
-        until(lambda count=count: (page.wait_for_timeout(20), len(station.requests) > count)[1])
-        page.mouse.up()
+        look.hold(button, lambda count=count: len(station.requests) > count)
         assert station.requests[-1][0] == "disarm"
 
 
@@ -111,13 +108,12 @@ def test_a_second_click_does_not_hit_the_button_that_came_instead(
     until(lambda: [request.name for _, request in station.requests] == ["land"])
 
 
-def test_land_and_cut_are_two_emergencies(page: Any, station: Any, until: Any) -> None:
+def test_land_and_cut_are_two_emergencies(
+    page: Any, look: Any, station: Any, until: Any
+) -> None:
     page.click("#emergency-land")
     until(lambda: len(station.requests) == 1)
-    page.hover("#cut")
-    page.mouse.down()
-    until(lambda: (page.wait_for_timeout(20), len(station.requests) == 2)[1])
-    page.mouse.up()
+    look.hold("#cut", lambda: len(station.requests) == 2)
     assert [request.action for _, request in station.requests] == ["land", "cut"]
 
 

@@ -34,7 +34,7 @@ def asked(station: Any) -> list[str]:
 
 
 def test_a_battery_is_swapped_by_a_press_and_the_vehicle_reset_by_a_hold(
-    simulated: Any, page: Any, look: Any, until: Any
+    simulated: Any, page: Any, look: Any
 ) -> None:
     page.keyboard.press("Escape")  # the help of a first visit
     look.text("#simulation .badge", "^SIMULATION$")
@@ -42,10 +42,7 @@ def test_a_battery_is_swapped_by_a_press_and_the_vehicle_reset_by_a_hold(
     page.click("#swap-battery")
     look.text("#answer", "^swap battery: accepted")
     page.click("#reset-vehicle")  # not held: no effect
-    page.hover("#reset-vehicle")
-    page.mouse.down()
-    until(lambda: (page.wait_for_timeout(20), len(asked(simulated)) == 2)[1])
-    page.mouse.up()
+    look.hold("#reset-vehicle", lambda: len(asked(simulated)) == 2)
     assert asked(simulated) == ["swap_battery", "reset"]
     simulated.said = {}
     look.text("#doing", "^FLYING")
