@@ -12,10 +12,10 @@ import numpy as np
 
 from extensions.importers.flight import ImportedFlight, Imu
 from extensions.importers.frames import axes, bodies
-from extensions.importers.mapping import FORCE_UNITS, RATE_UNITS
 from extensions.importers.raw import RawFlight, RawImu, RawTrack
 from extensions.importers.tracks import Checked
 from extensions.importers.trajectory import align
+from extensions.importers.units import FORCE_UNITS, RATE_UNITS
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 

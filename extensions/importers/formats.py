@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-from extensions.importers.tables import Source, TextTable
+from extensions.importers.tables import Source
+from extensions.importers.text_table import TextTable
 from quadrotor.errors import LogFormatError, StorageError, os_errors
 from quadrotor.extension import Importer
 from quadrotor.extensions import registry

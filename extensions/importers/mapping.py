@@ -19,10 +19,6 @@ from quadrotor.errors import LogFormatError, ParameterError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore
 
 HERE = Path(__file__).parent / "mappings"
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-FORCE_UNITS = {"m/s^2": 1.0, "g": 9.80665, "mg": 9.80665e-3}
-RATE_UNITS = {"rad/s": 1.0, "deg/s": 0.017453292519943295, "mdeg/s": 1.7453292519943295e-5}
-LENGTH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "ft": 0.3048}
 ORDERS = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
 
 Columns = str | int | list[str | int]
@@ -229,6 +225,11 @@ def column_names(asked: Columns, known: list[str], count: int, where: str) -> li
         raise LogFormatError(
             f"{where}: there is no column {missing[0]!r}; "
             f"{'near it are' if near else 'there are'} {', '.join(shown)}{more}"
+        )
+    if twice := [one for one in found if known.count(one) > 1]:
+        raise LogFormatError(
+            f"{where}: the name {twice[0]!r} is ambiguous, {known.count(twice[0])} columns are "
+            "called so: rename those that are not meant"
         )
     if len(found) != count:
         raise LogFormatError(

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from extensions.importers.formats import open_source
 from extensions.importers.mapping import (
     ORDERS,
-    TIME_UNITS,
     AttitudeRows,
     Attitudes,
     Columns,
@@ -20,8 +20,11 @@ from extensions.importers.mapping import (
     TrackRows,
     column_names,
 )
+from extensions.importers.physics import measurable
+from extensions.importers.stamps import RATES, RATES_OF_IMU, judged_seconds
 from extensions.importers.sweeps import read_sweeps
 from extensions.importers.tables import Source
+from extensions.importers.units import TIME_UNITS, unit_of
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.plain_rotations import conjugate, make_continuous
 from quadrotor.records import Array, Record
@@ -105,27 +108,42 @@ class _Files:
         if rows.time is None:
             seconds = np.arange(len(table)) / (rows.rate or 1.0)
         else:
-            seconds = parts.pop("time")[:, 0] * TIME_UNITS[rows.time_unit]
+            self._check_unit(source, names["time"][0], rows.time_unit, where)
+            seconds = parts.pop("time")[:, 0]
         known_rows = np.isfinite(seconds) & np.isfinite(table).all(axis=1)
         if lost := int((~known_rows).sum()):
             self.notes.append(f"{where}: {lost} of {len(seconds)} rows without numbers left out")
-        seconds = self._rising(seconds[known_rows], where, 1 if section == "battery" else FEWEST)
+        possible, notes = measurable(parts, rows, where)
+        known_rows &= possible
+        self.notes += notes
+        unit = "s" if rows.time is None else rows.time_unit
+        seconds = self._rising(seconds, known_rows, unit, section, where)
         kept = self._kept
         return [seconds * rows.time_scale, *(one[known_rows][kept] for one in parts.values())]
 
-    def _rising(self, seconds: Array, where: str, fewest: int) -> Array:
-        """Return rising times without duplicates. Raises LogFormatError."""
-        if len(seconds) < fewest:
-            raise LogFormatError(f"{where}: {len(seconds)} rows; at least {fewest} are needed")
-        steps = np.diff(seconds)
-        if back := np.flatnonzero(steps < 0.0).tolist():
-            k = back[0]
+    def _check_unit(self, source: Source, name: str, stated: str, where: str) -> None:
+        """Raise LogFormatError where the file's header names another unit than the mapping."""
+        written = source.units.get(name, "")
+        if (told := unit_of(written)) and told != stated and told in TIME_UNITS:
             raise LogFormatError(
-                f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
-                f"{seconds[k + 1]:.6f} s in row {k + 2}; is time the right column? "
-                "If these are two flights in one file, cut it there"
+                f"{where}: the header has {name!r} in {written}, the mapping in {stated}: write "
+                f'time_unit = "{told}", or correct the header'
             )
-        self._kept = np.concatenate([[True], steps > 0.0])
+
+    def _rising(
+        self, stamps: Array, known: npt.NDArray[np.bool_], unit: str, section: str, where: str
+    ) -> Array:
+        """Return rising times in s without duplicates. Raises LogFormatError."""
+        fewest = 1 if section == "battery" else FEWEST
+        rows = np.flatnonzero(known) + 1
+        if len(rows) < fewest:
+            raise LogFormatError(f"{where}: {len(rows)} rows; at least {fewest} are needed")
+        seconds, notes = stamps[known], []
+        if len(rows) > 1:
+            rates = RATES_OF_IMU if section == "imu" else RATES
+            seconds, notes = judged_seconds(seconds, unit, rows, rates, where)
+        self.notes += notes
+        self._kept = np.concatenate([[True], np.diff(seconds) > 0.0])
         if same := int((~self._kept).sum()):
             self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
         found: Array = seconds[self._kept]

@@ -21,10 +21,10 @@ from estimation.calibration.motion import (
 from extensions.importers.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
 from extensions.importers.flight import Track
 from extensions.importers.frames import axes, quaternion_of
-from extensions.importers.mapping import LENGTH_UNITS, RATE_UNITS
 from extensions.importers.raw import RawTrack, ordered
 from extensions.importers.track_clock import SURE, TrackClock
 from extensions.importers.trajectory import derivative
+from extensions.importers.units import LENGTH_UNITS, RATE_UNITS
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.plain_rotations import matrices_of, product_of
 from quadrotor.records import STATE, Array

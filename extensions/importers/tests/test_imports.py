@@ -14,13 +14,12 @@ import pytest
 from zstandard import ZstdCompressor
 
 from estimation.sweep_angles import plane_numbers, swept
-from extensions.importers import tables
+from extensions.importers import tables, text_table
 from extensions.importers.flight import ImportedFlight
 from extensions.importers.frames import axes
 from extensions.importers.importing import NewRun, read_flight
 from extensions.importers.mapping import load_mapping, names
 from extensions.importers.sweeps import SENSORS_B, read_stations
-from extensions.importers.tables import TextTable
 from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.crazyflie_writer import Event, write_crazyflie, write_events
 from extensions.importers.tests.foreign_flight import (
@@ -33,6 +32,7 @@ from extensions.importers.tests.foreign_flight import (
     write_mapping,
 )
 from extensions.importers.tests.ulog_writer import write_ulog
+from extensions.importers.text_table import TextTable
 from extensions.importers.trajectory import world_turn
 from extensions.offline.lines import plan_runs
 from extensions.offline.run import replay
@@ -386,7 +386,7 @@ def test_a_table_longer_than_is_read_and_a_line_without_end_are_refused(
     monkeypatch.setattr(tables, "MAX_VALUES", 1199)
     with pytest.raises(LogFormatError, match="at most 399 are imported"):
         table.read("", ["t", "x", "y"])
-    path.write_text("1," * tables.LONGEST_LINE)
+    path.write_text("1," * text_table.LONGEST_LINE)
     with pytest.raises(LogFormatError, match="no rows of numbers"):
         TextTable(path)
 

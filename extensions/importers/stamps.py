@@ -1,0 +1,129 @@
+"""Judgement of a column of times: its unit, dates that computers have had, gaps and counters.
+
+A stamp that cannot be right is refused with its row, and with the unit that would fit; a counter
+that began anew at its largest number is continued, with a note.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from extensions.importers.units import TIME_UNITS
+from quadrotor.errors import LogFormatError
+from quadrotor.records import Array
+
+COUNTER_BITS = (16, 24, 31, 32)
+"""Sizes of the counters of time that embedded computers have."""
+AT_WRAP = 50.0
+"""Largest step over the end of a counter, in median steps: a few rows may be missing there."""
+LAST_DATE = 2.0**32
+"""s since 1970: February 2106. Later stamps are in another unit."""
+EARLIEST = -86400.0
+"""s: stamps may begin before the time that they count from, but not by days."""
+LARGEST_GAP = 3600.0
+"""s without a row within one flight."""
+YEAR = 365.25 * 86400.0
+
+
+class Rates(NamedTuple):
+    """Rates in Hz that a table of a kind can have: likely ones, and the largest."""
+
+    likely: tuple[float, float]
+    largest: float
+
+
+RATES_OF_IMU = Rates((20.0, 10_000.0), 40_000.0)
+RATES = Rates((0.5, 10_000.0), 40_000.0)
+
+
+def judged_seconds(
+    stamps: Array, unit: str, rows: npt.NDArray[np.int64], rates: Rates, where: str
+) -> tuple[Array, list[str]]:
+    """Return stamps in s, and notes.
+
+    Args:
+        stamps: (N,), finite, N > 1, in `unit`.
+        rows: (N,), their rows in the file, from 1.
+        where: the file and the section of the mapping.
+
+    Raises LogFormatError.
+    """
+    stamps, notes = _continued(stamps, rows, where)
+    seconds = stamps * TIME_UNITS[unit]
+    steps = np.diff(seconds)
+    fitting = [one for one in TIME_UNITS if one != unit and _fits(stamps * TIME_UNITS[one], rates)]
+    hint = f'write time_unit = "{fitting[0]}", which fits' if fitting else ""
+    is_right = "is time the right column?"
+    if back := np.flatnonzero(steps < 0.0).tolist():
+        k = back[0]
+        raise LogFormatError(
+            f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
+            f"{seconds[k + 1]:.6f} s in row {rows[k + 1]}; {is_right} "
+            "If these are two flights in one file, cut it there"
+        )
+    middle = float(np.median(seconds))
+    if not EARLIEST <= middle <= LAST_DATE:
+        raise LogFormatError(
+            f"{where}: the stamps are about {middle:.3g} s in the {unit} of the mapping, "
+            f"{'before 1970' if middle < 0 else 'beyond any date (2106)'}: {hint or is_right}"
+        )
+    k = int(np.argmax(steps))
+    if steps[k] > LARGEST_GAP:
+        raise LogFormatError(
+            f"{where}: row {rows[k + 1]} is {_duration(steps[k])} after row {rows[k]}; if one of "
+            "the two has a wrong stamp, leave it out; if these are two flights, cut the file there"
+            + f"; or {hint}"
+            * bool(hint)
+        )
+    rate = 1.0 / max(float(np.median(steps)), 1e-12)
+    if rate > rates.largest and steps.any():
+        raise LogFormatError(
+            f"{where}: {rate:.6g} rows a second in the {unit} of the mapping, more than any "
+            f"instrument has: {hint or is_right}"
+        )
+    return seconds, notes
+
+
+def _continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[Array, list[str]]:
+    """Return stamps without the steps back of a counter that began anew, and notes."""
+    steps = np.diff(stamps)
+    back = np.flatnonzero(steps < 0.0)
+    ahead = steps[steps > 0.0]
+    if not len(back) or not len(ahead):
+        return stamps, []
+    median = float(np.median(ahead))
+    for bits in COUNTER_BITS:
+        for scale in (1.0, *TIME_UNITS.values()):
+            period = 2.0**bits * scale
+            over = steps[back] + period
+            if (over > 0.0).all() and (over <= AT_WRAP * median).all() and stamps.max() < period:
+                found = stamps.copy()
+                for k in back:
+                    found[k + 1 :] += period
+                first = rows[back[0] + 1]
+                return found, [
+                    f"{where}: the stamps are a counter of {bits} bits, which begins anew in row "
+                    f"{first}: continued there"
+                ]
+    return stamps, []
+
+
+def _fits(seconds: Array, rates: Rates) -> bool:
+    """Return whether stamps in s can be those of a flight."""
+    steps = np.diff(seconds)
+    slow, fast = rates.likely
+    rate = 1.0 / max(float(np.median(steps)), 1e-12)
+    return bool(
+        EARLIEST <= np.median(seconds) <= LAST_DATE
+        and slow <= rate <= fast
+        and steps.max() <= LARGEST_GAP
+    )
+
+
+def _duration(seconds: float) -> str:
+    if seconds >= YEAR:
+        return f"{seconds / YEAR:.3g} years"
+    return f"{seconds / 3600.0:.3g} hours"
