@@ -13,7 +13,6 @@ from flight_log.records import ReadState, records
 from flight_log.summary import LogSummary, summarize
 from flight_log.topic_columns import ColumnReader, Columns
 from quadrotor.errors import LogFormatError
-from quadrotor.records import Stamps
 from vehicle_link.topics.table import SHARED, TOPICS
 
 GAP = 5.0
@@ -22,6 +21,8 @@ SHORTEST_GAP_S = 0.1
 """Shortest gap, in s, that is reported, whatever the topic's period."""
 OVERTAKEN = frozenset(row.name for row in TOPICS.values() if row.on_radio and not row.qos.reliable)
 """Topics whose messages may overtake one another on the radio; recorded in order of arrival."""
+FEWEST_STEPS = 10
+"""Least number of steps in a block for their median to be the usual one."""
 RATE_MIN = 1.0
 """Hz; topics with a lower rate are published on change."""
 
@@ -41,6 +42,7 @@ class TopicCheck:
     first_ns: int = 0
     last_ns: int = 0
     last_log_ns: int = 0
+    usual_ns: float = 0.0  # median step between two stamps of the newest block with enough of them
 
     @property
     def rate(self) -> float:
@@ -122,7 +124,9 @@ def _look(topic: TopicCheck, columns: Columns) -> None:
     receptions = np.diff(received) if began else np.diff(received, prepend=topic.last_log_ns)
     topic.backwards += int((steps < 0).sum())
     topic.out_of_order += int((receptions < 0).sum())
-    period = _period(columns.topic, steps)
+    if len(steps) >= FEWEST_STEPS or not topic.usual_ns:
+        topic.usual_ns = float(np.median(steps)) if len(steps) else 0.0
+    period = _period(columns.topic, topic.usual_ns)
     if period:
         longest = max(GAP * period, SHORTEST_GAP_S * 1e9)
         begins = stamps if began else np.concatenate([[topic.last_ns], stamps])
@@ -134,17 +138,18 @@ def _look(topic: TopicCheck, columns: Columns) -> None:
     topic.duration = (topic.last_ns - topic.first_ns) * 1e-9
 
 
-def _period(name: str, steps: Stamps) -> float:
-    """Return the ns between two messages, by the table of topics or the median; 0 for topics
-    without a rate.
+def _period(name: str, usual_ns: float) -> float:
+    """Return the ns between two messages; 0 for topics without a rate.
+
+    It is the table's, or the usual one of this log where that is longer: another system's topic of
+    the same name may have a rate of its own.
     """
     row = TOPICS.get(name.rsplit("/", 1)[-1])
     if row is not None and row.rate == 0:
         return 0.0
-    usual = float(np.median(steps)) if len(steps) else 0.0
     if row is not None:
-        return max(1e9 / row.rate, 0.0)
-    return usual if 0.0 < usual < 1e9 / RATE_MIN else 0.0
+        return max(1e9 / row.rate, usual_ns)
+    return usual_ns if 0.0 < usual_ns < 1e9 / RATE_MIN else 0.0
 
 
 def _unusual(topic: TopicCheck) -> list[tuple[float, float]]:

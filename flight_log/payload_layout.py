@@ -147,7 +147,10 @@ class _Walk:
 
     def message(self, name: str, prefix: str, *, shown: bool) -> None:
         self._count_part()
-        for key, (kind, details) in self._types[name][1]:
+        fields = self._types[name][1]
+        if not fields:
+            self._at += 1  # ROS 2 gives a message without members one of a byte
+        for key, (kind, details) in fields:
             path = f"{prefix}{key}"
             wanted = shown and key not in HEADERS
             if kind == Nodetype.BASE:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -74,6 +75,8 @@ def program() -> NoReturn:
     """
     try:
         raise_at_interrupt()
+        if isinstance(sys.stdout, io.TextIOWrapper):  # names and units that a terminal cannot show
+            sys.stdout.reconfigure(errors="backslashreplace")
         status = main()
     except SystemExit as stop:  # of --help, or of a signal that ends the page's process
         status = stop.code if isinstance(stop.code, int) else int(bool(stop.code))

@@ -111,7 +111,7 @@ class Importer(Offer):
     """A format of recorded flights that `quadlab log import` reads; the name is the format's.
 
     The target is a function of a path and the names of the tables that are wanted, which returns
-    the opened file as an `extensions.importers.tables.Source`.
+    the opened file as an `extensions.importers.readers.tables.Source`.
 
     Attributes:
         starts: the first bytes of such files, by which they are recognised.

@@ -36,7 +36,7 @@ class Import:
             check_name(self.name)
         from console.catalogue.catalogue import Catalogue, run_name
         from console.runs.adoption import described
-        from extensions.importers.importing import NewRun, read_flight
+        from extensions.importers.importing import NewRun, read_flight, shown
 
         flight = read_flight(self.file, self.mapping, truth=self.truth, torn=self.torn)
         flight.vehicle = self.name or flight.vehicle
@@ -50,7 +50,7 @@ class Import:
             catalogue.close()
         imu = flight.imu.stamps_ns
         seconds = 1e-9 * float(imu[-1] - imu[0])
-        print(f"{self.file.name} ({flight.source}): {seconds:.1f} s, {len(imu)} IMU samples")
+        print(f"{shown(self.file)} ({flight.source}): {seconds:.1f} s, {len(imu)} IMU samples")
         for note in flight.notes:
             print(f"  {note}")
         lacks = [name for name in ("truth", "estimate") if getattr(flight, name) is None]

@@ -14,11 +14,22 @@ EXTENSION = Extension(
             target=".command:Import",
             examples={"quadlab log import FLIGHT.ulg": "import a flight that PX4 recorded"},
         ),
-        Importer(name="hdf5", starts=(b"\x89HDF\r\n\x1a\n",), target=".tables:Hdf5Table.opened"),
-        Importer(name="npy", starts=(b"\x93NUMPY",), target=".tables:NumpyTable.opened"),
-        Importer(name="ulog", starts=(b"ULog\x01\x12\x35",), target=".ulog:UlogTables.opened"),
-        Importer(name="crazyflie", starts=(b"\xbc",), target=".crazyflie:CrazyflieTables.opened"),
-        Importer(name="rosbag", starts=(b"#ROSBAG V2",), target=".ros_bags:BagTables.opened"),
+        Importer(
+            name="hdf5", starts=(b"\x89HDF\r\n\x1a\n",), target=".readers.tables:Hdf5Table.opened"
+        ),
+        Importer(name="npy", starts=(b"\x93NUMPY",), target=".readers.tables:NumpyTable.opened"),
+        Importer(
+            name="ulog", starts=(b"ULog\x01\x12\x35",), target=".readers.ulog:UlogTables.opened"
+        ),
+        Importer(
+            name="crazyflie", starts=(b"\xbc",), target=".readers.crazyflie:CrazyflieTables.opened"
+        ),
+        Importer(
+            name="mcap", starts=(b"\x89MCAP0\r\n",), target=".readers.mcap_tables:McapTables.opened"
+        ),
+        Importer(
+            name="rosbag", starts=(b"#ROSBAG V2",), target=".readers.ros_bags:BagTables.opened"
+        ),
     ),
     judged=(
         Judged(Evidence.PEER, "pyulog, rosbags and the data sets that docs/importing.md names"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import tempfile
@@ -11,14 +12,16 @@ from pathlib import Path
 
 from extensions.importers.checks import checked_flight
 from extensions.importers.flight import ImportedFlight
-from extensions.importers.formats import format_of
 from extensions.importers.mapping import Mapping, load_mapping, names
 from extensions.importers.raw import read_raw
+from extensions.importers.readers.formats import format_of
 from extensions.importers.run_writer import write_run
 from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError, UsageError, os_errors
 
 DEFAULT_VEHICLE = "imported"
+DEFAULTS = {"mcap": "rosbag"}
+"""Mappings of formats that have none of their own name."""
 EXAMPLE = "--mapping NAME_OR_FILE"
 
 
@@ -36,6 +39,7 @@ def read_flight(
     """
     kind = format_of(path)
     if mapping is None:
+        kind = DEFAULTS.get(kind, kind)
         if kind not in names():
             raise UsageError(
                 f"{path.name} is {kind}, whose columns can be anything: say with {EXAMPLE} which "
@@ -51,6 +55,11 @@ def read_flight(
     flight = checked_flight(raw, vehicle, f"{kind}, mapping {Path(mapping).name}", modified_ns)
     flight.parameters = found.parameters
     return flight
+
+
+def shown(path: Path) -> str:
+    """Return a file's name as text; a byte that is no UTF-8 becomes a replacement character."""
+    return os.fsencode(path.name).decode(errors="replace")
 
 
 def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:
@@ -81,7 +90,7 @@ class NewRun:
             "run_id": run_id,
             "operator": operator,
             "started": self.start.isoformat(),
-            "imported_from": self.original.name,
+            "imported_from": shown(self.original),
             "imported_as": self.flight.source,
             "import_notes": "; ".join(self.flight.notes),
         }

@@ -218,6 +218,11 @@ def column_names(asked: Columns, known: list[str], count: int, where: str) -> li
             found += [one for one in known if re.fullmatch(re.escape(text) + r"\[\d+\]", one)] or [
                 text
             ]
+    if twice := [one for one in found if known.count(one) > 1]:
+        raise LogFormatError(
+            f"{where}: the name {twice[0]!r} is ambiguous, {known.count(twice[0])} columns are "
+            "called so: rename those that are not meant"
+        )
     if missing := [one for one in found if one not in known]:
         near = difflib.get_close_matches(missing[0], known, 3, 0.5)
         shown = near or known[:12]
@@ -225,11 +230,6 @@ def column_names(asked: Columns, known: list[str], count: int, where: str) -> li
         raise LogFormatError(
             f"{where}: there is no column {missing[0]!r}; "
             f"{'near it are' if near else 'there are'} {', '.join(shown)}{more}"
-        )
-    if twice := [one for one in found if known.count(one) > 1]:
-        raise LogFormatError(
-            f"{where}: the name {twice[0]!r} is ambiguous, {known.count(twice[0])} columns are "
-            "called so: rename those that are not meant"
         )
     if len(found) != count:
         raise LogFormatError(

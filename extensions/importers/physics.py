@@ -42,7 +42,7 @@ def measurable(
             continue
         most, units = MOST[word]
         stated = getattr(rows, f"{'position' if word == 'velocity' else word}_unit", None)
-        unit = stated if isinstance(stated, float) else units.get(stated, min(units.values()))
+        unit = stated if isinstance(stated, float) else units.get(str(stated), min(units.values()))
         beyond = (np.abs(values) > most / unit).any(axis=1)
         if not (count := int(beyond.sum())):
             continue

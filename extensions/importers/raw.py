@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from extensions.importers.formats import open_source
+from extensions.importers.files import FEWEST, Files
 from extensions.importers.mapping import (
     ORDERS,
     AttitudeRows,
@@ -18,19 +17,11 @@ from extensions.importers.mapping import (
     Mapping,
     Rows,
     TrackRows,
-    column_names,
 )
-from extensions.importers.physics import measurable
-from extensions.importers.stamps import RATES, RATES_OF_IMU, judged_seconds
 from extensions.importers.sweeps import read_sweeps
-from extensions.importers.tables import Source
-from extensions.importers.units import TIME_UNITS, unit_of
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import conjugate, make_continuous
 from quadrotor.records import Array, Record
-
-FEWEST = 50
-"""Least number of rows of IMU or truth for an import."""
 
 
 @dataclass
@@ -69,145 +60,51 @@ class RawFlight:
     sweeps: Record | None = None  # (N,) SWEEPS_SAMPLE, ns after base
 
 
-class _Files:
-    """The files of one import, each opened once."""
-
-    def __init__(self, path: Path, mapping: Mapping, *, torn: bool) -> None:
-        self._path, self._wanted, self._torn = path, mapping.tables(), torn
-        self._opened: dict[Path, Source] = {}
-        self.notes: list[str] = []
-
-    def source(self, rows: Rows) -> Source:
-        path = self._path.parent / rows.file if rows.file else self._path
-        if path not in self._opened:
-            if rows.file and not path.exists():
-                raise StorageError(f"{path}, which the mapping names, is not a file")
-            self._opened[path] = open_source(path, self._wanted)
-        return self._opened[path]
-
-    def read(
-        self, rows: Rows, section: str, columns: dict[str, tuple[Columns, int]]
-    ) -> list[Array]:
-        """Return the times (N,), s, then each of `columns`, given by names and count."""
-        source = self.source(rows)
-        where = f"{source.path.name}, [{section}]"
-        if rows.table not in source.tables():
-            tables = ", ".join(sorted(source.tables())[:20]) or "none"
-            raise LogFormatError(f"{where}: there is no table {rows.table!r}; there are {tables}")
-        known = source.columns(rows.table)
-        if rows.time is not None:
-            columns = {"time": (rows.time, 1), **columns}
-        names = {
-            word: column_names(asked, known, count, f"{where} {word}")
-            for word, (asked, count) in columns.items()
-        }
-        table = source.read(rows.table, [one for found in names.values() for one in found])
-        self._check_whole(source)
-        edges = np.cumsum([len(found) for found in names.values()])[:-1]
-        parts = dict(zip(names, np.split(table, edges, axis=1), strict=True))
-        if rows.time is None:
-            seconds = np.arange(len(table)) / (rows.rate or 1.0)
-        else:
-            self._check_unit(source, names["time"][0], rows.time_unit, where)
-            seconds = parts.pop("time")[:, 0]
-        known_rows = np.isfinite(seconds) & np.isfinite(table).all(axis=1)
-        if lost := int((~known_rows).sum()):
-            self.notes.append(f"{where}: {lost} of {len(seconds)} rows without numbers left out")
-        possible, notes = measurable(parts, rows, where)
-        known_rows &= possible
-        self.notes += notes
-        unit = "s" if rows.time is None else rows.time_unit
-        seconds = self._rising(seconds, known_rows, unit, section, where)
-        kept = self._kept
-        return [seconds * rows.time_scale, *(one[known_rows][kept] for one in parts.values())]
-
-    def _check_unit(self, source: Source, name: str, stated: str, where: str) -> None:
-        """Raise LogFormatError where the file's header names another unit than the mapping."""
-        written = source.units.get(name, "")
-        if (told := unit_of(written)) and told != stated and told in TIME_UNITS:
-            raise LogFormatError(
-                f"{where}: the header has {name!r} in {written}, the mapping in {stated}: write "
-                f'time_unit = "{told}", or correct the header'
-            )
-
-    def _rising(
-        self, stamps: Array, known: npt.NDArray[np.bool_], unit: str, section: str, where: str
-    ) -> Array:
-        """Return rising times in s without duplicates. Raises LogFormatError."""
-        fewest = 1 if section == "battery" else FEWEST
-        rows = np.flatnonzero(known) + 1
-        if len(rows) < fewest:
-            raise LogFormatError(f"{where}: {len(rows)} rows; at least {fewest} are needed")
-        seconds, notes = stamps[known], []
-        if len(rows) > 1:
-            rates = RATES_OF_IMU if section == "imu" else RATES
-            seconds, notes = judged_seconds(seconds, unit, rows, rates, where)
-        self.notes += notes
-        self._kept = np.concatenate([[True], np.diff(seconds) > 0.0])
-        if same := int((~self._kept).sum()):
-            self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
-        found: Array = seconds[self._kept]
-        if len(found) < fewest:
-            raise LogFormatError(f"{where}: {len(found)} different stamps in {len(seconds)} rows")
-        return found
-
-    def _check_whole(self, source: Source) -> None:
-        if not source.torn:
-            return
-        if not self._torn:
-            raise LogFormatError(
-                f"{source.path.name} is incomplete: {source.torn}; --torn imports the part before"
-            )
-        note = f"{source.path.name} is incomplete: {source.torn}; imported up to there"
-        if note not in self.notes:
-            self.notes.append(note)
-
-
 def read_raw(path: Path, mapping: Mapping, *, torn: bool) -> RawFlight:
     """Read a file by its mapping; `torn` also accepts a truncated one.
 
     Raises LogFormatError or StorageError.
     """
-    files = _Files(path, mapping, torn=torn)
-    rows = mapping.imu
-    seconds, force, rate = files.read(
-        rows,
-        "imu",
-        {
-            "specific_force": (rows.specific_force, 3),
-            "angular_velocity": (rows.angular_velocity, 3),
-        },
-    )
-    base = float(seconds[0])
-    tracks = [
-        track
-        for name in ("truth", "estimate")
-        if (track := _track(files, name, getattr(mapping, name))) is not None
-    ]
-    for track in tracks:
-        track.seconds -= base
-    battery = None
-    if mapping.battery and not _left_out(files, mapping.battery):
-        voltage = (mapping.battery.voltage, 1)
-        found = files.read(mapping.battery, "battery", {"voltage": voltage})
-        battery = (found[0] - base, found[1][:, 0])
-    source = files.source(rows)
-    events = [(time - base, level, text) for time, level, text in source.events]
-    imu = RawImu(rows, seconds - base, force, rate)
-    sweeps = read_sweeps(source, base, files.notes)
-    return RawFlight(
-        base,
-        source.epoch_ns,
-        imu=imu,
-        tracks=tracks,
-        battery=battery,
-        events=events,
-        notes=files.notes,
-        sweeps=sweeps,
-    )
+    with Files(path, mapping, torn=torn) as files:
+        rows = mapping.imu
+        seconds, force, rate = files.read(
+            rows,
+            "imu",
+            {
+                "specific_force": (rows.specific_force, 3),
+                "angular_velocity": (rows.angular_velocity, 3),
+            },
+        )
+        base = float(seconds[0])
+        tracks = [
+            track
+            for name in ("truth", "estimate")
+            if (track := _track(files, name, getattr(mapping, name))) is not None
+        ]
+        for track in tracks:
+            track.seconds -= base
+        battery = None
+        if mapping.battery and not _left_out(files, mapping.battery):
+            voltage = (mapping.battery.voltage, 1)
+            found = files.read(mapping.battery, "battery", {"voltage": voltage})
+            battery = (found[0] - base, found[1][:, 0])
+        source = files.source(rows)
+        events = [(time - base, level, text) for time, level, text in source.events]
+        imu = RawImu(rows, seconds - base, force, rate)
+        sweeps = read_sweeps(source, base, files.notes)
+        return RawFlight(
+            base,
+            source.epoch_ns,
+            imu=imu,
+            tracks=tracks,
+            battery=battery,
+            events=events,
+            notes=files.notes,
+            sweeps=sweeps,
+        )
 
 
-def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:
+def _track(files: Files, name: str, rows: TrackRows | None) -> RawTrack | None:
     if rows is None or _left_out(files, rows):
         return None
     columns: dict[str, tuple[Columns, int]] = {"position": (rows.position, 3)}
@@ -225,7 +122,7 @@ def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:
     return track
 
 
-def _join_attitude(files: _Files, track: RawTrack, rows: AttitudeRows) -> None:
+def _join_attitude(files: Files, track: RawTrack, rows: AttitudeRows) -> None:
     """Interpolate the attitude of another table at the track's stamps, and trim the track to it."""
     section = f"{track.name}.attitude"
     times, found = files.read(rows, section, _attitude_columns(rows))
@@ -244,7 +141,7 @@ def _join_attitude(files: _Files, track: RawTrack, rows: AttitudeRows) -> None:
     track.rows = track.rows.model_copy(update=more)
 
 
-def _left_out(files: _Files, rows: Rows) -> bool:
+def _left_out(files: Files, rows: Rows) -> bool:
     return rows.optional and rows.table not in files.source(rows).tables()
 
 

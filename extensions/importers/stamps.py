@@ -25,6 +25,8 @@ EARLIEST = -86400.0
 """s: stamps may begin before the time that they count from, but not by days."""
 LARGEST_GAP = 3600.0
 """s without a row within one flight."""
+SLOWER = 4.0
+"""Ratio below the likely rates at which another unit that fits is taken for the right one."""
 YEAR = 365.25 * 86400.0
 
 
@@ -83,6 +85,10 @@ def judged_seconds(
         raise LogFormatError(
             f"{where}: {rate:.6g} rows a second in the {unit} of the mapping, more than any "
             f"instrument has: {hint or is_right}"
+        )
+    if rate < rates.likely[0] / SLOWER and fitting:
+        raise LogFormatError(
+            f"{where}: {rate:.3g} rows a second in the {unit} of the mapping, too few: {hint}"
         )
     return seconds, notes
 

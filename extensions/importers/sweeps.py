@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from extensions.importers.frames import quaternion_of
-from extensions.importers.tables import Source
+from extensions.importers.readers.tables import Source
 from quadrotor.errors import LogFormatError
 from quadrotor.records import MAX_SENSORS, SWEEP_PLANE, SWEEPS_SAMPLE, Array, Record
 

@@ -12,14 +12,19 @@ from rosbags.typesys import Stores, get_typestore
 from extensions.importers.tests.foreign_flight import ForeignFlight
 
 
-def write_bag(path: Path, flight: ForeignFlight, version: int) -> Path:
-    """Write a new bag; ROS 2's is a folder."""
+def write_bag(path: Path, flight: ForeignFlight, version: int, *, mcap: bool = False) -> Path:
+    """Write a new bag; ROS 2's is a folder, of SQLite or of MCAP."""
+    storage = rosbag2.StoragePlugin.MCAP if mcap else rosbag2.StoragePlugin.SQLITE3
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_JAZZY)
     types = store.types
     vector, point = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Point"]
     quaternion, pose = types["geometry_msgs/msg/Quaternion"], types["geometry_msgs/msg/Pose"]
     covariance = np.zeros(9)
-    writer: Any = rosbag1.Writer(path) if version == 1 else rosbag2.Writer(path, version=9)
+    writer: Any = (
+        rosbag1.Writer(path)
+        if version == 1
+        else rosbag2.Writer(path, version=9, storage_plugin=storage)
+    )
     encode = store.serialize_ros1 if version == 1 else store.serialize_cdr
     with writer:
         imu, poses = "sensor_msgs/msg/Imu", "geometry_msgs/msg/PoseStamped"

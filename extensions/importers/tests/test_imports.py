@@ -14,11 +14,12 @@ import pytest
 from zstandard import ZstdCompressor
 
 from estimation.sweep_angles import plane_numbers, swept
-from extensions.importers import tables, text_table
 from extensions.importers.flight import ImportedFlight
 from extensions.importers.frames import axes
 from extensions.importers.importing import NewRun, read_flight
 from extensions.importers.mapping import load_mapping, names
+from extensions.importers.readers import tables, text_table
+from extensions.importers.readers.text_table import TextTable
 from extensions.importers.sweeps import SENSORS_B, read_stations
 from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.crazyflie_writer import Event, write_crazyflie, write_events
@@ -32,7 +33,6 @@ from extensions.importers.tests.foreign_flight import (
     write_mapping,
 )
 from extensions.importers.tests.ulog_writer import write_ulog
-from extensions.importers.text_table import TextTable
 from extensions.importers.trajectory import world_turn
 from extensions.offline.lines import plan_runs
 from extensions.offline.run import replay

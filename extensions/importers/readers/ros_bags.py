@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from extensions.importers.tables import FileTables
+from extensions.importers.readers.tables import FileTables
 from flight_log.limits import bounded_reader
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
@@ -31,7 +31,7 @@ class BagTables(FileTables):
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the bag. Raises LogFormatError."""
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
         super().__init__(path)
@@ -46,8 +46,11 @@ class BagTables(FileTables):
                     message = bag.deserialize(data, one.msgtype)
                     for name, value in ((LOGGED, 1e-9 * logged_ns), *_numbers(message)):
                         columns.setdefault(name, array("d")).append(value)
-        except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
-            raise LogFormatError(f"{path.name} is not a complete bag: {error!s:.120}") from None
+        except MemoryError:
+            raise  # named by the bound on it
+        except Exception as error:  # of the reader, of compression, of a database
+            why = str(error) or type(error).__name__
+            raise LogFormatError(f"{path.name} is not a complete bag: {why:.120}") from error
 
     def tables(self) -> list[str]:
         return self._topics

@@ -15,7 +15,7 @@ from zlib import crc32
 
 import numpy as np
 
-from extensions.importers.tables import FileTables
+from extensions.importers.readers.tables import FileTables
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 

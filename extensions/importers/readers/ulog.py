@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from extensions.importers.tables import FileTables
+from extensions.importers.readers.tables import FileTables
 from flight_log.limits import bounded_reader
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.records import Array

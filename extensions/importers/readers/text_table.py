@@ -13,7 +13,7 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from extensions.importers.tables import FileTables, check_size
+from extensions.importers.readers.tables import FileTables, check_size
 from extensions.importers.units import unit_of
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
@@ -109,7 +109,7 @@ class TextTable(FileTables):
         except ValueError as error:
             raise LogFormatError(
                 f"{self.path.name}: row {number}, column {self._names[column]!r}: {text[:40]!r} "
-                f"{error or 'is no number'}"
+                f"{str(error) or 'is no number'}"
             ) from None
 
 

@@ -1,0 +1,87 @@
+"""Formats, recognised by the first bytes of their files."""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+
+from extensions.importers.readers.packed import first_bytes, is_packed, unpacked
+from extensions.importers.readers.tables import Source
+from extensions.importers.readers.text_table import TextTable
+from flight_log.run_folder import STATION
+from quadrotor.errors import LogFormatError, StorageError, os_errors
+from quadrotor.extension import Importer
+from quadrotor.extensions import registry
+
+BAG, TEXT = "rosbag", "csv"
+HEAD = 4096
+"""Number of bytes by which a format is recognised."""
+UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+SHOWN = 6
+"""Largest number of files listed in a message."""
+
+
+def format_of(path: Path) -> str:
+    """Return the format of a file or folder. Raises LogFormatError or StorageError."""
+    with os_errors(lambda why: f"cannot read {path}: {why}"):
+        if not path.exists():
+            raise StorageError(f"{path} is not a file")
+        if (path / "metadata.yaml").is_file():
+            return BAG
+        if path.is_dir():
+            raise _folder_error(path)
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    if is_packed(head):
+        head = first_bytes(path, HEAD)
+    if not head:
+        raise LogFormatError(f"{path.name} is empty")
+    known = registry().offers(Importer, taken=(TEXT,))
+    found = next((n for n, one in known.items() if head.startswith(one.offer.starts)), None)
+    if found is None and b"\0" in head and not head.startswith(UTF16):
+        raise LogFormatError(
+            f"{path.name} has an unknown format; known are {', '.join((*known, TEXT))}"
+        )
+    return found or TEXT
+
+
+def _is_packed(path: Path) -> bool:
+    if path.is_dir():
+        return False
+    with path.open("rb") as file:
+        return is_packed(file.read(HEAD))
+
+
+def _folder_error(path: Path) -> LogFormatError:
+    """Return why a folder is not imported, with what to try instead."""
+    if (path / STATION).is_file():
+        return LogFormatError(
+            f"{path} is a run of quadlab already: copy the folder to runs/ in the data folder, "
+            "where the page shows it"
+        )
+    files = sorted(one.name for one in path.iterdir() if one.is_file())
+    bags = [one for one in files if one.endswith((".mcap", ".mcap.zstd", ".bag"))]
+    named = bags or files
+    more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
+    listed = f"; it has {', '.join(named[:SHOWN])}{more}" if named else ", and it has none"
+    return LogFormatError(f"{path} is a folder: give one file of it{listed}")
+
+
+@contextmanager
+def source_of(path: Path, wanted: Collection[str]) -> Iterator[Source]:
+    """Yield a file's tables; if there are many, only those `wanted` are read. Raises as
+    `format_of`.
+    """
+    with unpacked(path) if _is_packed(path) else nullcontext(path) as found:
+        yield open_source(found, wanted)
+
+
+def open_source(path: Path, wanted: Collection[str]) -> Source:
+    """Open a file; if it has many tables, only those `wanted` are read. Raises as `format_of`."""
+    found = format_of(path)
+    if found == TEXT:
+        return TextTable(path)
+    source: Source = registry().offers(Importer)[found].load()(path, wanted)
+    return source

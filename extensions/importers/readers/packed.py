@@ -1,0 +1,85 @@
+"""Files compressed as a whole (`flight.csv.gz`, `flight.mcap.zstd`), unpacked beside the rest."""
+
+from __future__ import annotations
+
+import gzip
+import tempfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from flight_log.limits import MAX_UNPACKED
+from quadrotor.errors import LogFormatError, os_errors
+
+GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+PIECE = 1 << 20
+ZSTD_PIECE = 1 << 10
+"""Bytes of zstd unpacked at once: four of them can be 128 kB."""
+
+
+def is_packed(head: bytes) -> bool:
+    """Return whether a file that begins so is compressed as a whole."""
+    return head.startswith((GZIP, ZSTD))
+
+
+def first_bytes(path: Path, count: int) -> bytes:
+    """Return the first bytes of the unpacked file. Raises LogFormatError or StorageError."""
+    found = b""
+    for piece in _pieces(path):
+        found += piece
+        if len(found) >= count:
+            break
+    return found[:count]
+
+
+@contextmanager
+def unpacked(path: Path) -> Iterator[Path]:
+    """Yield the unpacked file, which is removed in the end. Raises LogFormatError, StorageError."""
+    with tempfile.TemporaryDirectory(prefix="quadlab-import-") as folder:
+        found, size = Path(folder) / path.stem, 0
+        with found.open("wb") as target:
+            for piece in _pieces(path):
+                size += len(piece)
+                if size > MAX_UNPACKED:
+                    raise LogFormatError(
+                        f"{path.name} opens to more than {MAX_UNPACKED / 1e9:.0f} GB; so much is "
+                        "not imported: unpack it, and cut it into flights"
+                    )
+                with os_errors(lambda why: f"cannot unpack {path} into {folder}: {why}"):
+                    target.write(piece)
+        yield found
+
+
+def _pieces(path: Path) -> Iterator[bytes]:
+    """Yield the unpacked bytes, with at most some ten megabytes at once."""
+    from zstandard import ZstdError
+
+    with os_errors(lambda why: f"cannot read {path}: {why}"), path.open("rb") as packed:
+        is_gzip = packed.peek(len(GZIP)).startswith(GZIP)
+        try:
+            yield from _of_gzip(packed) if is_gzip else _of_zstd(packed)
+        except (ZstdError, gzip.BadGzipFile, zlib.error, EOFError) as error:
+            raise LogFormatError(f"{path.name} cannot be unpacked: {error!s:.120}") from error
+
+
+def _of_gzip(packed: IO[bytes]) -> Iterator[bytes]:
+    with gzip.GzipFile(fileobj=packed) as file:
+        while piece := file.read(PIECE):
+            yield piece
+
+
+def _of_zstd(packed: IO[bytes]) -> Iterator[bytes]:
+    """Yield what all frames have. Raises EOFError where the last one is cut off."""
+    from zstandard import ZstdDecompressor
+
+    frame = ZstdDecompressor().decompressobj()
+    while data := packed.read(ZSTD_PIECE):
+        while data:
+            if frame.eof:
+                frame = ZstdDecompressor().decompressobj()
+            yield frame.decompress(data)
+            data = frame.unused_data if frame.eof else b""
+    if not frame.eof:
+        raise EOFError("the file ends early, within a frame")
