@@ -145,22 +145,9 @@ def _period(name: str, usual_ns: float) -> float:
     the same name may have a rate of its own.
     """
     row = TOPICS.get(name.rsplit("/", 1)[-1])
-    if row is not None and row.rate == 0:
-        return 0.0
     if row is not None:
-        return max(1e9 / row.rate, usual_ns)
+        return max(1e9 / row.rate, usual_ns) if row.rate else 0.0
     return usual_ns if 0.0 < usual_ns < 1e9 / RATE_MIN else 0.0
-
-
-def _unusual(topic: TopicCheck) -> list[tuple[float, float]]:
-    """Return the gaps that are unusual in this topic. A topic that mostly has a lower rate than in
-    the table (one of several vehicles, a status while nothing happens) is compared with its own
-    median.
-    """
-    if 2 * len(topic.gaps) <= topic.count - 1:
-        return topic.gaps
-    usual = float(np.median([length for _, length in topic.gaps]))
-    return [gap for gap in topic.gaps if gap[1] > GAP * usual]
 
 
 def _compare_with_index(found: LogCheck) -> None:
@@ -189,7 +176,6 @@ def _why_backwards(name: str) -> str:
 
 def _judge(found: LogCheck) -> None:
     for name, topic in sorted(found.topics.items()):
-        topic.gaps = _unusual(topic)
         if topic.backwards:
             line, harmless = f"{name}: {topic.backwards} stamps go back", _why_backwards(name)
             if harmless:

@@ -75,7 +75,7 @@ def program() -> NoReturn:
     """
     try:
         raise_at_interrupt()
-        if isinstance(sys.stdout, io.TextIOWrapper):  # names and units that a terminal cannot show
+        if isinstance(sys.stdout, io.TextIOWrapper):  # for what a terminal cannot show
             sys.stdout.reconfigure(errors="backslashreplace")
         status = main()
     except SystemExit as stop:  # of --help, or of a signal that ends the page's process

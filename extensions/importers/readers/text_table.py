@@ -33,7 +33,7 @@ UNIT = re.compile(r"(?P<name>.*\S)(?P<space>\s*)[\[(](?P<unit>[^\])]*)[\])]")
 
 
 class Head(NamedTuple):
-    """What precedes the first row of numbers, and what the row says about the rest."""
+    """The lines before the first row of numbers, and how its values are separated."""
 
     delimiter: str
     lines: int
@@ -155,7 +155,7 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 
 def _head(path: Path, file: TextIO) -> Head:
-    """Return what precedes the first row of numbers. Raises LogFormatError."""
+    """Return the head of a table. Raises LogFormatError."""
     before: list[str] = []
     for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), "")):
         if number > HEAD_LINES or len(line) == LONGEST_LINE:

@@ -122,18 +122,15 @@ export class SpectrogramChart extends Chart {
 const greatestOf = (density) => density.reduce((most, column) => Math.max(most, ...column.filter((value) => value > 0)), 0);
 
 function pictureOf(columns, greatest) {
-  const width = columns.length, height = columns[0].length, canvas = element("canvas", { width, height });
-  canvas.getContext("2d").putImageData(new ImageData(pixelsOf(columns, greatest), width, height), 0, 0);
+  const picture = new ImageData(pixelsOf(columns, greatest), columns.length), { width, height } = picture, canvas = element("canvas", { width, height });
+  canvas.getContext("2d").putImageData(picture, 0, 0);
   return canvas;
 }
 
 // Red, green, blue and opacity of a pixel a value, times to the right and frequencies up; transparent where there is no value.
 export function pixelsOf(columns, greatest) {
-  const width = columns.length, height = columns[0].length, pixels = new Uint8ClampedArray(4 * width * height);
-  columns.forEach((column, x) => column.forEach((value, y) => {
-    if (value >= 0) pixels.set([...colorOf(value, greatest), 255], 4 * ((height - 1 - y) * width + x));
-  }));
-  return pixels;
+  const rows = columns[0].map((_, y) => columns.map((column) => column.at(-1 - y)));
+  return new Uint8ClampedArray(rows.flat().flatMap((value) => (value >= 0 ? [...colorOf(value, greatest), 255] : [0, 0, 0, 0])));
 }
 
 // By the logarithm.
