@@ -90,7 +90,8 @@ export class Quality {
   // A context of WebGL has smoothed edges (four samples a pixel) or has not, for good.
   load() {
     this.pace = undefined;
-    this.frame.src = `${this.address}${this.software && !this.isFull ? "&plain" : ""}`;
+    // In place of what it shows: a new entry of the history would take the browser's way forward.
+    this.frame.contentWindow.location.replace(`${this.address}${this.software && !this.isFull ? "&plain" : ""}`);
   }
 
   // Everything is drawn, whatever it costs, or what the browser can keep up with.

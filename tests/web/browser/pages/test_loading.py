@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -149,3 +150,19 @@ def test_the_joined_script_gives_what_the_modules_export(
         {name: names for name, names in given.items() if name not in ALONE},
     )
     assert wrong == []
+
+
+def test_forward_returns_to_the_page_that_back_has_left(page: Any, site: Any) -> None:
+    def shows_the_scene() -> bool:
+        inside = "() => document.getElementById('scene').contentWindow.location.pathname"
+        return str(page.evaluate(inside)).endswith("/viser/")
+
+    wait_for(shows_the_scene)
+    page.goto(f"{site.base}/runs")
+    page.wait_for_selector("#list")
+    page.go_back()
+    page.wait_for_selector("#behaviors button")
+    wait_for(shows_the_scene)
+    page.go_forward()
+    page.wait_for_selector("#list")
+    assert urlsplit(page.url).path == "/runs"
