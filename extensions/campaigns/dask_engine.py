@@ -31,7 +31,7 @@ def fly_by_dask(work: Work, address: str) -> None:
     with _client(address) as client:
         _check_workers(client)
         running: dict[Any, Task] = {}
-        ended = as_completed()
+        ended = as_completed(loop=client.loop)
         fill(work, client, running, ended)
         while running:
             future = next(ended)
@@ -44,7 +44,7 @@ def fill(work: Work, client: Client, running: dict[Any, Task], ended: Any) -> No
     """Give the workers tasks, some more than they have threads."""
     threads = max(1, sum(client.nthreads().values()))
     while len(running) < WAITING * threads and (task := work.take(WAITING * threads)) is not None:
-        future = client.submit(_by_value(), task, software(), pure=False)
+        future = client.submit(_by_value(), task, software(), work.limit, pure=False)
         running[future] = task
         ended.add(future)
 
@@ -64,10 +64,7 @@ def _ended(work: Work, task: Task, future: Any) -> None:
         raise LinkError(f"a worker of Dask did not fly: {type(error).__name__}: {error}") from error
     if refusal:
         raise UsageError(refusal)
-    for one in outcomes:
-        if one.verdict == "timed_out":
-            work.timed_out(Task(task.text, task.folder, (one.index,)))
-    work.finished([one for one in outcomes if one.verdict != "timed_out"])
+    work.finished(outcomes)
 
 
 def _client(address: str) -> Client:
@@ -84,7 +81,12 @@ def _client(address: str) -> Client:
 
 def _check_workers(client: Client) -> None:
     """Raise UsageError for a worker that would fly otherwise than this computer, by its name."""
-    client.wait_for_workers(1, timeout=FIRST_WORKER) if not client.nthreads() else None
+    try:
+        client.wait_for_workers(1, timeout=FIRST_WORKER)
+    except TimeoutError:
+        raise LinkError(
+            f"the scheduler {client.scheduler.address} has no workers; start `dask worker`"
+        ) from None
     ours = {"distributed": version("distributed"), **software()}
     refused = [
         line
@@ -131,12 +133,12 @@ def _asked() -> Callable[[], dict[str, str]]:
     return asked
 
 
-def _by_value() -> Callable[[Task, dict[str, str]], tuple[str, Any]]:
+def _by_value() -> Callable[[Task, dict[str, str], float], tuple[str, Any]]:
     """Return a function that flies on a worker, which may have joined after the others."""
 
-    def flown(task: Any, wanted: dict[str, str]) -> tuple[str, Any]:
+    def flown(task: Any, wanted: dict[str, str], limit: float) -> tuple[str, Any]:
         from extensions.campaigns.dask_worker import fly_here
 
-        return fly_here(task, wanted)
+        return fly_here(task, wanted, limit)
 
     return flown

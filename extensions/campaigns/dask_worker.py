@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Mapping
 
@@ -11,8 +12,11 @@ from extensions.campaigns.folder import software
 ONE_FLIGHT = threading.Lock()
 
 
-def fly_here(task: Task, wanted: Mapping[str, str]) -> tuple[str, list[Outcome]]:
-    """Return why this worker is refused, empty if it is not, and the outcomes."""
+def fly_here(task: Task, wanted: Mapping[str, str], limit: float) -> tuple[str, list[Outcome]]:
+    """Return why this worker is refused, empty if it is not, and the outcomes.
+
+    A flight that lasts longer than the limit (s) ends the worker, as nothing else ends it.
+    """
     from distributed import get_worker
 
     ours = software()
@@ -22,4 +26,10 @@ def fly_here(task: Task, wanted: Mapping[str, str]) -> tuple[str, list[Outcome]]
         line = f"the worker {get_worker().address} has {name} {ours.get(name)}, not {wanted[name]}"
         return f"{line}; install the same", []
     with ONE_FLIGHT:
-        return "", fly_task(task)
+        end = threading.Timer(limit * len(task.indices), os._exit, (1,))
+        end.daemon = True
+        end.start()
+        try:
+            return "", fly_task(task)
+        finally:
+            end.cancel()

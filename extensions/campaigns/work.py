@@ -95,7 +95,7 @@ class Work:
 
     def given_up(self, index: int) -> None:
         """End a flight with which each worker has died."""
-        self.finished([Outcome(index, WORKER_DIED, f"its worker died {DEATHS} times")])
+        self.finished([Outcome(index, WORKER_DIED, "each worker that flew it died")])
 
     def timed_out(self, task: Task) -> None:
         """End a flight that has lasted too long; several are flown again, each by itself."""

@@ -103,7 +103,7 @@ def test_a_flight_that_goes_wrong_is_a_row_with_its_reason(hard: CampaignFolder)
         "good": ("passed", ""),
         "fails": ("failed", ""),
         "raises": ("raised", "cases.py line 32: ZeroDivisionError: no good"),
-        "dies": ("worker_died", "its worker died 3 times"),
+        "dies": ("worker_died", "each worker that flew it died"),
         "dies once": ("passed", ""),
     }
     assert found["height_m"].to_pylist() == [1.0, 1.0, None, None, 1.0]
