@@ -125,9 +125,12 @@ def _asked() -> Callable[[], dict[str, str]]:
             except PackageNotFoundError:
                 told[name] = ""
         if told["quadlab"]:
-            from extensions.campaigns.folder import software
-
-            told |= software()
+            try:
+                from extensions.campaigns.folder import software
+            except ImportError:  # an older one
+                told["sources"] = "without campaigns"
+            else:
+                told |= software()
         return told
 
     return asked

@@ -1,6 +1,15 @@
 """The declaration of the extension `campaigns`."""
 
-from quadrotor.extension import Command, Evidence, Extension, Function, Group, Judged
+from quadrotor.extension import (
+    Command,
+    Evidence,
+    Extension,
+    Function,
+    Group,
+    Judged,
+    PageFeature,
+    PagePanel,
+)
 
 EXTENSION = Extension(
     name="campaigns",
@@ -8,6 +17,16 @@ EXTENSION = Extension(
     protocol=1,
     offers=(
         Function(name="campaign", target=".notebook:campaign"),
+        PageFeature(name="campaigns", target=".routes:FEATURE"),
+        PagePanel(
+            name="campaigns",
+            target="page/campaigns.js:show",
+            place="tabs",
+            title="Campaigns",
+            styles=("campaigns.css",),
+            icon="M3 17V3M3 17h14M6 14V10M9.5 14V6M13 14V8.5M16.5 14V4.5",
+            after="tune",
+        ),
         Command(
             name="campaign",
             target=".command:CampaignCommand",

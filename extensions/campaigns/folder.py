@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import os
 import platform
@@ -10,7 +11,7 @@ import re
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ from extensions.campaigns.flights import Outcome
 from extensions.campaigns.plan import OWN, PlanFile, Value, read_plan
 from flight_log.provenance import provenance, revision
 from quadlab.data_folder import locked
+from quadrotor.checkout import PACKAGES, PREFIX, ROOT
 from quadrotor.errors import StorageError, UsageError, os_errors
 
 if TYPE_CHECKING:
@@ -63,9 +65,15 @@ def parse_shard(text: str) -> Shard:
     return Shard(int(found[1]), int(found[2]))
 
 
+@cache
 def software() -> dict[str, str]:
-    """Return what the rows of a plan depend on beside it: the revision of quadlab."""
-    return {"quadlab": version("quadlab"), **revision()}
+    """Return what the rows of a plan depend on beside it: quadlab, by a hash of its sources."""
+    made = hashlib.sha256()
+    for folder in [ROOT] if PREFIX else [ROOT / name for name in (*PACKAGES, "quadlab")]:
+        for one in sorted(folder.rglob("*.py")):
+            if "tests" not in one.parts:
+                made.update(one.read_bytes())
+    return {"quadlab": version("quadlab"), "sources": made.hexdigest()[:16]}
 
 
 class CampaignFolder:
@@ -122,8 +130,9 @@ class CampaignFolder:
         if differing:
             name = differing[0]
             raise UsageError(
-                f"{self.path} was begun with {name} {then.get(name)}, this is {now[name]}: fly it "
-                "with that one, or begin another campaign"
+                f"{self.path} was begun with another quadlab ({name} {then.get(name)}, revision "
+                f"{self.record['revision']['git_revision'][:10]}; now {now[name]}): its rows would "
+                "not be alike; fly it with that one, or begin another campaign"
             )
 
     @contextlib.contextmanager
@@ -265,6 +274,7 @@ def _make(path: Path, file: PlanFile, cells: Cells) -> None:
         "flights": cells.flights,
         "cells": cells.number,
         "software": software(),
+        "revision": revision(),
         "versions": json.loads(provenance()["versions"]),
         "machine": {
             "host": platform.node(),

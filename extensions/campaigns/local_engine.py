@@ -13,8 +13,11 @@ from multiprocessing import get_context
 
 from extensions.campaigns.flights import Outcome, Task, fly_task
 from extensions.campaigns.work import Work
+from quadrotor.errors import JobError
 from vehicle_link.jobs import die_with_parent
 
+STARTS = 10
+"""Deaths of a worker at its start, one after the other, after which the run is ended."""
 LOOK = 1.0
 """s between two looks at tasks that last too long."""
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -45,7 +48,13 @@ def _warm_up(is_compiled: bool) -> None:
 
 @dataclass
 class _Worker:
-    """One process, in a pool of its own, so that its death is that of its own task alone."""
+    """One process, in a pool of its own, so that its death is that of its own task alone.
+
+    Attributes:
+        warm: done when the process has started.
+        is_late: whether it was killed because its task lasted too long.
+        starts: how often it has died at its start since its last task.
+    """
 
     pool: ProcessPoolExecutor | None = None
     future: Future[list[Outcome]] | None = None
@@ -53,6 +62,7 @@ class _Worker:
     since: float = 0.0
     warm: Future[None] | None = None
     is_late: bool = False
+    starts: int = 0
 
     def begin(self, task: Task) -> bool:
         """Give it a task; return whether it is there to take it."""
@@ -116,12 +126,22 @@ def _ended(worker: _Worker, work: Work) -> None:
     try:
         outcomes = future.result()
     except BrokenProcessPool:
+        was_warm = worker.warm is not None and worker.warm.done() and not worker.warm.exception()
         worker.end()
-        if worker.is_late:
+        if not was_warm:  # it died while it started: that was not the flight
+            worker.starts += 1
+            if worker.starts >= STARTS:
+                raise JobError(
+                    f"{STARTS} workers died at their start, one after the other; is there memory "
+                    "for them? --workers N starts fewer"
+                ) from None
+            work.back(task)
+        elif worker.is_late:
             work.timed_out(task)
         else:
             work.died(task)
         return
+    worker.starts = 0
     work.finished(outcomes)
 
 

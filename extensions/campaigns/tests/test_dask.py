@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from typing import Any
 import pytest
 
 from extensions.campaigns.tests.conftest import COMPILED, rows
+from quadrotor.checkout import PACKAGES, ROOT
 
 GAINS = COMPILED + '[factors]\n"control.position.kp_xy" = [3.0, 4.0, 5.0]\n'
 START = 60.0
@@ -90,11 +92,20 @@ def test_rows_by_dask_are_those_of_one_process_whatever_dies(
     assert table["reason"].to_pylist()[1] == "each worker that flew it died"
 
 
-def test_a_worker_with_another_quadlab_is_refused_by_its_name(bench: Any, scheduler: str) -> None:
-    out = bench.folder / "out"
-    with worker(scheduler, "--no-nanny", PATH="/nowhere"):  # without git no revision is known
+def test_a_worker_with_another_quadlab_is_refused_by_its_name(
+    bench: Any, scheduler: str, tmp_path: Path
+) -> None:
+    out, other = bench.folder / "out", tmp_path / "other"
+    for name in (*PACKAGES, "quadlab"):
+        ignored = shutil.ignore_patterns("__pycache__", "tests", "static", "*.h5", "page")
+        shutil.copytree(ROOT / name, other / name, ignore=ignored)
+    with (other / "control" / "rate_law.py").open("a") as file:
+        file.write("# changed\n")
+    python = ("env", "-C", str(other), sys.executable)
+    with worker(scheduler, "--no-nanny", python=python):
         line = bench.refused("run", bench.plan(GAINS), "--out", out, "--dask", scheduler)
-    assert re.search(r"the worker tcp://127.0.0.1:\d+ \(.*\) has git_revision unknown, this", line)
+    found = r"the worker tcp://127.0.0.1:\d+ \(.*\) has sources \w+, this computer has \w+; install"
+    assert re.search(found, line)
     assert list((out / "rows").iterdir()) == []
 
 

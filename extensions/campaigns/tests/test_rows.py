@@ -150,10 +150,10 @@ def test_a_changed_plan_is_another_campaign(bench: Any) -> None:
 def test_rows_of_other_software_are_not_mixed_in(bench: Any) -> None:
     flown = bench.flown(COMPILED, "out")
     record = json.loads((flown.path / RECORD).read_text())
-    record["software"]["git_revision"] = "before"
+    record["software"]["sources"] = "before"
     (flown.path / RECORD).write_text(json.dumps(record))
     line = bench.refused("resume", flown.path)
-    assert "was begun with git_revision before, this is" in line
+    assert "was begun with another quadlab (sources before, revision" in line
 
 
 def test_a_second_run_at_one_folder_is_refused(bench: Any) -> None:
