@@ -15,14 +15,12 @@ from importlib.metadata import version
 from typing import NoReturn
 
 from quadlab.commands.parsing import parse
-from quadlab.commands.table import commands, overview
+from quadlab.commands.table import commands, of_several, overview
 from quadlab.interrupt import INTERRUPTED, end_at_interrupt, raise_at_interrupt
 from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.extensions import tell_problems
 
-OF_SEVERAL = ("log", "link")
-"""Commands that need a subcommand: without one they print their help."""
 SHELLS = ("bash", "zsh", "tcsh")
 COMPLETION = (
     "quadlab completion SHELL prints the completion for bash, zsh or tcsh: put "
@@ -42,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words in ([], ["--help"], ["-h"]):
         print(overview(), end="")
         return 0
-    if words in ([name] for name in OF_SEVERAL):
+    if len(words) == 1 and words[0] in of_several():  # without an action: its help
         words.append("--help")
     try:
         if words[0] == "completion":

@@ -7,7 +7,7 @@ import fcntl
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import platformdirs
@@ -47,19 +47,33 @@ def open_data_folder(chosen: Path | None, option: str = "--data") -> Path:
     return folder
 
 
-@contextlib.contextmanager
-def owned(folder: Path) -> Iterator[None]:
+def owned(folder: Path) -> contextlib.AbstractContextManager[None]:
     """Lock the folder for one `quadlab up`. Raises StorageError when another has locked it."""
-    with open(folder / "up.lock", "a+") as lock:
+    return locked(
+        folder / "up.lock",
+        lambda owner: (
+            f"another quadlab up (process {owner}) uses {folder}; "
+            "stop it, or give this one its own with --data DIR, --port and --link-port"
+        ),
+    )
+
+
+@contextlib.contextmanager
+def locked(file: Path, line: Callable[[str], str], *, shared: bool = False) -> Iterator[None]:
+    """Hold the lock of a file, which the kernel takes back from a process that dies.
+
+    Args:
+        line: of the error, from the number of the process that holds the lock.
+        shared: whether others may hold the lock too, if theirs are shared.
+
+    Raises StorageError when another holds it.
+    """
+    with open(file, "a+") as lock:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError:
             lock.seek(0)
-            owner = lock.read().strip() or "unknown"
-            raise StorageError(
-                f"another quadlab up (process {owner}) uses {folder}; "
-                "stop it, or give this one its own with --data DIR, --port and --link-port"
-            ) from None
+            raise StorageError(line(lock.read().strip() or "unknown")) from None
         lock.truncate(0)
         lock.write(str(os.getpid()))
         lock.flush()

@@ -7,7 +7,7 @@ values. `faults=TEXT` stands for the faults of simulator, tracker and bearings t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ from quadrotor.errors import MeasurementError, OutOfBoundsError, ParameterError,
 
 if TYPE_CHECKING:
     from quadrotor.parameter_description import ParameterValue
-    from quadrotor.parameters import Parameters
+    from quadrotor.parameters import Parameters, ParameterStore
     from vehicle.parameters import VehicleParameters
 
 
@@ -157,7 +157,6 @@ def parse_settings(
 
     Raises UsageError with the word, what is allowed and what to try.
     """
-    from quadrotor.parameter_description import parse_text
     from quadrotor.parameters import ParameterStore
     from vehicle.parameters import VehicleParameters, check_pairs
     from vehicle.simulator.parameters import SimulatorParameters
@@ -175,14 +174,8 @@ def parse_settings(
             raise UsageError(
                 f"--set {prefix}{word}: write it as name=value, like {store.names[0]}=1"
             )
-        if name in sets:
-            try:
-                values |= sets[name](text)
-            except ParameterError as error:
-                raise UsageError(f"--set {prefix}{word}: {error}") from None
-            continue
         try:
-            values[name] = parse_text(store.description(name), text)
+            values |= setting(store, sets, name, text)
         except ParameterError as error:
             raise UsageError(f"--set {prefix}{word}: {error}") from None
     try:
@@ -195,6 +188,20 @@ def parse_settings(
         except ParameterError as error:
             raise UsageError(str(error)) from None
     return values
+
+
+def setting(
+    store: ParameterStore,
+    sets: Mapping[str, Callable[[str], dict[str, ParameterValue]]],
+    name: str,
+    text: str,
+) -> dict[str, ParameterValue]:
+    """Return the values for which one `name=text` stands. Raises ParameterError."""
+    from quadrotor.parameter_description import parse_text
+
+    if name in sets:
+        return sets[name](text)
+    return {name: parse_text(store.description(name), text)}
 
 
 def beacon_words(file: Path | None) -> list[str]:

@@ -24,6 +24,7 @@ FOLDER = f"{PREFIX}extensions"
 BUILT_IN = (
     "batches",
     "betaflight",
+    "campaigns",
     "comparison",
     "crazyflie",
     "explanation",

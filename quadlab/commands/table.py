@@ -217,6 +217,11 @@ def actions(command: str) -> dict[str, type[Command]]:
     return {word: one.load() for word, one in words.items()}
 
 
+def of_several() -> set[str]:
+    """Return the commands that need an action as their second word."""
+    return {"log", "link"} | {n.partition(" ")[0] for n in registry().offers(Row) if " " in n}
+
+
 def chosen(actions: Mapping[str, type[Command]]) -> object:
     """Return the type of an option whose first word chooses one of these actions."""
     import tyro

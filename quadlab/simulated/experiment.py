@@ -80,7 +80,7 @@ def fly(
     kind = find_kind(board)
     plugins = plugins or data_folder(None) / PLUGINS
     offer_plugins(plugins)
-    parameters = _parameters(experiment, kind, seed, words)
+    parameters = flight_parameters(experiment, kind, seed, words)
     with errors_with_line(experiment):
         experiment.check()
     folder = out or open_data_folder(None) / "flights"
@@ -116,7 +116,7 @@ def fly(
     )
 
 
-def _parameters(
+def flight_parameters(
     experiment: Experiment, kind: Kind, seed: int, words: Sequence[str]
 ) -> FlightParameters:
     """Return the parameters of the flight. Raises QuadlabError."""

@@ -1,0 +1,131 @@
+"""Two campaigns, flight by flight: is the second one worse than noise explains?
+
+Flights with the same seed and factors are pairs. Of the metrics that have limits (the smaller the
+better), the differences are tested by Wilcoxon's signed-rank test; of the verdicts, the pairs of
+which one flight passed by McNemar's exact test. Both are one-sided, and the level is divided by the
+number of tests (Bonferroni).
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from extensions.campaigns.folder import CampaignFolder, judged_metrics
+from extensions.campaigns.summary import Numbers, column, quantile_interval
+from quadrotor.errors import UsageError
+from quadrotor.json_object import JsonObject
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+LEVEL = 0.05
+"""Probability of calling one of two equal campaigns worse."""
+
+
+def compare(one: CampaignFolder, other: CampaignFolder) -> JsonObject:
+    """Return the paired differences, second minus first. Raises UsageError without pairs."""
+    first, second = _paired(one, other)
+    pairs = len(first)
+    a, b = one.table().take(first), other.table().take(second)
+    metrics = sorted({*judged_metrics(a)} & {*judged_metrics(b)})
+    tests = {"passed": _verdicts(a, b)} | {
+        name: _metric(column(a, name), column(b, name)) for name in metrics
+    }
+    level = LEVEL / len(tests)
+    for found in tests.values():
+        found["is_worse"] = found["p"] < level
+    return {
+        "pairs": pairs,
+        "unpaired": [one.count() - pairs, other.count() - pairs],
+        "level": level,
+        "tests": tests,
+        "is_worse": any(found["is_worse"] for found in tests.values()),
+    }
+
+
+def _paired(one: CampaignFolder, other: CampaignFolder) -> tuple[list[int], list[int]]:
+    """Return the places of the rows with the same seed and factors."""
+    mine, theirs = one.plan.plan, other.plan.plan
+    if mine.factors.keys() != theirs.factors.keys():
+        raise UsageError(
+            f"{one.path} has the factors {', '.join(mine.factors) or '(none)'}, {other.path} has "
+            f"{', '.join(theirs.factors) or '(none)'}: only flights with equal factors are pairs"
+        )
+    keys = ["seed", *mine.factors]
+    places = {key: k for k, key in enumerate(_keys(one.table(), keys))}
+    pairs = [(places[key], k) for k, key in enumerate(_keys(other.table(), keys)) if key in places]
+    if not pairs:
+        raise UsageError(
+            f"{one.path} and {other.path} have no flights with the same seed and factors: fly both "
+            "from plans with the same seed, seeds and factors"
+        )
+    return [k for k, _ in pairs], [k for _, k in pairs]
+
+
+def _keys(table: pa.Table, names: list[str]) -> list[Any]:
+    return list(zip(*(table[name].to_pylist() for name in names), strict=True))
+
+
+def _verdicts(a: pa.Table, b: pa.Table) -> JsonObject:
+    from scipy.stats import binomtest
+
+    was = np.array(a["verdict"].to_pylist()) == "passed"
+    now = np.array(b["verdict"].to_pylist()) == "passed"
+    worse, better = int((was & ~now).sum()), int((~was & now).sum())
+    p = binomtest(worse, worse + better, 0.5, "greater").pvalue if worse + better else 1.0
+    return {
+        "test": "McNemar, exact",
+        "first": int(was.sum()),
+        "second": int(now.sum()),
+        "worse": worse,
+        "better": better,
+        "p": float(p),
+    }
+
+
+def _metric(a: Numbers, b: Numbers) -> JsonObject:
+    from scipy.stats import wilcoxon
+
+    both = np.isfinite(a) & np.isfinite(b)
+    difference = np.sort(b[both] - a[both])
+    p = 1.0
+    if np.any(difference):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of few pairs: p is then exact, or large
+            p = float(wilcoxon(difference, alternative="greater").pvalue)
+    low, high = quantile_interval(difference, 0.5) if len(difference) else (np.nan, np.nan)
+    return {
+        "test": "Wilcoxon signed-rank",
+        "pairs": int(both.sum()),
+        "first": float(np.median(a[both])) if both.any() else None,
+        "second": float(np.median(b[both])) if both.any() else None,
+        "difference": float(np.median(difference)) if both.any() else None,
+        "low": float(low),
+        "high": float(high),
+        "p": p,
+    }
+
+
+def told(found: JsonObject) -> list[str]:
+    """Return a comparison as lines of text."""
+    lines = [f"{found['pairs']} pairs of flights; worse is what has p below {found['level']:.2g}"]
+    if any(found["unpaired"]):
+        lines.append("without a pair: {} of the first, {} of the second".format(*found["unpaired"]))
+    for name, one in found["tests"].items():
+        if name == "passed":
+            what = (
+                f"{one['first']} and {one['second']}; {one['worse']} worse, {one['better']} better"
+            )
+        elif one["difference"] is None:
+            what = "in no pair"
+        else:
+            what = (
+                f"{one['first']:.5g} and {one['second']:.5g}; difference {one['difference']:+.3g} "
+                f"(95 %: {one['low']:+.3g} to {one['high']:+.3g})"
+            )
+        sign = "WORSE" if one["is_worse"] else "not worse"
+        lines.append(f"  {name:18} {sign:9}  {what}; p = {one['p']:.2g} ({one['test']})")
+    return lines

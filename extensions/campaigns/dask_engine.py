@@ -1,0 +1,147 @@
+"""Flights on the workers of a Dask scheduler, which a laboratory or a centre of computing runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+from extensions.campaigns.flights import Task
+from extensions.campaigns.folder import software
+from extensions.campaigns.work import Work
+from quadrotor.errors import LinkError, UnreachableError, UsageError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+REACH = "10s"
+"""How long a scheduler may take to answer."""
+WAITING = 2
+"""Tasks for each thread of a worker: the next one is there when the last one ends."""
+FIRST_WORKER = 30.0
+"""s to wait for a first worker."""
+
+
+def fly_by_dask(work: Work, address: str) -> None:
+    """Fly all tasks. Raises UnreachableError, LinkError, UsageError with the worker's name."""
+    try:
+        from distributed import as_completed
+    except ImportError:
+        raise UsageError("--dask needs Dask: pip install 'quadlab[campaigns]'") from None
+    with _client(address) as client:
+        _check_workers(client)
+        running: dict[Any, Task] = {}
+        ended = as_completed(loop=client.loop)
+        fill(work, client, running, ended)
+        while running:
+            future = next(ended)
+            task = running.pop(future)
+            _ended(work, task, future)
+            fill(work, client, running, ended)
+
+
+def fill(work: Work, client: Client, running: dict[Any, Task], ended: Any) -> None:
+    """Give the workers tasks, some more than they have threads."""
+    threads = max(1, sum(client.nthreads().values()))
+    while len(running) < WAITING * threads and (task := work.take(WAITING * threads)) is not None:
+        future = client.submit(_by_value(), task, software(), work.limit, pure=False)
+        running[future] = task
+        ended.add(future)
+
+
+def _ended(work: Work, task: Task, future: Any) -> None:
+    from distributed.scheduler import KilledWorker
+
+    try:
+        refusal, outcomes = future.result()
+    except KilledWorker:  # as often as the scheduler allows
+        if len(task.indices) > 1:
+            work.died(task)
+        else:
+            work.given_up(task.indices[0])
+        return
+    except Exception as error:
+        raise LinkError(f"a worker of Dask did not fly: {type(error).__name__}: {error}") from error
+    if refusal:
+        raise UsageError(refusal)
+    work.finished(outcomes)
+
+
+def _client(address: str) -> Client:
+    from distributed import Client
+
+    try:
+        return Client(address, timeout=REACH, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise UnreachableError(
+            f"no scheduler of Dask answers at {address} ({str(error).splitlines()[0]}); start "
+            "`dask scheduler` and `dask worker`, or correct the address"
+        ) from None
+
+
+def _check_workers(client: Client) -> None:
+    """Raise UsageError for a worker that would fly otherwise than this computer, by its name."""
+    try:
+        client.wait_for_workers(1, timeout=FIRST_WORKER)
+    except TimeoutError:
+        raise LinkError(
+            f"the scheduler {client.scheduler.address} has no workers; start `dask worker`"
+        ) from None
+    ours = {"distributed": version("distributed"), **software()}
+    refused = [
+        line
+        for worker, told in client.run(_asked()).items()
+        if (line := _refusal(worker, told, ours))
+    ]
+    if refused:
+        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+        raise UsageError(refused[0] + more)
+
+
+def _refusal(worker: str, told: Mapping[str, str], ours: Mapping[str, str]) -> str:
+    """Return why a worker is refused, empty if it is not."""
+    for name, wanted in ours.items():
+        if not (found := told.get(name, "")):
+            return f"the worker {worker} ({told['host']}) has no {name}; install it there"
+        if found != wanted:
+            return (
+                f"the worker {worker} ({told['host']}) has {name} {found}, this computer has "
+                f"{wanted}; install the same"
+            )
+    return ""
+
+
+def _asked() -> Callable[[], dict[str, str]]:
+    """Return a function for a worker that may lack quadlab: as a local one, it travels as code."""
+
+    def asked() -> dict[str, str]:
+        import platform
+        from importlib.metadata import PackageNotFoundError, version
+
+        told = {"host": platform.node()}
+        for name in ("distributed", "quadlab"):
+            try:
+                told[name] = version(name)
+            except PackageNotFoundError:
+                told[name] = ""
+        if told["quadlab"]:
+            try:
+                from extensions.campaigns.folder import software
+            except ImportError:  # an older one
+                told["sources"] = "without campaigns"
+            else:
+                told |= software()
+        return told
+
+    return asked
+
+
+def _by_value() -> Callable[[Task, dict[str, str], float], tuple[str, Any]]:
+    """Return a function that flies on a worker, which may have joined after the others."""
+
+    def flown(task: Any, wanted: dict[str, str], limit: float) -> tuple[str, Any]:
+        from extensions.campaigns.dask_worker import fly_here
+
+        return fly_here(task, wanted, limit)
+
+    return flown

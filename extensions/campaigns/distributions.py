@@ -1,0 +1,70 @@
+"""Curves and maps of a metric over the rows of a campaign, small enough for a page."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from extensions.campaigns.design import Cells
+from extensions.campaigns.plan import SAMPLED
+from extensions.campaigns.summary import Numbers, column, quantile_interval
+from quadrotor.json_object import JsonObject
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+POINTS = 200
+"""Points of a curve at most."""
+BINS = 10
+"""Bins of a factor of a sampled design."""
+MOST_LEVELS = 40
+"""Values of a factor that a map shows at most."""
+
+
+def ecdf(values: Numbers) -> JsonObject:
+    """Return the share of the flights below each value, and the median with its interval."""
+    ordered = np.sort(values[np.isfinite(values)])
+    if not len(ordered):
+        return {"values": [], "shares": []}
+    places = np.unique(np.linspace(0, len(ordered) - 1, POINTS).round().astype(int))
+    return {
+        "values": ordered[places].tolist(),
+        "shares": ((places + 1) / len(ordered)).tolist(),
+        "median": float(np.median(ordered)),
+        "interval": quantile_interval(ordered, 0.5),
+    }
+
+
+def heat_map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> JsonObject:
+    """Return the median of a metric for each pair of values of two factors, NaN as None.
+
+    Args:
+        y: "" for a map with one line.
+    """
+    values = column(table, metric)
+    across, x_labels = _levels(cells, table, x)
+    down, y_labels = _levels(cells, table, y) if y else (np.zeros(len(values), int), [""])
+    medians: list[list[float | None]] = [[None] * len(x_labels) for _ in y_labels]
+    keep = np.isfinite(values)
+    place = (down * len(x_labels) + across)[keep]
+    order = np.argsort(place, kind="stable")
+    place, ordered = place[order], values[keep][order]
+    starts = np.flatnonzero(np.diff(place, prepend=-1))
+    for start, end in zip(starts, [*starts[1:], len(place)], strict=True):
+        row, k = divmod(int(place[start]), len(x_labels))
+        medians[row][k] = float(np.median(ordered[start:end]))
+    return {"x": x_labels, "y": y_labels, "medians": medians}
+
+
+def _levels(cells: Cells, table: pa.Table, name: str) -> tuple[Any, list[str]]:
+    """Return for each row the number of its level of a factor, and the levels' labels."""
+    values = table[name].to_numpy(zero_copy_only=False)
+    levels, places = np.unique(values, return_inverse=True)
+    if cells.plan.design in SAMPLED and len(levels) > BINS and levels.dtype.kind == "f":
+        edges = np.quantile(values, np.linspace(0.0, 1.0, BINS + 1))
+        places = np.clip(np.searchsorted(edges, values, "right") - 1, 0, BINS - 1)
+        return places, [f"{low:.3g} … {high:.3g}" for low, high in pairwise(edges)]
+    labels = [f"{one:.4g}" if isinstance(one, float) else str(one) for one in levels.tolist()]
+    return np.minimum(places, MOST_LEVELS - 1), labels[:MOST_LEVELS]

@@ -1,0 +1,170 @@
+"""The flights of a task, in the process of a worker: rows that depend on plan and index alone."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from extensions.campaigns.design import Cells, seed_of
+from extensions.campaigns.plan import COMPILED, Plan, parse_plan
+from extensions.campaigns.settings import Settings
+from quadrotor.errors import QuadlabError
+
+if TYPE_CHECKING:
+    from quadrotor.parameter_description import ParameterValue
+
+RAISED, TIMED_OUT, WORKER_DIED = "raised", "timed_out", "worker_died"
+"""Verdicts of flights without figures, beside those of `quadlab fly`."""
+UNFLOWN = (RAISED, TIMED_OUT, WORKER_DIED)
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Flights of a plan, for one worker.
+
+    Attributes:
+        text: of the plan.
+        folder: that of the campaign, with the files that the plan names.
+        is_compiled: whether the flights are those of compiled code.
+        keep_logs: whether the logs are returned of all flights, beside those that the plan keeps.
+    """
+
+    text: str
+    folder: str
+    indices: tuple[int, ...]
+    is_compiled: bool = False
+    keep_logs: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A flight that has ended, in whatever way.
+
+    Attributes:
+        judged: metrics that have limits: the smaller the better.
+        wall, processor: s.
+        log: the log's bytes, if it is kept.
+    """
+
+    index: int
+    verdict: str
+    reason: str = ""
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    judged: tuple[str, ...] = ()
+    wall: float = 0.0
+    processor: float = 0.0
+    worker: str = ""
+    host: str = ""
+    log: bytes | None = None
+
+
+def fly_task(task: Task) -> list[Outcome]:
+    """Fly; what goes wrong in a flight is its outcome."""
+    settings = _settings(task.text, task.folder)
+    if settings.file.plan.experiment == COMPILED:
+        return _compiled(settings, task.indices)
+    return [_flown(settings, index, task.keep_logs) for index in task.indices]
+
+
+@lru_cache(maxsize=2)
+def _settings(text: str, folder: str) -> Settings:
+    file = parse_plan(text, Path(folder) / "plan.toml", is_kept=True)
+    return Settings(file, Cells(file.plan))
+
+
+def _where() -> dict[str, str]:
+    return {"worker": str(os.getpid()), "host": platform.node()}
+
+
+def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
+    """Fly as `quadlab fly` does with the words of this row."""
+    from quadlab.simulated.experiment import chosen, fly
+
+    file, plan = settings.file, settings.file.plan
+    began, processor = time.perf_counter(), time.process_time()
+    folder = Path(tempfile.mkdtemp(prefix="quadlab-campaign-"))
+    verdict, reason, log = RAISED, "", None
+    metrics: dict[str, float] = {}
+    judged: tuple[str, ...] = ()
+    try:
+        done = fly(
+            chosen(file.experiment),
+            seed=seed_of(plan, index),
+            words=settings.words(index // plan.seeds),
+            out=folder,
+            plugins=file.plugins,
+            board=plan.board,
+            true_state=plan.true_state,
+        )
+        verdict, reason = done.result.verdict, done.aborted or done.result.reason
+        metrics = {**done.result.metrics, "flown_s": done.flight.view().time}
+        judged = tuple(done.result.limits)
+        verdict, reason, metrics, judged = _judged(plan, verdict, reason, metrics, judged)
+    except QuadlabError as error:
+        reason = str(error).partition("; the log is kept: ")[0]
+    except Exception as error:  # of the experiment's or a plugin's own code: it is this row's
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
+    finally:
+        kept = plan.keep.logs
+        if keep_log or kept == "all" or (kept == "failed" and verdict != "passed"):
+            log = next((one.read_bytes() for one in folder.glob("*.mcap")), None)
+        shutil.rmtree(folder, ignore_errors=True)
+    return Outcome(
+        index,
+        verdict,
+        reason,
+        metrics,
+        judged=judged,
+        wall=time.perf_counter() - began,
+        processor=time.process_time() - processor,
+        log=log,
+        **_where(),
+    )
+
+
+def _judged(
+    plan: Plan, verdict: str, reason: str, metrics: dict[str, float], judged: tuple[str, ...]
+) -> tuple[str, str, dict[str, float], tuple[str, ...]]:
+    """Apply the plan's own limits, and its choice of metrics."""
+    for name, limit in plan.limits.items():
+        if verdict == "passed" and not metrics.get(name, limit) <= limit:
+            verdict, reason = "failed", f"{name} is {metrics[name]:.5g}, at most {limit:g} passes"
+    if plan.metrics:
+        metrics = {name: value for name, value in metrics.items() if name in plan.metrics}
+    judged = tuple(dict.fromkeys((*judged, *plan.limits)))
+    return verdict, reason, metrics, tuple(one for one in judged if one in metrics)
+
+
+def _compiled(settings: Settings, indices: Sequence[int]) -> list[Outcome]:
+    from extensions.campaigns.closed_loop import JUDGED, fly_rows
+
+    began, processor, plan = time.perf_counter(), time.process_time(), settings.file.plan
+    cells: dict[int, dict[str, ParameterValue]] = {}
+    for index in indices:
+        cell = index // plan.seeds
+        if cell not in cells:
+            cells[cell] = next(settings.values(range(cell, cell + 1)))[1]
+    rows = [(seed_of(plan, index), cells[index // plan.seeds]) for index in indices]
+    try:
+        flown = fly_rows(settings, rows)
+    except QuadlabError as error:
+        if len(indices) == 1:
+            return [Outcome(indices[0], RAISED, str(error), **_where())]
+        return [one for index in indices for one in _compiled(settings, [index])]
+    wall = (time.perf_counter() - began) / len(indices)
+    processor = (time.process_time() - processor) / len(indices)
+    where, found = _where(), []
+    for index, (verdict, reason, metrics) in zip(indices, flown, strict=True):
+        judged = _judged(plan, verdict, reason, metrics, JUDGED)
+        found.append(
+            Outcome(index, *judged[:3], judged=judged[3], wall=wall, processor=processor, **where)
+        )
+    return found

@@ -1,0 +1,347 @@
+"""The folder of a campaign: its plan, what it was flown with, and its rows as Parquet files."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import platform
+import re
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from console.atomic_file import replacing
+from extensions.campaigns.design import Cells, seed_of
+from extensions.campaigns.flights import Outcome
+from extensions.campaigns.plan import OWN, PlanFile, Value, read_plan
+from flight_log.provenance import provenance, revision
+from quadlab.data_folder import locked
+from quadrotor.checkout import PACKAGES, PREFIX, ROOT
+from quadrotor.errors import StorageError, UsageError, os_errors
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+PLAN, RECORD, ROWS, LOGS = "plan.toml", "campaign.json", "rows", "logs"
+FIXED_COLUMNS = ("index", "seed")
+MACHINE = ("wall_", "processor_", "worker", "host")
+"""How the names of columns begin that depend on the computer."""
+PROTOCOL = 1
+"""Version of the folder's files."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """The flights whose index is `number - 1` modulo `of`: one of the parts of a campaign."""
+
+    number: int = 1
+    of: int = 1
+
+    @property
+    def name(self) -> str:
+        return f"{self.number}of{self.of}"
+
+    def indices(self, flights: int) -> range:
+        return range(self.number - 1, flights, self.of)
+
+
+WHOLE = Shard()
+
+
+def parse_shard(text: str) -> Shard:
+    """Return the shard of I/N. Raises UsageError."""
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise UsageError(f"--shard {text}: write I/N with I from 1 to N, as 1/4, 2/4, 3/4, 4/4")
+    return Shard(int(found[1]), int(found[2]))
+
+
+@cache
+def software() -> dict[str, str]:
+    """Return what the rows of a plan depend on beside it: quadlab, by a hash of its sources."""
+    made = hashlib.sha256()
+    for folder in [ROOT] if PREFIX else [ROOT / name for name in (*PACKAGES, "quadlab")]:
+        for one in sorted(folder.rglob("*.py")):
+            if "tests" not in one.parts:
+                made.update(one.read_bytes())
+    return {"quadlab": version("quadlab"), "sources": made.hexdigest()[:16]}
+
+
+class CampaignFolder:
+    """A campaign on disk. Raises StorageError for a folder without one.
+
+    Attributes:
+        record: what it was begun with: plan, software, machine.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with os_errors(lambda why: f"{path} is no campaign ({why}: {RECORD}); give its folder"):
+            self.record: dict[str, Any] = json.loads((path / RECORD).read_text())
+        if self.record.get("protocol") != PROTOCOL:
+            raise StorageError(f"{path} is of another version of quadlab's campaigns; update it")
+        self.rows = path / ROWS
+        self.flights: int = self.record["flights"]
+
+    @cached_property
+    def plan(self) -> PlanFile:
+        return read_plan(self.path / PLAN, is_kept=True)
+
+    @cached_property
+    def cells(self) -> Cells:
+        return Cells(self.plan.plan)
+
+    # ------------------------------------------------------------------ beginning
+    @classmethod
+    def begun(cls, path: Path, file: PlanFile, cells: Cells) -> CampaignFolder:
+        """Return the folder of this plan, made if it is new.
+
+        Raises UsageError for a folder of another plan, StorageError if it cannot be written.
+        """
+        path = path.expanduser()
+        if not (path / RECORD).exists():
+            if path.exists() and any(one.name not in _MADE for one in path.iterdir()):
+                raise UsageError(f"--out {path} holds other files; give a new folder")
+            with os_errors(lambda why: f"--out {path} cannot be written ({why})"):
+                _make(path, file, cells)
+        found = cls(path)
+        if found.record["plan"] != file.identity:
+            raise UsageError(
+                f"{path} holds the campaign of another plan ({found.record['plan']}, this is "
+                f"{file.identity}): a changed plan, or a changed file that it names, is a new "
+                "campaign; give another --out"
+            )
+        found.check_software()
+        return found
+
+    def check_software(self) -> None:
+        """Raise UsageError if other software would fly the rest: the rows would not be alike."""
+        then, now = self.record["software"], software()
+        differing = [name for name in now if then.get(name) != now[name]]
+        if differing:
+            name = differing[0]
+            raise UsageError(
+                f"{self.path} was begun with another quadlab ({name} {then.get(name)}, revision "
+                f"{self.record['revision']['git_revision'][:10]}; now {now[name]}): its rows would "
+                "not be alike; fly it with that one, or begin another campaign"
+            )
+
+    @contextlib.contextmanager
+    def owned(self, shard: Shard = WHOLE) -> Iterator[None]:
+        """Hold the folder, or a shard of it. Raises StorageError while another run holds it."""
+
+        def line(owner: str) -> str:
+            return (
+                f"another run (process {owner}) flies into {self.path}; wait for its end, stop it, "
+                "or give this one its own --out"
+            )
+
+        with locked(self.path / "run.lock", line, shared=shard != WHOLE):
+            if shard == WHOLE:
+                yield
+            else:
+                with locked(self.path / f"shard_{shard.name}.lock", line):
+                    yield
+
+    @property
+    def is_running(self) -> bool:
+        """Return whether a run holds the folder."""
+        try:
+            with self.owned():
+                return False
+        except (StorageError, OSError):
+            return True
+
+    # ------------------------------------------------------------------ rows
+    def done(self) -> npt.NDArray[np.bool_]:
+        """Return for each flight whether it has a row."""
+        import pyarrow.parquet as pq
+
+        found = np.zeros(self.flights, bool)
+        for part in self._parts():
+            found[pq.read_table(part, columns=["index"])["index"].to_numpy()] = True
+        return found
+
+    def count(self) -> int:
+        """Return the number of rows, from the ends of their files alone."""
+        import pyarrow.parquet as pq
+
+        return min(self.flights, sum(pq.read_metadata(part).num_rows for part in self._parts()))
+
+    def _parts(self) -> list[Path]:
+        return sorted(self.rows.glob("*.parquet"))
+
+    def add(self, outcomes: Sequence[Outcome], shard: Shard) -> None:
+        """Write rows as one more file, and logs. Raises StorageError."""
+        self.rows.mkdir(exist_ok=True)
+        for one in outcomes:
+            if one.log is not None:
+                self.add_log(one)
+        number = 1 + max((_number(part, shard) for part in self._parts()), default=0)
+        place = self.rows / f"{shard.name}-{number:06}.parquet"
+        _write(place, self._table(outcomes))
+
+    def add_log(self, outcome: Outcome) -> None:
+        """Keep the log of a flight, as the file `log_of`. Raises StorageError."""
+        assert outcome.log is not None
+        place = self.log_of(outcome.index)
+        with os_errors(lambda why: f"{place} cannot be written ({why})"):
+            place.parent.mkdir(exist_ok=True)
+            with replacing(place) as new:
+                new.write_bytes(outcome.log)
+
+    def log_of(self, index: int) -> Path:
+        """Return the place of a flight's log, if it is kept."""
+        return self.path / LOGS / f"{index:07}.mcap"
+
+    def _table(self, outcomes: Sequence[Outcome]) -> pa.Table:
+        import pyarrow as pa
+
+        plan, indices = self.plan.plan, np.array([one.index for one in outcomes])
+        columns: dict[str, Any] = {
+            "index": pa.array(indices, pa.int64()),
+            "seed": pa.array([seed_of(plan, one.index) for one in outcomes], pa.int64()),
+        }
+        for name in plan.factors:
+            columns[name] = _array(self.cells.column(name, indices // plan.seeds))
+        columns["verdict"] = pa.array([one.verdict for one in outcomes], pa.string())
+        columns["reason"] = pa.array([one.reason for one in outcomes], pa.string())
+        for name in sorted({name for one in outcomes for name in one.metrics}):
+            values = [one.metrics.get(name) for one in outcomes]
+            columns[name] = pa.array(values, pa.float64())
+        columns["wall_s"] = pa.array([one.wall for one in outcomes], pa.float64())
+        columns["processor_s"] = pa.array([one.processor for one in outcomes], pa.float64())
+        columns["worker"] = pa.array([one.worker for one in outcomes], pa.string())
+        columns["host"] = pa.array([one.host for one in outcomes], pa.string())
+        judged = sorted({name for one in outcomes for name in one.judged})
+        return pa.table(columns).replace_schema_metadata({"judged": json.dumps(judged)})
+
+    def table(self) -> pa.Table:
+        """Return all rows in the order of their index. Raises StorageError if there are none."""
+        return joined(self._parts(), list(self.plan.plan.factors), self.path)
+
+    def finish(self) -> bool:
+        """Write all rows as one file in the order of their index, if all are there."""
+        if not self.done().all():
+            return False
+        parts = self._parts()
+        if [part.name for part in parts] == [f"{ROWS}.parquet"]:
+            return True
+        new, old = self.path / f"{ROWS}.new", self.path / f"{ROWS}.old"
+        shutil.rmtree(new, ignore_errors=True)
+        new.mkdir()
+        _write(new / f"{ROWS}.parquet", self.table())
+        self.rows.rename(old)
+        new.rename(self.rows)
+        shutil.rmtree(old)
+        return True
+
+    def mend(self) -> None:
+        """Finish what a killed run has left halfway; only for the owner of the folder."""
+        new, old = self.path / f"{ROWS}.new", self.path / f"{ROWS}.old"
+        if old.exists() and not self.rows.exists():
+            (new if new.exists() else old).rename(self.rows)
+        for one in (new, old):
+            shutil.rmtree(one, ignore_errors=True)
+        for one in self.rows.glob("*.new"):
+            one.unlink()
+
+
+_MADE = {PLAN, f"{PLAN}.new", f"{RECORD}.new", ROWS, OWN, "run.lock"}
+"""What a run that was killed at its very beginning leaves."""
+
+
+def _make(path: Path, file: PlanFile, cells: Cells) -> None:
+    """Make the folder; the record is written last."""
+    path.mkdir(parents=True, exist_ok=True)
+    (path / ROWS).mkdir(exist_ok=True)
+    file.keep_files(path)
+    with replacing(path / PLAN) as new:
+        new.write_text(file.text)
+    record = {
+        "protocol": PROTOCOL,
+        "plan": file.identity,
+        "experiment": file.plan.experiment,
+        "flights": cells.flights,
+        "cells": cells.number,
+        "software": software(),
+        "revision": revision(),
+        "versions": json.loads(provenance()["versions"]),
+        "machine": {
+            "host": platform.node(),
+            "system": platform.platform(),
+            "processor": platform.machine(),
+            "processors": os.cpu_count(),
+        },
+    }
+    with replacing(path / RECORD) as new:
+        new.write_text(json.dumps(record, indent=1) + "\n")
+
+
+def joined(parts: Sequence[Path], factors: Sequence[str], where: Path) -> pa.Table:
+    """Return the rows of files, each flight once, in the order of their index.
+
+    Raises StorageError if there are none.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    tables = [pq.read_table(part) for part in parts]
+    if not tables:
+        raise StorageError(f"{where} has no rows yet")
+    judged = sorted({name for one in tables for name in _judged(one)})
+    whole = pa.concat_tables(tables, promote_options="permissive")
+    _, first = np.unique(whole["index"].to_numpy(), return_index=True)
+    if len(first) != whole.num_rows or (np.diff(first) < 0).any():
+        whole = whole.take(first)
+    known = [*FIXED_COLUMNS, *factors, "verdict", "reason"]
+    machine = [name for name in whole.column_names if name.startswith(MACHINE)]
+    metrics = sorted(set(whole.column_names) - {*known, *machine})
+    whole = whole.select([*known, *metrics, *machine]).combine_chunks()
+    return whole.replace_schema_metadata({"judged": json.dumps(judged)})
+
+
+def _judged(table: pa.Table) -> list[str]:
+    found: list[str] = json.loads((table.schema.metadata or {}).get(b"judged", b"[]"))
+    return found
+
+
+def judged_metrics(table: pa.Table) -> list[str]:
+    """Return the metrics that have limits: the smaller the better."""
+    return _judged(table)
+
+
+def metric_columns(table: pa.Table, factors: Sequence[str]) -> list[str]:
+    """Return the names of the metrics."""
+    others = {*FIXED_COLUMNS, *factors, "verdict", "reason"}
+    return [n for n in table.column_names if n not in others and not n.startswith(MACHINE)]
+
+
+def _array(values: Sequence[Value]) -> pa.Array:
+    import pyarrow as pa
+
+    kinds = {type(one) for one in values}
+    return pa.array(values if len(kinds) == 1 else [str(one) for one in values])
+
+
+def _write(place: Path, table: pa.Table) -> None:
+    import pyarrow.parquet as pq
+
+    with os_errors(lambda why: f"{place} cannot be written ({why})"), replacing(place) as new:
+        pq.write_table(table, new)
+        with new.open("rb") as file:  # on the disk before it gets its name
+            os.fsync(file.fileno())
+
+
+def _number(part: Path, shard: Shard) -> int:
+    name, _, number = part.stem.rpartition("-")
+    return int(number) if name == shard.name and number.isdigit() else 0

@@ -1,0 +1,100 @@
+// The Campaigns tab: which there are and how far they are; of one, its shares, the distribution of a
+// metric, its medians over two factors, and the rows, each with the command that flies it again.
+
+import { get } from "/static/core/api.js";
+import { attempt, element, optionsOf, setText } from "/static/core/dom.js";
+import { drawEcdf, drawHeat, short } from "./drawings.js";
+
+const LOOK = 3000; // ms between two looks at a campaign that runs
+
+export function show(place) { new Campaigns(place); }
+
+class Campaigns {
+  chosen = ""; open = -1; shown = null; // name, index of the row whose command is shown, what was drawn last
+
+  constructor(place) {
+    this.reason = element("p", { className: "reason", hidden: true });
+    this.list = element("ol", { className: "campaigns" });
+    this.empty = element("p", { className: "empty", hidden: true });
+    this.shares = element("dl", { className: "shares" });
+    const choice = (label) => element("select", { ariaLabel: label, onchange: () => this.read() });
+    this.metric = choice("metric"); this.x = choice("factor across"); this.y = choice("factor down");
+    this.curve = element("div", { className: "drawing" });
+    this.map = element("div", { className: "drawing" });
+    this.axes = element("div", { className: "axes" }, this.x, element("span", {}, "×"), this.y);
+    this.rows = element("ol", { className: "rows" });
+    this.one = element("div", { hidden: true }, this.shares, this.distribution = element("h2", {}, "Distribution"), this.metric, this.curve,
+      this.heading = element("h2", {}, "Medians"), this.axes, this.map, element("h2", {}, "Flights"), this.rows);
+    place.append(element("section", {}, element("h2", {}, "Campaigns"), this.list, this.empty, this.reason, this.one));
+    document.addEventListener("tab", ({ detail }) => { this.isOpen = detail === "campaigns"; if (this.isOpen) this.look(); });
+    setInterval(() => { if (this.isOpen && !document.hidden) this.look(); }, LOOK);
+  }
+
+  // Reads the list, and the chosen campaign if it has grown.
+  async look() {
+    await attempt(this.reason, async () => {
+      const { campaigns, folder } = await get("/api/campaigns");
+      this.empty.hidden = campaigns.length > 0;
+      setText(this.empty, `None yet. quadlab campaign run plan.toml --out ${folder}/NAME`);
+      if (!campaigns.some(({ name }) => name === this.chosen)) this.chosen = campaigns[0]?.name ?? "";
+      this.list.replaceChildren(...campaigns.map((one) => this.entry(one)));
+      const now = campaigns.find(({ name }) => name === this.chosen);
+      const state = now && `${now.name} ${now.rows}`;
+      if (state && state !== this.state) { this.state = state; await this.read(); }
+    });
+  }
+
+  entry({ name, experiment, rows, flights, running, problem }) {
+    const part = flights ? rows / flights : 0;
+    const state = problem || (running ? "flying" : rows < flights ? "stopped" : "");
+    const facts = problem || [experiment, `${rows} of ${flights}`, state].filter(Boolean).join(" · ");
+    const bar = element("i"); bar.style.width = `${100 * part}%`;
+    const choose = () => { this.chosen = name; this.open = -1; this.look(); };
+    const button = element("button", { onclick: choose, title: facts }, element("b", {}, name), element("span", {}, facts));
+    button.setAttribute("aria-pressed", String(name === this.chosen));
+    return element("li", {}, button, element("div", { className: "progress" }, bar));
+  }
+
+  async read() {
+    await attempt(this.reason, async () => {
+      const query = new URLSearchParams({ metric: this.metric.value, x: this.x.value, y: this.y.value });
+      const wanted = this.chosen, found = await get(`/api/campaigns/${encodeURIComponent(wanted)}?${query}`);
+      if (wanted === this.chosen) this.draw(found);
+    });
+  }
+
+  draw(found) {
+    this.one.hidden = !found.list.length;
+    if (this.one.hidden) return;
+    this.shares.replaceChildren(...Object.entries(found.verdicts).flatMap(([name, { count, share, low, high }]) => [
+      element("dt", {}, name.replace("_", " ")),
+      element("dd", { title: "interval of the share, 95 % (Wilson)" }, `${count}`, element("span", {}, `${percent(share)}  ${percent(low)} … ${percent(high)}`)),
+    ]));
+    this.metric.replaceChildren(...optionsOf(found.metrics, found.metric));
+    this.x.replaceChildren(...optionsOf(found.factors, found.x));
+    this.y.replaceChildren(...optionsOf(found.factors.filter((name) => name !== found.x), found.y));
+    this.curve.replaceChildren(...(found.ecdf?.values.length ? [drawEcdf(found.ecdf, found.metric)] : []));
+    this.distribution.hidden = this.metric.hidden = !found.metric;
+    this.heading.hidden = this.axes.hidden = this.map.hidden = !found.heat;
+    this.y.hidden = this.axes.children[1].hidden = !found.y;
+    this.map.replaceChildren(...(found.heat ? [drawHeat(found.heat)] : []));
+    this.rows.replaceChildren(...found.list.map((row) => this.row(row)));
+  }
+
+  row({ index, verdict, reason, value, command }) {
+    const words = command || "a compiled flight: it has no log";
+    const line = element("pre", { hidden: index !== this.open, tabIndex: 0 }, words);
+    const toggle = () => {
+      line.hidden = !line.hidden;
+      this.open = line.hidden ? -1 : index;
+      button.setAttribute("aria-expanded", String(!line.hidden));
+    };
+    const what = reason || verdict.replace("_", " ");
+    const button = element("button", { onclick: toggle, title: `${what}; the command that flies it again` },
+      element("b", {}, String(index)), element("span", { className: verdict === "passed" ? "" : "amber" }, what), element("output", {}, value === null ? "" : short(value)));
+    button.setAttribute("aria-expanded", String(index === this.open));
+    return element("li", {}, button, line);
+  }
+}
+
+const percent = (share) => `${(100 * share).toFixed(1)} %`;

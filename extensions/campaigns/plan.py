@@ -1,0 +1,291 @@
+"""The plan of a campaign: a TOML file, checked against a model that is also its JSON schema."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+import shutil
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
+from pydantic import model_validator as validator
+
+from quadrotor.errors import StorageError, UsageError, os_errors
+
+Value = bool | int | float | str
+COMPILED = "closed_loop"
+"""The experiment that is flown in compiled code."""
+OWN = "own"
+"""Folder of a campaign with copies of the files that its plan names."""
+MOST_FLIGHTS = 10_000_000
+Design = Literal["grid", "zip", "one_at_a_time", "random", "latin_hypercube", "sobol"]
+SAMPLED = ("random", "latin_hypercube", "sobol")
+"""Designs with a number of samples."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+
+
+class Range(_Part):
+    """Values from one number to another; sampled designs draw them evenly in between."""
+
+    low: float = Field(alias="from")
+    """first value"""
+    high: float = Field(alias="to")
+    """last value"""
+    number: int | None = Field(None, ge=2, le=MOST_FLIGHTS)
+    """how many values, for a grid, zip or one_at_a_time"""
+    log: bool = False
+    """whether the values have equal ratios, not equal differences"""
+
+    @validator(mode="after")
+    def _in_order(self) -> Range:
+        if not self.low < self.high:
+            raise ValueError(f"from = {self.low:g} is not below to = {self.high:g}")
+        if self.log and self.low <= 0.0:
+            raise ValueError(f"from = {self.low:g} has no logarithm: it must be above 0")
+        return self
+
+
+class Distribution(_Part):
+    """A distribution of scipy.stats, such as norm, with its parameters (loc, scale, a, b, …)."""
+
+    model_config = ConfigDict(extra="allow")
+    distribution: str
+    """name in scipy.stats"""
+    number: int | None = Field(None, ge=1, le=MOST_FLIGHTS)
+    """how many quantiles, for a grid, zip or one_at_a_time"""
+
+    @validator(mode="after")
+    def _exists(self) -> Distribution:
+        self.frozen()
+        return self
+
+    def frozen(self) -> Any:
+        """Return the frozen distribution. Raises ValueError for a wrong name or parameter."""
+        from scipy import stats
+
+        names = [n for n in dir(stats) if isinstance(getattr(stats, n), stats.rv_continuous)]
+        if self.distribution not in names:
+            raise ValueError(
+                f"scipy.stats has no distribution {self.distribution!r}"
+                f"{_nearest(self.distribution, names)}"
+            )
+        try:
+            frozen = getattr(stats, self.distribution)(**(self.model_extra or {}))
+        except TypeError as error:
+            raise ValueError(f"{self.distribution}: {error}") from None
+        if not math.isfinite(frozen.ppf(0.5)):
+            raise ValueError(f"{self.distribution} has no median with {self.model_extra}")
+        return frozen
+
+
+def _kind(found: object) -> str:
+    if isinstance(found, list):
+        return "list"
+    has = found if isinstance(found, dict) else getattr(found, "__dict__", {})
+    return "distribution" if "distribution" in has else "range"
+
+
+Factor = Annotated[
+    Annotated[list[Value], Tag("list"), Field(min_length=1)]
+    | Annotated[Range, Tag("range")]
+    | Annotated[Distribution, Tag("distribution")],
+    Discriminator(_kind),
+]
+
+
+class Keep(_Part):
+    """What is kept beside the rows."""
+
+    logs: Literal["none", "failed", "all", "worst"] = "none"
+    """none; failed: of flights that did not pass; all; worst: of those with the largest metric"""
+    number: int = Field(5, ge=1, le=10_000)
+    """how many, for worst"""
+    metric: str = ""
+    """by which the worst are chosen"""
+
+    @validator(mode="after")
+    def _has_metric(self) -> Keep:
+        if self.logs == "worst" and not self.metric:
+            raise ValueError('logs = "worst" needs metric = "…", by which they are chosen')
+        return self
+
+
+class Plan(_Part):
+    """What a campaign flies: an experiment, in each cell of the factors, with several seeds."""
+
+    experiment: str = Field(min_length=1)
+    """an experiment of `quadlab fly`, a file of your own, or closed_loop, which is compiled"""
+    seeds: int = Field(1, ge=1)
+    """flights in each cell, each with its own seed"""
+    seed: int = Field(1, ge=0, lt=2**63)
+    """from which the seed of each flight follows"""
+    board: str = "mikrokopter"
+    """the vehicle's board, as for `quadlab fly --board`"""
+    law: str = ""
+    """the control law; empty for the default"""
+    estimator: str = ""
+    """the estimator; empty for the default"""
+    true_state: bool = False
+    """whether the controller gets the true state instead of the estimate"""
+    plugins: str = ""
+    """folder of your own laws and estimators; empty for that of the data folder"""
+    faults: str = ""
+    """faults with schedules in every flight"""
+    fixed: dict[str, Value] = {}
+    """parameters of every flight, by name"""
+    factors: dict[str, Factor] = {}
+    """parameters that differ from cell to cell, by name"""
+    design: Design = "grid"
+    """how cells are made of the factors"""
+    samples: int | None = Field(None, ge=1)
+    """cells of a sampled design: random, latin_hypercube, sobol"""
+    metrics: list[str] = []
+    """the metrics to keep; empty for all"""
+    limits: dict[str, float] = {}
+    """metrics with the largest value that passes, in addition to the experiment's own limits"""
+    time_limit: float = Field(600.0, ge=1.0, le=86_400.0)
+    """s of wall time after which a flight is ended"""
+    keep: Keep = Keep()
+
+    @validator(mode="after")
+    def _fits(self) -> Plan:
+        if (self.samples is None) == (self.design in SAMPLED):
+            what = "needs samples = …" if self.samples is None else "has no samples"
+            raise ValueError(f'design = "{self.design}" {what}: {", ".join(SAMPLED)} have them')
+        if self.samples and not self.factors:
+            raise ValueError(f'design = "{self.design}" needs factors')
+        if self.design == "sobol" and self.samples and self.samples & (self.samples - 1):
+            near = 2 ** (self.samples.bit_length() - 1)
+            raise ValueError(
+                f"samples = {self.samples} is no power of 2, as a Sobol' sequence needs: take "
+                f"{near} or {2 * near}"
+            )
+        if self.design not in SAMPLED:
+            for name, factor in self.factors.items():
+                if not isinstance(factor, list) and factor.number is None:
+                    raise ValueError(f'factors."{name}" needs number = … for {self.design}')
+        if both := self.fixed.keys() & self.factors.keys():
+            raise ValueError(f"{', '.join(sorted(both))} is both fixed and a factor; remove one")
+        return self
+
+
+@dataclass(frozen=True)
+class PlanFile:
+    """A plan, its text, and the folder to which the names of files in it are relative.
+
+    Attributes:
+        is_kept: whether the folder is a campaign's, with copies of these files in OWN.
+    """
+
+    plan: Plan
+    text: str
+    folder: Path
+    is_kept: bool = False
+
+    @property
+    def experiment(self) -> str:
+        """Return the experiment as `quadlab fly` takes it."""
+        name = self.plan.experiment
+        return str(self._file(name, Path(name).name)) if self._is_own else name
+
+    @property
+    def plugins(self) -> Path | None:
+        """Return the folder of one's own laws and estimators, None for that of the data folder."""
+        return self._file(self.plan.plugins, "plugins") if self.plan.plugins else None
+
+    @property
+    def _is_own(self) -> bool:
+        from console.experiments.user_file import is_file
+
+        return self.plan.experiment != COMPILED and is_file(self.plan.experiment)
+
+    def _file(self, name: str, kept: str) -> Path:
+        place = Path(OWN) / kept if self.is_kept else Path(name).expanduser()
+        return (self.folder / place).absolute()
+
+    def keep_files(self, folder: Path) -> None:
+        """Copy the files that the plan names into the folder of its campaign."""
+        for one in self.own_files():
+            is_plugin = self.plugins is not None and one.parent == self.plugins
+            place = folder / OWN / ("plugins" if is_plugin else "")
+            place.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(one, place / one.name)
+
+    def own_files(self) -> list[Path]:
+        """Return the Python files that the plan names. Raises StorageError if one is missing."""
+        found = [Path(self.experiment)] if self._is_own else []
+        if self.plugins is not None:
+            if not self.plugins.is_dir():
+                raise StorageError(f"plugins: there is no folder {self.plugins}; correct the plan")
+            found += sorted(one for one in self.plugins.iterdir() if one.is_file())
+        for one in found:
+            if not one.is_file():
+                raise StorageError(f"experiment: there is no file {one}; correct the plan")
+        return found
+
+    @cached_property
+    def identity(self) -> str:
+        """Return a name of all that the rows depend on: the plan, and the files that it names."""
+        what = json.dumps(self.plan.model_dump(mode="json", by_alias=True), sort_keys=True)
+        made = hashlib.sha256(what.encode())
+        for one in self.own_files():
+            made.update(one.read_bytes())
+        return made.hexdigest()[:16]
+
+
+def read_plan(path: Path, *, is_kept: bool = False) -> PlanFile:
+    """Return the plan of a file, or of a campaign. Raises StorageError, UsageError."""
+    advice = "quadlab campaign new writes a plan"
+    with os_errors(lambda why: f"the plan {path} cannot be read ({why}); {advice}"):
+        text = path.read_text()
+    return parse_plan(text, path, is_kept=is_kept)
+
+
+def parse_plan(text: str, path: Path, *, is_kept: bool = False) -> PlanFile:
+    """Return the plan of a text, which is that of the file `path`. Raises UsageError."""
+    try:
+        return PlanFile(Plan.model_validate(tomllib.loads(text)), text, path.parent, is_kept)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} is not TOML: {error}") from None
+    except ValidationError as error:
+        raise UsageError(f"{path}: {_said(error)}") from None
+
+
+def _said(error: ValidationError) -> str:
+    first, *others = error.errors()
+    place = [str(part) for part in first["loc"] if part not in ("list", "range", "distribution")]
+    where = ".".join(f'"{part}"' if "." in part else part for part in place)
+    said = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        known = _fields(place[:-1])
+        said = "is not known" + (_nearest(place[-1], known) or f"; known are {', '.join(known)}")
+    elif first["type"] == "missing":
+        said = "is missing"
+    elif first["type"] not in ("value_error",):
+        said = f"{said[0].lower()}{said[1:]}, not {first['input']!r}"
+    more = f" (and {len(others)} more)" if others else ""
+    return f"{where}: {said}{more}" if where else f"{said}{more}"
+
+
+def _fields(place: list[str]) -> list[str]:
+    model = {"keep": Keep, "factors": Range}.get(place[0] if place else "", Plan)
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _nearest(word: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(word, known, n=3, cutoff=0.6)
+    return f"; did you mean {' or '.join(near)}?" if near else ""
+
+
+def designs() -> tuple[str, ...]:
+    """Return the names of the designs."""
+    return get_args(Design)

@@ -1,0 +1,213 @@
+"""A campaign from its plan to its table: begun or continued, on this computer or by Dask."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from extensions.campaigns.closed_loop import check_compiled
+from extensions.campaigns.design import Cells
+from extensions.campaigns.flights import UNFLOWN, Outcome, Task, fly_task
+from extensions.campaigns.folder import WHOLE, CampaignFolder, Shard
+from extensions.campaigns.local_engine import fly_locally
+from extensions.campaigns.plan import COMPILED, PlanFile, read_plan
+from extensions.campaigns.settings import Settings
+from extensions.campaigns.work import Work
+from quadrotor.errors import UsageError
+
+SPEED = {True: 4500.0, False: 15.0}
+"""Times real time that a worker flies, compiled or not, for the estimate before the first flight.
+"""
+MOST_WORKERS = 512
+PAUSE = 30.0
+"""s between two lines of progress where there is no terminal."""
+
+
+@dataclass(frozen=True)
+class Engine:
+    """Where flights are flown: processes of this computer, or the workers of a Dask scheduler."""
+
+    workers: int = 0
+    dask: str = ""
+    shard: Shard = WHOLE
+
+    def __post_init__(self) -> None:
+        """Raise UsageError for a number of workers that cannot be."""
+        if self.workers and self.dask:
+            raise UsageError("--workers is of this computer, --dask of others: give one of both")
+        if not 0 <= self.workers <= MOST_WORKERS:
+            raise UsageError(f"--workers {self.workers}: allowed are 1 to {MOST_WORKERS}")
+
+    @property
+    def processes(self) -> int:
+        return self.workers or os.cpu_count() or 1
+
+
+def checked(path: Path) -> tuple[PlanFile, Settings]:
+    """Return a plan, each row of which can be flown. Raises StorageError, UsageError."""
+    file = read_plan(path)
+    file.own_files()
+    try:
+        settings = Settings(file, Cells(file.plan))
+        _ = settings.experiment
+        if file.plan.experiment == COMPILED:
+            check_compiled(settings)
+        settings.check()
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from None
+    return file, settings
+
+
+def told(settings: Settings, processes: int) -> list[str]:
+    """Return what a plan flies, and how long that may take."""
+    plan, cells = settings.file.plan, settings.cells
+    lines = [
+        f"{cells.flights} flights of {plan.experiment}: {cells.number} cells ({plan.design}), "
+        f"{plan.seeds} seeds each"
+    ]
+    for name in plan.factors:
+        values = cells.column(name, np.arange(cells.number))
+        distinct = list(dict.fromkeys(values))
+        shown = [f"{v:.5g}" if isinstance(v, float) else str(v) for v in distinct]
+        if len(shown) > 8:
+            shown = [*shown[:3], "…", shown[-1], f"({len(distinct)} values)"]
+        lines.append(f"  {name}: {', '.join(shown)}")
+    lines += [f"  {name} = {value}" for name, value in plan.fixed.items()]
+    flown = settings.experiment.planned * cells.flights
+    seconds = flown / SPEED[plan.experiment == COMPILED] / processes
+    lines.append(
+        f"  about {flown / 3600:.3g} h of simulated flight, {duration(seconds)} with {processes} "
+        "worker(s) of usual speed"
+    )
+    return lines
+
+
+def duration(seconds: float) -> str:
+    """Return a duration for people."""
+    for limit, unit, size in ((90.0, "s", 1.0), (5400.0, "min", 60.0), (172_800.0, "h", 3600.0)):
+        if seconds < limit:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds / 86_400:.3g} days"
+
+
+def fly(folder: CampaignFolder, engine: Engine) -> int:
+    """Fly what has no row yet; return the exit status.
+
+    It is 1 when a flight raised an error, was too long or killed its workers, as these have no
+    figures. Raises QuadlabError; the rows so far are kept, also at Ctrl-C.
+    """
+    shard = engine.shard
+    with folder.owned(shard):
+        if shard == WHOLE:
+            folder.mend()
+        done = folder.done()
+        mine = np.arange(folder.flights)[shard.number - 1 :: shard.of]
+        todo = mine[~done[mine]].tolist()
+        print(f"{len(todo)} of {len(mine)} flights to fly into {folder.path}", flush=True)
+        if todo:
+            _fly(folder, engine, todo)
+        if shard == WHOLE:
+            folder.finish()
+            _keep_worst(folder)
+        return _ended(folder)
+
+
+def _fly(folder: CampaignFolder, engine: Engine, todo: list[int]) -> None:
+    with _progress(len(todo)) as progress:
+        work = Work(folder, engine.shard, todo, progress.took)
+        try:
+            if engine.dask:
+                from extensions.campaigns.dask_engine import fly_by_dask
+
+                fly_by_dask(work, engine.dask)
+            else:
+                fly_locally(work, engine.processes)
+        finally:
+            work.write()
+
+
+def _ended(folder: CampaignFolder) -> int:
+    table = folder.table()
+    counted = Counter(table["verdict"].to_pylist())
+    words = [f"{count} {name.replace('_', ' ')}" for name, count in sorted(counted.items())]
+    print(f"{table.num_rows} of {folder.flights} flights: {', '.join(words)}")
+    print(f"quadlab campaign show {folder.path}")
+    return 1 if any(counted[name] for name in UNFLOWN) else 0
+
+
+def _keep_worst(folder: CampaignFolder) -> None:
+    """Fly those with the largest metric again, and keep their logs: they are the same flights."""
+    keep, file = folder.plan.plan.keep, folder.plan
+    if keep.logs != "worst":
+        return
+    table = folder.table()
+    if keep.metric not in table.column_names:
+        raise UsageError(f"keep.metric: no flight has the metric {keep.metric!r}")
+    values = table[keep.metric].to_numpy(zero_copy_only=False)
+    order = [k for k in np.argsort(-values, kind="stable") if np.isfinite(values[k])]
+    indices = table["index"].to_numpy()
+    for k in order[: keep.number]:
+        index = int(indices[k])
+        if not folder.log_of(index).exists():
+            where = str(file.folder.absolute())
+            (again,) = fly_task(Task(file.text, where, (index,), keep_logs=True))
+            folder.add_log(again)
+
+
+@dataclass
+class Progress:
+    """Progress of a run.
+
+    Args:
+        total: number of flights. show: shows a line with the number flown.
+    """
+
+    total: int
+    show: Callable[[int, str], None]
+    flown: int = 0
+    missed: Counter[str] = field(default_factory=Counter)
+    began: float = field(default_factory=time.monotonic)
+
+    def took(self, outcomes: Sequence[Outcome]) -> None:
+        self.flown += len(outcomes)
+        self.missed.update(one.verdict for one in outcomes if one.verdict != "passed")
+        took = max(1e-9, time.monotonic() - self.began)
+        to_go = duration((self.total - self.flown) * took / self.flown)
+        words = [f"{self.flown} of {self.total}", f"{self.flown / took:.3g} a second"]
+        words += [f"{to_go} to go"] if self.flown < self.total else []
+        words += [f"{n} {name.replace('_', ' ')}" for name, n in sorted(self.missed.items())]
+        self.show(self.flown, ", ".join(words))
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Progress]:
+    if not sys.stderr.isatty():
+        last = [time.monotonic()]
+
+        def line(flown: int, words: str) -> None:
+            if time.monotonic() - last[0] >= PAUSE:
+                last[0] = time.monotonic()
+                print(words, file=sys.stderr, flush=True)
+
+        yield Progress(total, line)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns = BarColumn(), TextColumn("{task.description}")
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting workers", total=total)
+
+        def show(flown: int, words: str) -> None:
+            bar.update(task, completed=flown, description=words)
+
+        yield Progress(total, show)

@@ -1,0 +1,143 @@
+"""Campaigns on real schedulers and workers of Dask, on this computer."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from extensions.campaigns.tests.conftest import COMPILED, rows
+from quadrotor.checkout import PACKAGES, ROOT
+
+GAINS = COMPILED + '[factors]\n"control.position.kp_xy" = [3.0, 4.0, 5.0]\n'
+START = 60.0
+"""s within which a process of Dask starts on a busy computer."""
+
+
+@contextmanager
+def dask(
+    *words: str, until: str, python: tuple[str, ...] = (), **environment: str
+) -> Iterator[Any]:
+    """Run a process of Dask until the end of the block; yield it, and the line with which it has
+    started.
+    """
+    command = [*(python or (sys.executable,)), "-m", f"distributed.cli.dask_{words[0]}", *words[1:]]
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env=os.environ | environment
+    )
+    assert process.stderr is not None
+    late = threading.Timer(START, process.kill)
+    late.start()
+    said = []
+    for line in process.stderr:
+        said.append(line)
+        if until in line:
+            break
+    else:
+        raise AssertionError(f"{command} has not started: {''.join(said)}")
+    late.cancel()
+    drain = threading.Thread(target=process.stderr.read, daemon=True)
+    drain.start()
+    try:
+        yield process, line
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.wait()
+        drain.join()
+        process.stderr.close()
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """Yield the address of a scheduler without workers."""
+    words = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
+    deaths = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # not 3, which takes longer
+    with dask(*words, until="Scheduler at:", **deaths) as (_, line):
+        found = re.search(r"tcp://\S+", line)
+        assert found is not None
+        yield found[0]
+
+
+def worker(scheduler: str, *words: str, **more: Any) -> Any:
+    """Return a context with a worker that has one thread."""
+    given = ("worker", scheduler, "--nthreads", "1", "--no-dashboard", *words)
+    return dask(*given, until="Registered to:", **more)
+
+
+def test_rows_by_dask_are_those_of_one_process_whatever_dies(
+    bench: Any, scheduler: str, tmp_path: Path
+) -> None:
+    plan = bench.plan(GAINS)
+    alone = bench.flown(GAINS, "alone")
+    cases = (
+        'experiment = "cases.py"\n[fixed]\n'
+        f'"experiment.folder" = "{tmp_path}"\n'
+        '[factors]\n"experiment.case" = ["raises", "dies", "dies once", "good"]\n'
+    )
+    with worker(scheduler), worker(scheduler):
+        flown = bench.run(plan, "dask", "--dask", scheduler)
+        assert rows(flown).equals(rows(alone))
+        table = bench.run(bench.plan(cases), "hard", "--dask", scheduler).table()
+    assert table["verdict"].to_pylist() == ["raised", "worker_died", "passed", "passed"]
+    assert table["reason"].to_pylist()[1] == "each worker that flew it died"
+
+
+def test_a_worker_with_another_quadlab_is_refused_by_its_name(
+    bench: Any, scheduler: str, tmp_path: Path
+) -> None:
+    out, other = bench.folder / "out", tmp_path / "other"
+    for name in (*PACKAGES, "quadlab"):
+        ignored = shutil.ignore_patterns("__pycache__", "tests", "static", "*.h5", "page")
+        shutil.copytree(ROOT / name, other / name, ignore=ignored)
+    with (other / "control" / "rate_law.py").open("a") as file:
+        file.write("# changed\n")
+    python = ("env", "-C", str(other), sys.executable)
+    with worker(scheduler, "--no-nanny", python=python):
+        line = bench.refused("run", bench.plan(GAINS), "--out", out, "--dask", scheduler)
+    found = r"the worker tcp://127.0.0.1:\d+ \(.*\) has sources \w+, this computer has \w+; install"
+    assert re.search(found, line)
+    assert list((out / "rows").iterdir()) == []
+
+
+def test_a_worker_without_quadlab_is_refused_by_its_name(
+    bench: Any, scheduler: str, tmp_path: Path
+) -> None:
+    import distributed
+
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    for one in Path(distributed.__file__).parents[1].iterdir():
+        if "quadlab" not in one.name:
+            (bare / one.name).symlink_to(one)
+    python = ("env", "-C", str(bare), sys.executable, "-S")
+    with worker(scheduler, "--no-nanny", python=python, PYTHONPATH=str(bare)):
+        out = bench.folder / "out"
+        line = bench.refused("run", bench.plan(GAINS), "--out", out, "--dask", scheduler)
+    assert re.search(r"the worker tcp://\S+ \(.*\) has no quadlab; install it there", line)
+
+
+def test_without_a_scheduler_or_a_worker_one_line_says_so(
+    bench: Any, scheduler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from extensions.campaigns import dask_engine
+
+    monkeypatch.setattr(dask_engine, "REACH", "2s")
+    monkeypatch.setattr(dask_engine, "FIRST_WORKER", 1.0)
+    plan, out = bench.plan(GAINS), bench.folder / "out"
+    line = bench.refused("run", plan, "--out", out, "--dask", "tcp://127.0.0.1:9")
+    assert "no scheduler of Dask answers at tcp://127.0.0.1:9" in line
+    line = bench.refused("run", plan, "--out", out, "--dask", scheduler)
+    assert f"the scheduler {scheduler} has no workers" in line
+    assert "give one of both" in bench.refused(
+        "run", plan, "--out", out, "--dask", scheduler, "--workers", 2
+    )

@@ -1,0 +1,87 @@
+"""The routes of the page: campaigns of the data folder, their figures, rows and commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+
+from extensions.campaigns.folder import Shard
+from extensions.campaigns.routes import add_campaigns
+from extensions.campaigns.tests.conftest import COMPILED
+from quadrotor.errors import UsageError
+
+TWO = (
+    COMPILED
+    + '[factors]\n"control.position.kp_xy" = [3.0, 5.0]\n"simulator.drag" = [0.0, 0.1, 0.2]\n'
+)
+
+
+@pytest.fixture
+def client(bench: Any) -> TestClient:
+    """Return a client of the routes of a data folder with campaigns."""
+    bench.flown(TWO, "campaigns/two")
+    app, place = FastAPI(), bench.folder / "runs"
+    add_campaigns(app, SimpleNamespace(catalogue=SimpleNamespace(folder=place)))  # type: ignore[arg-type]
+    return TestClient(app)
+
+
+def test_campaigns_are_listed_with_their_progress(client: TestClient, bench: Any) -> None:
+    part = bench.flown(COMPILED, "campaigns/part", Shard(1, 2))
+    (bench.folder / "campaigns" / "other").mkdir()
+    listed = {one["name"]: one for one in client.get("/api/campaigns").json()["campaigns"]}
+    assert {name: (one["rows"], one["flights"]) for name, one in listed.items()} == {
+        "part": (3, 5),
+        "two": (30, 30),
+    }
+    assert not listed["part"]["running"]
+    with part.owned():
+        found = client.get("/api/campaigns").json()["campaigns"]
+    assert {one["name"]: one["running"] for one in found} == {"part": True, "two": False}
+
+
+def test_a_campaign_has_its_distribution_and_map(client: TestClient, bench: Any) -> None:
+    found = client.get("/api/campaigns/two").json()
+    assert (found["metric"], found["x"], found["y"]) == (
+        "position_rms_m",
+        "control.position.kp_xy",
+        "simulator.drag",
+    )
+    assert found["heat"]["x"] == ["3", "5"]
+    assert found["heat"]["y"] == ["0", "0.1", "0.2"]
+    table = bench.flown(TWO, "campaigns/two").table()
+    errors = table["position_rms_m"].to_numpy()
+    medians = np.median(errors.reshape(2, 3, 5), axis=2).T
+    np.testing.assert_array_equal(found["heat"]["medians"], medians)
+    curve = found["ecdf"]
+    assert curve["values"] == sorted(curve["values"])
+    assert curve["values"][-1] == errors.max()
+    assert curve["shares"][-1] == 1.0
+    assert curve["interval"][0] <= curve["median"] <= curve["interval"][1]
+    values = [one["value"] for one in found["list"]]
+    assert values == sorted(errors, reverse=True)
+
+
+def test_a_campaign_whose_flights_have_no_figures_is_shown(client: TestClient, bench: Any) -> None:
+    crashing = COMPILED.replace("2.0\n", "2.0\n", 1) + '"simulator.failed_motor" = 1\n'
+    bench.flown(crashing.replace('"experiment.hover" = 0.5', ""), "campaigns/fallen")
+    found = client.get("/api/campaigns/fallen", params={"metric": "gone"}).json()
+    assert found["rows"] == 5
+    assert found["metrics"] == []
+    assert [one["verdict"] for one in found["list"]] == ["failed"] * 5
+
+
+def test_no_folder_outside_is_read(client: TestClient, bench: Any, tmp_path: Path) -> None:
+    bench.flown(COMPILED, "outside")
+    for name in ("..%2Foutside", "outside", ".."):
+        try:
+            answer = client.get(f"/api/campaigns/{name}")
+        except UsageError as error:
+            assert "there is no campaign" in str(error)  # noqa: PT017
+        else:
+            assert answer.status_code == 404 or "outside" not in answer.text
