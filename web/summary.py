@@ -41,8 +41,8 @@ class Summary:
         """Return the summary, which is read-only.
 
         It has the newest status messages, ages, the experiment and its proposal, control,
-        pre-flight, the progress of a trajectory, whether the 3D view shows a planned one, and what
-        Emergency land does.
+        pre-flight, the progress of a trajectory, whether the 3D view shows a planned one, what
+        Emergency land does, and what takes back the last act on the parameters of this flight.
         """
         now = self._clock()
         if now - self._made > SHARED:
@@ -62,6 +62,7 @@ class Summary:
             "trajectory": context.trajectories.summary(),
             "planned": context.scene.is_plan_shown,
             "emergency_land": context.replica.value("safety.emergency_land"),
+            "restorable": context.restorable(),
             "pages": context.hub.pages,
         }
 

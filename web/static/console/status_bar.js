@@ -9,7 +9,7 @@ import { armNote } from "../fly/preflight.js";
 import { controlOf, isAlone } from "../core/control_authority.js";
 import { consistencyOf } from "./consistency.js";
 import { Primary } from "./primary.js";
-import { flownOn, lineOf, pillOf } from "./vehicle_words.js";
+import { flownOn, lineOf, oscillates, pillOf, restoreLabel } from "./vehicle_words.js";
 
 const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
 const isCut = (status) => status?.mode?.toLowerCase() === "cut";
@@ -38,6 +38,7 @@ export class StatusBar {
     onHold($("disarm"), 800, () => ask("disarm"));
     flightButton($("take-off")).addEventListener("click", () => fly.start("take_off"));
     flightButton($("land")).addEventListener("click", () => fly.start("land"));
+    flightButton($("restore")).addEventListener("click", () => this.restore(fly));
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers cannot do this; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
     events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });
@@ -76,11 +77,27 @@ export class StatusBar {
     if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to acknowledge the cut, or to stop the motors on the ground" : armNote(this.events.summary.preflight) || "hold for 0.8 s to start the motors";
   }
 
+  // What the last act of this flight changed and is not back yet.
+  get changed() {
+    return Object.entries(this.events.summary.restorable ?? {}).map(([name, old]) => ({ name, old, now: this.gains.value(name) }));
+  }
+
+  restore(fly) {
+    const values = Object.fromEntries(this.changed.map(({ name, old }) => [name, old]));
+    fly.attempt(() => this.gains.set(values, true), restoreLabel(this.changed));
+  }
+
+  drawRestore(status) {
+    const { changed } = this, isShown = this.isOperator && oscillates(status) && changed.length > 0;
+    setIfChanged($("restore"), "hidden", !isShown);
+    if (isShown) setText($("restore"), restoreLabel(changed));
+  }
+
   // The pill, the line in words, and the button of the moment.
   drawState(status) {
     const { preflight, trajectory } = this.events.summary, hasContact = Boolean(status) && this.fresh("status");
     const seen = { status, hasContact, preflight: this.events.age("preflight") < 2 ? preflight : null, airborne: this.airborneFor(status, hasContact),
-      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status), trajectory: hasContact ? trajectory : null };
+      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status), trajectory: hasContact ? trajectory : null, changed: this.changed };
     const { word, tone } = pillOf(seen);
     setText($("doing"), word);
     for (const id of ["pill", "bar"]) setIfChanged($(id).dataset, "tone", tone);
@@ -90,6 +107,7 @@ export class StatusBar {
     setIfChanged($("progress"), "hidden", !trajectory);
     if (trajectory) $("progress").style.width = `${100 * trajectory.elapsed / trajectory.duration}%`;
     this.primary.show(status);
+    this.drawRestore(hasContact ? status : null);
   }
 
   // s in the air; null of a flight that was under way when this page came.
