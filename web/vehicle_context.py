@@ -33,6 +33,7 @@ from web.live.forwarding import Forwarding
 from web.live.signal_log import SignalLog
 from web.live.station import Reactions, Station
 from web.live.telemetry import TelemetryFeed
+from web.live.tracking import LiveTracking
 from web.parameters.follower import ParameterFollower
 from web.parameters.replica import PageParameters
 from web.parameters.writer import ParameterWriter
@@ -90,6 +91,7 @@ class VehicleContext:
         self.log = SignalLog(self._began_anew)
         self.live = live = Live(decode, also=self.log.put)
         self.feed = TelemetryFeed(live, self.log)
+        self.tracking = LiveTracking(self.log)
         self.replica = PageParameters(self._publish_parameters)
         self.scene = Scene(view_server, live)
         self.stick = StickOutput(self._publish_stick)

@@ -56,7 +56,7 @@ async function start() {
   new View(events, timeout, { fly, isOperator });
   new DraftBar($("draw"), { events, fly, label: session.label, isOperator });
   addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
-  new StateTable($("table"), telemetry, description, ages);
+  new StateTable($("table"), { telemetry, description, ages, events });
   const charts = new Charts($("charts"), telemetry, description, events);
   const beacons = new Beacons({ events, gains, isOperator, ages });
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
