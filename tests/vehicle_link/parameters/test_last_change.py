@@ -1,4 +1,4 @@
-"""What takes back the last act of a person on the parameters."""
+"""The last act of a person on the parameters is known, with the values that take it back."""
 
 from __future__ import annotations
 
