@@ -41,6 +41,7 @@ export class StateTable {
     const figures = [0, 1, 2].map(() => element("td", {}, "–"));
     const flown = element("tr", { title: "position error of the behavior that is flown, from every pose, and rms of the present lap: as its verdict computes them" },
       element("td", {}, "rms, max, lap rms"), ...figures, element("td", { className: "unit" }, "mm"), element("td", { className: "age" }));
+    flown.dataset.topic = "state";
     body.append(flown);
     events.on("summary", ({ tracking }) => {
       if (tracking === undefined) return;
