@@ -23,7 +23,9 @@ class PayloadColumns:
 
     def __init__(self, type_name: str) -> None:
         described = definition(type_name).encode()
-        self._layouts = SchemaLayouts(Schema(0, described, "ros2msg", ros_name(type_name)))
+        self._layouts = SchemaLayouts(
+            Schema(0, described, "ros2msg", ros_name(type_name)), stamps=True
+        )
         self._known: dict[int, list[PayloadLayout]] = {}  # by size
 
     def read(self, payloads: Sequence[bytes], wanted: Collection[str]) -> dict[str, Column]:

@@ -220,6 +220,9 @@ STATUS = np.dtype(
         ("suspect_offset", "f8"),  # rad, of the beacon's bearings from those expected by the others
         ("suspect_beacon", "i4"),  # its id; -1: it is unclear which
         ("suspect_left_out", "u1"),  # the estimator ignores it
+        # While the flag OSCILLATING is set:
+        ("oscillation_frequency", "f8"),  # Hz
+        ("oscillation_axis", "i4"),  # index into vehicle.safety.oscillation.CHANNELS
         # The link to the board over the last second; 0: the board does not tell
         ("board_command_rate", "f8"),  # Hz, commands sent
         ("board_round_trip", "f8"),  # s, mean of its requests or exchanges

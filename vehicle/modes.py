@@ -99,3 +99,5 @@ class Flag(IntFlag):
     TRACKER_TILTED = 131072  # its vertical is off that of the accelerometer
     AT_BOUND = 262144  # a bias, an integral or an estimate has been at its bound for a second
     INERTIAL_SUSPECT = 524288  # the IMU contradicts witnesses that agree with each other
+    OSCILLATING = 1048576  # swings about the reference grow, or go on
+    OFF_REFERENCE = 2097152  # far from the reference for half a second

@@ -41,8 +41,9 @@ class Summary:
         """Return the summary, which is read-only.
 
         It has the newest status messages, ages, the experiment and its proposal, control,
-        pre-flight, the progress of a trajectory, whether the 3D view shows a planned one, and what
-        Emergency land does.
+        pre-flight, the progress of a trajectory, the tracking error of the behavior that is flown,
+        whether the 3D view shows a planned trajectory, what Emergency land does, and what takes
+        back the last act on the parameters of this flight.
         """
         now = self._clock()
         if now - self._made > SHARED:
@@ -52,6 +53,7 @@ class Summary:
     def fresh(self) -> Message:
         """Return the summary as of now."""
         context = self._context
+        trajectory = context.trajectories.summary()
         return {
             **summarize(context.live),
             "experiment": experiment_summary(context.live),
@@ -59,11 +61,20 @@ class Summary:
             "control": context.control.summary(),
             "transfers": transfers_summary(context.live),
             "preflight": preflight_summary(context.live),
-            "trajectory": context.trajectories.summary(),
+            "trajectory": trajectory,
+            "tracking": tracking_summary(context, trajectory),
             "planned": context.scene.is_plan_shown,
             "emergency_land": context.replica.value("safety.emergency_land"),
+            "restorable": context.restorable(),
             "pages": context.hub.pages,
         }
+
+
+def tracking_summary(context: VehicleContext, trajectory: JsonObject | None) -> JsonObject | None:
+    """Return the figures of the tracking error of the behavior that is flown, None without one."""
+    if trajectory is None:
+        return context.tracking.summary()
+    return context.tracking.summary(trajectory["laps"], trajectory["duration"])
 
 
 def preflight_summary(live: Live) -> JsonObject | None:

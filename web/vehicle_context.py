@@ -15,7 +15,10 @@ from typing import Protocol
 from console.catalogue.catalogue import Catalogue
 from console.parameters.history import ParameterHistory
 from console.parameters.presets import ParameterPresets
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.messages import decode
+from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.last_change import LastChange
 from web.access.people import People
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
@@ -30,6 +33,7 @@ from web.live.forwarding import Forwarding
 from web.live.signal_log import SignalLog
 from web.live.station import Reactions, Station
 from web.live.telemetry import TelemetryFeed
+from web.live.tracking import LiveTracking
 from web.parameters.follower import ParameterFollower
 from web.parameters.replica import PageParameters
 from web.parameters.writer import ParameterWriter
@@ -87,11 +91,13 @@ class VehicleContext:
         self.log = SignalLog(self._began_anew)
         self.live = live = Live(decode, also=self.log.put)
         self.feed = TelemetryFeed(live, self.log)
+        self.tracking = LiveTracking(self.log)
         self.replica = PageParameters(self._publish_parameters)
         self.scene = Scene(view_server, live)
         self.stick = StickOutput(self._publish_stick)
+        self.last_change = LastChange()
         reactions = Reactions(
-            partial(hub.call, self.replica.note_change), partial(hub.call, self.stick.answer)
+            partial(hub.call, self._note_change), partial(hub.call, self.stick.answer)
         )
         self.station = station = connect(vehicle, live, hub, reactions)
         self.forwarding = Forwarding(station.forward)
@@ -136,6 +142,18 @@ class VehicleContext:
 
     def _publish_stick(self, axes: Axes, enabled: bool, requester: str) -> int:
         return self.station.publish_stick(axes, enabled, requester)
+
+    def _note_change(self, change: ParameterChange) -> None:
+        self.replica.note_change(change)
+        if self._is_airborne():
+            self.last_change.note(change)
+
+    def restorable(self) -> dict[str, ParameterValue]:
+        """Return the values from before the last act of this flight that differ by now."""
+        if not self._is_airborne():
+            self.last_change.forget()
+        value = self.replica.value
+        return {name: old for name, old in self.last_change.old.items() if value(name) != old}
 
     def _is_airborne(self) -> bool:
         status = self.live.current("status")

@@ -25,6 +25,8 @@ WANTED = {
     "reference": (*HEADER_STAMP, *REFERENCE, "yaw"),
     "state": (*HEADER_STAMP, *POSITION),
 }
+TRUE = ("truth", "tracker_pose", "tracker_position")
+"""Topics of poses that count as true, the best first."""
 FAR = 0.06
 """Distance, in m, of a tracked position from the estimate, beyond which the estimator refuses it at
 the earliest (`estimation.pose_gate`)."""
@@ -63,6 +65,75 @@ class TrackingErrors:
         return metrics if self.left_out is None else metrics | {"poses_left_out": self.left_out}
 
 
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """True poses against the reference at their stamps, before any is left out.
+
+    Attributes:
+        topic: of the true poses, a name of TRUE.
+        stamps: (N,) ns.
+        position_w: (N, 3) m, true - reference.
+        yaw: (N,) rad, the same, wrapped to -pi..pi.
+        known: (N,) whether there is a reference at that time.
+        far: (N,) whether a pose is far from the estimate.
+    """
+
+    topic: str
+    stamps: Stamps
+    position_w: Array
+    yaw: Array
+    known: npt.NDArray[np.bool_]
+    far: npt.NDArray[np.bool_]
+
+    def errors(self) -> TrackingErrors | None:
+        """Return the errors that count; None without any."""
+        count = len(self.stamps)
+        is_measured = self.topic != "truth"
+        sound = (
+            ~self.far
+            if is_measured and self.far.sum() <= MOST_FAR * count
+            else np.ones_like(self.far)
+        )
+        counts = self.known & sound
+        if not counts.any():
+            return None
+        return TrackingErrors(
+            self.stamps[counts].astype(np.float64) * 1e-9,
+            self.position_w[counts],
+            self.yaw[counts],
+            float((~sound).mean()) if is_measured else None,
+        )
+
+
+Rows = tuple[Stamps, Array]
+"""Messages ordered by stamp, ns: stamps (N,), and the columns of WANTED after the stamp."""
+
+
+def compare(topic: str, true: Rows, reference: Rows, state: Rows) -> Compared:
+    """Compare the poses of a topic with the reference, and with the estimate; the rule for both is
+    that of `console.evaluation.alignment.between`.
+    """
+    stamps, pose = true
+    if topic == "tracker_pose":
+        pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
+    elif topic == "tracker_position":
+        pose = np.hstack([pose, np.full((len(pose), 4), np.nan)])
+    far = np.zeros(len(stamps), bool)
+    if topic != "truth":
+        estimated_w, is_known = between(stamps, *state)
+        far = is_known & ~(np.linalg.norm(pose[:, :3] - estimated_w, axis=1) <= FAR)
+    given, rows = reference
+    yaw = rows[:, 3]
+    turns = np.column_stack([np.cos(yaw), np.sin(yaw)])
+    wanted, known = between(stamps, given, np.hstack([rows[:, :3], turns]))
+    w, x, y, z = pose[:, 3:].T
+    yaw_error = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) - np.arctan2(
+        wanted[:, 4], wanted[:, 3]
+    )
+    wrapped: Array = (yaw_error + np.pi) % (2 * np.pi) - np.pi
+    return Compared(topic, stamps, pose[:, :3] - wanted[:, :3], wrapped, known, far)
+
+
 def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> TrackingErrors:
     """Return the errors of the flight in `log` for start <= t <= end (s, vehicle clock).
 
@@ -72,53 +143,23 @@ def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> Tracki
     reference are missing.
     """
     found = read_topics(log, vehicle, WANTED, dtype=np.float64)
-    true = ("truth", "tracker_pose", "tracker_position")
-    topic = next((name for name in true if len(found[name])), "truth")
-    stamps, pose = _rows(found[topic], WANTED[topic], start, end)
-    if topic == "tracker_pose":
-        pose[:, 5:] /= np.linalg.norm(pose[:, 5:], axis=1, keepdims=True)
-    elif topic == "tracker_position":
-        pose = np.hstack([pose, np.full((len(pose), 4), np.nan)])
-    sound = np.ones(len(stamps), bool)
-    if topic != "truth":
-        sound = _near_the_estimate(stamps, pose, _rows(found["state"], WANTED["state"], start, end))
-    given, reference = _rows(found["reference"], WANTED["reference"], start, end)
-    yaw = reference[:, 5]
-    turns = np.column_stack([np.cos(yaw), np.sin(yaw)])
-    wanted, known = between(stamps, given, np.hstack([reference[:, 2:5], turns]))
-    known &= sound
-    if not known.any():
+    topic = next((name for name in TRUE if len(found[name])), "truth")
+    true, reference, state = (
+        _rows(found[name], WANTED[name], start, end) for name in (topic, "reference", "state")
+    )
+    errors = compare(topic, true, reference, state).errors()
+    if errors is None:
         raise LogFormatError(
-            f"{log.name} has {len(stamps)} truth and {len(given)} reference messages between "
-            f"{start:.1f} s and {end:.1f} s, none at common times; was it flown to the end?"
+            f"{log.name} has {len(true[0])} truth and {len(reference[0])} reference messages "
+            f"between {start:.1f} s and {end:.1f} s, none at common times; was it flown to the end?"
         )
-    position_w, (w, x, y, z) = pose[known, 2:5], pose[known, 5:].T
-    wanted = wanted[known]
-    yaw_error = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) - np.arctan2(
-        wanted[:, 4], wanted[:, 3]
-    )
-    wrapped: Array = (yaw_error + np.pi) % (2 * np.pi) - np.pi
-    return TrackingErrors(
-        stamps[known].astype(np.float64) * 1e-9,
-        position_w - wanted[:, :3],
-        wrapped,
-        None if topic == "truth" else float((~sound).mean()),
-    )
+    return errors
 
 
-def _near_the_estimate(
-    stamps: Stamps, pose: Array, estimate: tuple[Stamps, Array]
-) -> npt.NDArray[np.bool_]:
-    """Return which poses (N,) are near the estimate or without one; all, when many are not."""
-    given, state = estimate
-    estimated_w, known = between(stamps, given, state[:, 2:5])
-    far = known & ~(np.linalg.norm(pose[:, 2:5] - estimated_w, axis=1) <= FAR)
-    return ~far if far.sum() <= MOST_FAR * len(far) else np.ones(len(stamps), bool)
-
-
-def _rows(topic: Topic, names: tuple[str, ...], start: float, end: float) -> tuple[Stamps, Array]:
-    """Return the messages of a window (s), ordered by stamp: the stamps, (N,), and the numbers."""
+def _rows(topic: Topic, names: tuple[str, ...], start: float, end: float) -> Rows:
+    """Return the messages of a window (s)."""
     time = topic.publish_ns * 1e-9
     inside = (start <= time) & (time <= end)
     stamps, first = np.unique(topic.header_ns[inside], return_index=True)
-    return stamps, topic.take(names)[inside][first].astype(np.float64, copy=False)
+    rows = topic.take(names)[inside][first].astype(np.float64, copy=False)
+    return stamps, rows[:, len(HEADER_STAMP) :]

@@ -31,6 +31,8 @@ from extensions.explanation.blocks import (
 )
 from flight_log.fields import POSITION, REFERENCE
 
+OSCILLATING = "oscillating"
+"""Flag of swings about the reference that grow or go on."""
 OFF_REFERENCE = 0.25
 """Limit in m between estimate and reference."""
 SATURATED = 0.1
@@ -165,6 +167,35 @@ def at_bound(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[F
         limit=0.5,
         time=np.repeat(np.ravel(held), 2),
         values=np.tile([0.0, 1.0, 1.0, 0.0], len(held)),
+        follows=True,
+    )
+
+
+def oscillating(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find where the vehicle told that it oscillates."""
+    told = [one for one in flagged(topics, OSCILLATING) if overlaps(spans, *one)]
+    if not told:
+        return
+    series = topics["status"]
+    start, end = told[0][0], max(end for _, end in told)
+    at, frequency = "", np.zeros(len(series))
+    if has(topics, "status", "oscillation_frequency"):
+        frequency = series.values("oscillation_frequency")
+        found = frequency[within(series.time, told) & (frequency > 0.0)]
+        at = f" at {float(np.median(found)):.1f} Hz" if len(found) else ""
+    lasted = sum(end - start for start, end in told)
+    yield Finding(
+        OSCILLATING,
+        max(1.0, lasted),
+        start=start,
+        end=end,
+        claim=f"The vehicle oscillated{at} for {lasted:.1f} s; the events say in which axis.",
+        signals=("error.distance",),
+        label="frequency of the oscillation",
+        unit="Hz",
+        limit=0.0,
+        time=series.time,
+        values=frequency,
         follows=True,
     )
 

@@ -43,6 +43,7 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
     bearings.fell_back,
     causes.link_lost,
     causes.battery_sag,
+    consequences.oscillating,
     consequences.off_reference,
     consequences.saturation,
     consequences.inconsistent,

@@ -2,11 +2,12 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import "./browser.js";
-import { flownOn, lineOf, maySwitchOff, nextStep, pillOf } from "../../web/static/console/vehicle_words.js";
+import { flownOn, lineOf, maySwitchOff, nextStep, pillOf, restoreLabel } from "../../web/static/console/vehicle_words.js";
 
 const GROUND = { mode: "ready", behavior: "ground", control_mode: "direct", armed: false, airborne: false, flags: [] };
 const ARMED = { ...GROUND, mode: "armed", armed: true };
 const FLYING = { ...ARMED, behavior: "hover", airborne: true };
+const SWINGING = { ...FLYING, flags: ["oscillating"], oscillation_axis: 1, oscillation_frequency: 0.71 };
 const ALONE = { ...FLYING, mode: "emergency_land", control_mode: "emergency", behavior: "emergency_landing" };
 const READY = { ready: true, checks: [{ name: "link", state: "ok", found: "good" }] };
 const UNREADY = { ready: false, checks: [...READY.checks, { name: "battery", state: "fail", found: "13.2 V" }, { name: "pose", state: "fail", found: "none" }] };
@@ -25,6 +26,9 @@ const PILLS = [
   [{ status: { ...ARMED, behavior: "land" } }, "ARMED", "armed"],
   [{ status: { ...FLYING, mode: "EMERGENCY_LAND", behavior: "land" } }, "EMERGENCY LANDING", "warn"],
   [{ status: ALONE }, "LANDING ALONE", "alarm"],
+  [{ status: { ...FLYING, flags: ["oscillating"] }, airborne: 8 }, "OSCILLATING", "warn"],
+  [{ status: { ...FLYING, flags: ["off_reference"] } }, "OFF REFERENCE", "warn"],
+  [{ status: { ...ALONE, flags: ["oscillating"] } }, "LANDING ALONE", "alarm"],
   [{ status: { ...GROUND, mode: "CUT" }, preflight: READY }, "MOTORS CUT", "warn"],
   [{ status: { ...ARMED, mode: "bench" } }, "BENCH", "armed"],
 ];
@@ -36,7 +40,7 @@ for (const [seen, word, tone] of PILLS) {
 }
 
 test("red is only a microcontroller that lands alone", () => {
-  assert.deepEqual(PILLS.filter(([, , tone]) => tone === "alarm").map(([, word]) => word), ["LANDING ALONE"]);
+  assert.ok(PILLS.filter(([, , tone]) => tone === "alarm").every(([, word]) => word === "LANDING ALONE"));
 });
 
 const LINES = [
@@ -48,6 +52,9 @@ const LINES = [
     "Flying lap 2 of 3 at 1.50 m on the tracker, 00:09 of 00:27, 20 mm error, all well"],
   [{ status: { ...FLYING, behavior: "near_hovering", control_mode: "near_hovering" }, source: "poses", height: 1, error: 0.5 }, "Near-hovering at 1.00 m, all well"],
   [{ status: { ...FLYING, behavior: "my_own" } }, "My own, all well"],
+  [{ status: SWINGING, source: "poses", height: 1.01, error: 0.292, changed: [{ name: "control.position.kp_xy", old: 4, now: 13.6 }] },
+    "Hovering at 1.01 m on the tracker, 292 mm error, oscillating in y at 0.7 Hz after kp_xy 4 → 13.6"],
+  [{ status: SWINGING }, "Hovering, oscillating in y at 0.7 Hz"],
   [{ status: GROUND, preflight: READY }, "On the ground, ready to arm, all well"],
   [{ status: GROUND, preflight: UNREADY }, "On the ground, not ready to arm: battery 13.2 V and 1 more"],
   [{ status: ARMED, preflight: UNREADY }, "On the ground, motors on, all well"],
@@ -76,4 +83,9 @@ test("what is flown on is said only where a place is held", () => {
   assert.equal(flownOn({ status: FLYING, hasContact: true, source: "both" }), "on poses and bearings");
   assert.equal(flownOn({ status: ALONE, hasContact: true, source: "poses" }), "");
   assert.equal(flownOn({ status: null, hasContact: false }), "");
+});
+
+test("what a press restores is named with its value", () => {
+  assert.equal(restoreLabel([{ name: "control.position.kp_xy", old: 4 }]), "Restore kp_xy = 4");
+  assert.equal(restoreLabel([{ name: "a.b", old: 4 }, { name: "a.c", old: 1 }]), "Restore 2 values");
 });

@@ -1,15 +1,19 @@
 """Changes of parameters that the vehicle makes by itself.
 
 It leaves an estimator that its measurements contradict, bearings that are not good enough to fly
-on, and a plugin that failed.
+on, a plugin that failed and, if it is told to, what made it oscillate.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from control.behaviors.machine import BehaviorMachine
 from control.behaviors.parameters import NONE as NO_PLUGIN
+from control.behaviors.table import BehaviorName
 from control.parameters import GEOMETRIC, NONE
+from quadrotor.errors import QuadlabError
+from quadrotor.parameter_description import ParameterValue
 from vehicle import mailbox
 from vehicle.behaviors.behaviors import PARAMETER as BEHAVIOR
 from vehicle.behaviors.behaviors import OwnBehaviors
@@ -21,15 +25,33 @@ from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.laws.laws import LAW, SHADOW_LAW
-from vehicle.modes import FLYING, Mode
+from vehicle.modes import DIRECT, FLYING, Flag, Mode
 from vehicle.plugins.external import External
+from vehicle.safety.oscillation import OscillationWatch
+from vehicle.safety.supervisor import Reaction, Verdict
 from vehicle.sensors.sensors import PARAMETER as SENSORS
 from vehicle.sensors.sensors import OwnSensors
+from vehicle_link.parameters.steps import step_towards
+
+_OSCILLATING = int(Flag.OSCILLATING)
+_JUDGED = frozenset(
+    {
+        BehaviorName.HOVER,
+        BehaviorName.FLY_TO,
+        BehaviorName.FOLLOW_TRAJECTORY,
+        BehaviorName.VELOCITY,
+        BehaviorName.BRAKE,
+        BehaviorName.EXTERNAL,
+    }
+)
+"""Behaviors whose reference is followed in the air; a test's steps are no oscillation."""
+STEP_NS = 50_000_000
+"""Time in ns between two steps towards a value that is restored."""
 
 
 @dataclass(kw_only=True, eq=False)
 class AutomaticChanges:
-    """The five checks of one tick, each right after what it judges."""
+    """The six checks of one tick, each right after what it judges."""
 
     tick: TickRecord
     outbox: Outbox
@@ -41,6 +63,10 @@ class AutomaticChanges:
     law: ControlLaw
     own_behaviors: OwnBehaviors
     own_sensors: OwnSensors
+    oscillation: OscillationWatch
+    behaviors: BehaviorMachine
+    _restoring: dict[str, ParameterValue] = field(default_factory=dict)
+    _next_step_ns: int = 0
 
     def check_estimators(self) -> None:
         """Change to the shadow estimator, or back from it, when that is due."""
@@ -105,6 +131,49 @@ class AutomaticChanges:
                 line = f"sensor {sensor.name} disengaged: {sensor.failure}"
                 self.outbox.say(line, mailbox.WARN)
                 self.configuration.apply_own({SENSORS: self.own_sensors.without(sensor)})
+
+    def check_oscillation(self, airborne: bool, dt: float) -> None:
+        """Judge the flight along its reference, and react to an oscillation that begins.
+
+        A restored value is reached in steps that are allowed in flight.
+        """
+        modes, watch, last = self.modes, self.oscillation, self.configuration.last_change
+        flies = airborne and modes.control_mode is DIRECT and modes.mode is Mode.ARMED
+        if not airborne and last.old:
+            last.forget()
+        before = watch.flags
+        watch.step(dt, flies and self.behaviors.name in _JUDGED)
+        if not watch.flags & _OSCILLATING:
+            self._restoring = {}
+            return
+        if not before & _OSCILLATING:
+            reaction = self.configuration.parameters.safety.oscillation_reaction
+            if reaction == "brake":
+                modes.react(Verdict(Reaction.BRAKE, watch.cause))
+            elif reaction == "restore" and last.old:
+                self._restoring = dict(last.old)
+                values = ", ".join(f"{name} = {value}" for name, value in last.old.items())
+                self.outbox.say(f"restoring {values}", mailbox.WARN)
+        if self._restoring and self.tick.stamp_ns >= self._next_step_ns:
+            self._next_step_ns = self.tick.stamp_ns + STEP_NS
+            self._restore()
+
+    def _restore(self) -> None:
+        """Make one step towards the values to be restored; a refusal ends it."""
+        configuration = self.configuration
+        store = configuration.store
+        step = {
+            name: step_towards(store.description(name).flight_step, store.get(name), value)
+            for name, value in self._restoring.items()
+            if value != store.get(name)
+        }
+        try:
+            configuration.apply_own(configuration.check(step))
+        except QuadlabError as error:
+            self.outbox.say(f"not restored: {error}", mailbox.WARN)
+            step = {}
+        if not step:
+            self._restoring = {}
 
     def _tell_news(self, plugin: External) -> None:
         """Report that it was loaded, and after a landing how it answered."""

@@ -25,7 +25,8 @@ from vehicle.modes import FLYING
 from vehicle.parameters import VehicleParameters, check_hover, check_pairs
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.sensors.sensors import OwnSensors
-from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.change import VEHICLE, ParameterChange
+from vehicle_link.parameters.last_change import LastChange
 
 BOXES = ("keep_out", "keep_out_margin")
 ROUNDING = 1e-9
@@ -62,6 +63,7 @@ class Configuration:
 
     Attributes:
         store: the vehicle's parameters, written here only.
+        last_change: what a person changed last in this flight.
     """
 
     parameters: VehicleParameters
@@ -81,6 +83,7 @@ class Configuration:
 
     def __post_init__(self) -> None:
         self.store = ParameterStore(self.parameters)
+        self.last_change = LastChange()
         self._layout = self.parameters.beacons.layout
         self.configure()
 
@@ -127,22 +130,23 @@ class Configuration:
         applied = self.store.set(values)
         self.configure()
         for name, value in applied.items():
-            self.outbox.add(
-                ParameterChange(
-                    stamp_ns=self.tick.stamp_ns,
-                    name=name,
-                    old=old[name],
-                    new=value,
-                    requester=requester,
-                    revision=self.store.revision,
-                )
+            change = ParameterChange(
+                stamp_ns=self.tick.stamp_ns,
+                name=name,
+                old=old[name],
+                new=value,
+                requester=requester,
+                revision=self.store.revision,
             )
+            self.outbox.add(change)
+            if self.ground.airborne:
+                self.last_change.note(change)
         return applied
 
     def apply_own(self, values: Mapping[str, ParameterValue]) -> None:
         """Apply a change that the vehicle makes by itself; values already in use are left out."""
         present = self.store.get
-        self.apply({name: v for name, v in values.items() if v != present(name)}, "vehicle")
+        self.apply({name: v for name, v in values.items() if v != present(name)}, VEHICLE)
 
     def configure(self) -> None:
         """Pass the present parameters to every part; called at a tick boundary."""

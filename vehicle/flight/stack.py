@@ -132,6 +132,7 @@ class FlightStack:
         else:
             command = self._fly(dt, airborne)
         self._bounds.step(tick.stamp_ns, airborne)
+        self._changes.check_oscillation(airborne, dt)
         self._status_writer.write(sample, pose_age)
         return command
 

@@ -41,6 +41,7 @@ from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.laws.laws import Laws
 from vehicle.parameters import VehicleParameters
 from vehicle.safety.ground_contact import GroundContact
+from vehicle.safety.oscillation import OscillationWatch
 from vehicle.safety.supervisor import Supervisor
 from vehicle.sensors.sensors import OwnSensors
 
@@ -217,6 +218,8 @@ class StackParts:
             law=self.law,
             own_behaviors=self.own_behaviors,
             own_sensors=self.own_sensors,
+            oscillation=self.oscillation,
+            behaviors=self.behaviors,
         )
 
     @cached_property
@@ -262,6 +265,11 @@ class StackParts:
         )
 
     @cached_property
+    def oscillation(self) -> OscillationWatch:
+        tick = self.tick
+        return OscillationWatch(tick.state, tick.reference, self.outbox.say)
+
+    @cached_property
     def bounds(self) -> BoundsWatch:
         return BoundsWatch(self.parameters, self.tick, self.law, self.outbox.say)
 
@@ -280,4 +288,5 @@ class StackParts:
             integrity=self.integrity,
             ground=self.ground,
             bounds=self.bounds,
+            oscillation=self.oscillation,
         )

@@ -20,6 +20,7 @@ from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.tick_record import TickRecord
 from vehicle.modes import EMERGENCY, MOTORS_ON, STARTING, Flag
 from vehicle.safety.ground_contact import GroundContact
+from vehicle.safety.oscillation import OscillationWatch
 from vehicle.safety.supervisor import Supervisor
 
 _ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
@@ -46,6 +47,7 @@ class StatusWriter:
     integrity: TrackerIntegrity
     ground: GroundContact
     bounds: BoundsWatch
+    oscillation: OscillationWatch
 
     def __post_init__(self) -> None:
         self._real_time = True
@@ -54,6 +56,7 @@ class StatusWriter:
         self._voltage, self._pressure = status["battery_voltage"], status["pressure"]
         self._written: tuple[int, ...] = ()
         self._suspect: tuple[int, float, bool] | None = None
+        self._oscillated = False
 
     def loop(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
@@ -95,7 +98,7 @@ class StatusWriter:
         flags = self.supervisor.flags | self.guard.flags | self.rescue.flags
         flags |= navigation.agreement.flags | navigation.suspect.flags | navigation.heading.flags
         flags |= self.integrity.flags
-        flags |= self.bounds.flags
+        flags |= self.bounds.flags | self.oscillation.flags
         if mode is STARTING:
             flags |= _GYRO_UNCALIBRATED
         if pose_age > self.estimation.measurement_timeout:
@@ -112,6 +115,10 @@ class StatusWriter:
             self._written = row
             for field, value in zip(_ROW, row, strict=True):
                 self._status[field] = value
+        if self.oscillation.flags or self._oscillated:
+            self._oscillated = bool(self.oscillation.flags)
+            self._status["oscillation_frequency"] = self.oscillation.frequency
+            self._status["oscillation_axis"] = self.oscillation.memory["channel"]
         if suspect != self._suspect:
             self._suspect = suspect
             for field, number in zip(_SUSPECT, suspect, strict=True):

@@ -8,6 +8,9 @@ REACTIONS = ("none", "brake", "land", "descend", "emergency", "cut")
 """Names of vehicle.safety.supervisor.Reaction, in lower case."""
 
 
+OSCILLATION_REACTIONS = ("warn", "restore", "brake")
+
+
 def _reaction(default: str, description: str) -> str:
     chosen: str = parameter(default, choices=REACTIONS, description=description)
     return chosen
@@ -79,6 +82,9 @@ class SafetyParameters(Parameters):
     """longest time for which motors may be saturated continuously"""
     saturation_reaction: str = _reaction("land", "reaction to saturated motors")
     port_reaction: str = _reaction("land", "reaction to a lost serial port")
+    oscillation_reaction: str = parameter("warn", choices=OSCILLATION_REACTIONS)
+    """reaction to an oscillation: warn only; restore what a person changed last in this flight; or
+    brake"""
     command_timeout: float = parameter(0.25, unit="s", ge=0.05, le=2.0, step=0.05)
     """time without commands after which the microcontroller lands on its own"""
     emergency_land: str = parameter("emergency", choices=("land", "descend", "emergency"))

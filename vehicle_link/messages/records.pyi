@@ -710,6 +710,8 @@ class VehicleStatus(Message):
     suspect_offset: float
     suspect_beacon: int
     suspect_left_out: bool
+    oscillation_frequency: float
+    oscillation_axis: int
     board_command_rate: float
     board_round_trip: float
     board_acknowledged: float

@@ -148,6 +148,7 @@ _UNITS: dict[str, dict[str, str]] = {
         "lateness_max": "s",
         "nominal_rate": "Hz",
         "suspect_offset": "rad",
+        "oscillation_frequency": "Hz",
         "board_command_rate": "Hz",
         "board_round_trip": "s",
     },

@@ -68,6 +68,11 @@ class TickLog:
         self.dropped += count
         self.time = self._times.rows
 
+    @property
+    def stamps_ns(self) -> Stamps:
+        """Return the stamp of each tick, (N,), the same until more are added."""
+        return self._stamps.rows
+
     def period(self) -> float:
         """Return the usual time between two ticks, s."""
         newest = self.time[-USUAL_OF:]

@@ -55,21 +55,27 @@ class PageParameters(ParameterReplica):
 
     def confirm(self, values: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
         """Apply the values of an answer, and publish those that are new to every page."""
-        self._publish_news(self.apply(values, revision), requester, revision)
+        before = {name: self.value(name) for name in values}
+        self._publish_news(self.apply(values, revision), before, requester, revision)
 
     def note_change(self, change: ParameterChange) -> None:
         """Apply the message of an authority, as `confirm` does."""
         news = self.apply({change.name: change.new}, change.revision, change.instance)
-        self._publish_news(news, change.requester, change.revision)
+        self._publish_news(news, {change.name: change.old}, change.requester, change.revision)
 
     def _publish_news(
-        self, news: Mapping[str, ParameterValue], requester: str, revision: int
+        self,
+        news: Mapping[str, ParameterValue],
+        before: Mapping[str, ParameterValue | None],
+        requester: str,
+        revision: int,
     ) -> None:
         for name, value in news.items():
             self._publish(
                 {
                     "type": "parameter",
                     "name": name,
+                    "old": before[name],
                     "value": value,
                     "requester": requester,
                     "revision": revision,

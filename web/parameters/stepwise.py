@@ -13,6 +13,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameter_description import ParameterValue
+from vehicle_link.parameters.steps import step_towards as one_step
 from web.parameters.replica import PageParameters
 
 ROUNDING = 1e-9
@@ -35,10 +36,7 @@ def steps_between(replica: PageParameters, values: Values) -> int:
 def step_towards(replica: PageParameters, name: str, value: ParameterValue) -> ParameterValue:
     """Return the value, or the farthest value that one step in flight reaches."""
     step, present = _step(replica, name), replica.value(name)
-    if step is None or present is None:
-        return value
-    change = float(value) - float(present)
-    return value if abs(change) <= step else float(present) + math.copysign(step, change)
+    return value if present is None else one_step(step, present, value)
 
 
 async def walk(

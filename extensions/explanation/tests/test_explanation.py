@@ -178,6 +178,17 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
         5.0,
         "5.0 s",
     ),
+    "oscillating": (
+        {
+            "status": {
+                "flags": [(0.0, ""), (15.0, "oscillating"), (20.0, "")],
+                "oscillation_frequency": during(10, 15.0, 20.0, 0.7),
+            }
+        },
+        {"status": {"flags": [(0.0, "oscillating"), (3.0, "")]}},
+        5.0,
+        "at 0.7 Hz for 5.0 s",
+    ),
     **{
         flag: (
             {"status": {"flags": [(0.0, ""), (15.0, flag), (17.0, "")]}},

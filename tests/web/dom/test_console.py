@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from console.catalogue.catalogue import Catalogue
+from vehicle_link.parameters.change import ParameterChange
 
 TAKE_OFF = "#behaviors button:text-is('Take off')"
 
@@ -137,3 +139,29 @@ def test_the_page_comes_back_by_itself_after_a_restart_of_web(
         until(flies)
         page.close()
     catalogue.close()
+
+
+def test_an_oscillation_is_amber_with_its_cause_and_one_press_takes_the_change_back(
+    page: Any, look: Any, station: Any
+) -> None:
+    look.text("#doing", "^FLYING")
+    look.text("#in-words", "all well$")
+    assert page.is_hidden("#restore")
+    for old, new in ((4.0, 9.0), (9.0, 13.5)):
+        station.store.set({"gains.kp": new})
+        revision = station.store.revision
+        station.reactions.changed(
+            ParameterChange(time.time_ns(), "gains.kp", old, new, "ann", revision, 1)
+        )
+    look.text("#in-words", "all well$")
+    station.said = {"flags": ["oscillating"], "oscillation_axis": 1, "oscillation_frequency": 0.71}
+    look.text("#doing", "^OSCILLATING$")
+    look.text("#in-words", "oscillating in y at 0.7 Hz after kp 4 → 13.5$")
+    assert page.get_attribute("#bar", "data-tone") == "warn"
+    look.text("#restore", "^Restore kp = 4$")
+    page.click("#restore")
+    look.text("#in-words", "oscillating in y at 0.7 Hz$")
+    assert station.store.get("gains.kp") == 4.0
+    station.said = {}
+    look.text("#in-words", "all well$")
+    assert page.is_hidden("#restore")

@@ -69,3 +69,43 @@ def test_a_refused_value_shows_its_reason_and_reverts(page: Any, look: Any, stat
     look.text(f"{KP} .reason", "the step is too large in flight")
     assert value_of(page) == before
     assert page.locator(f"{KP} input[type=range]").input_value() == before
+
+
+def press(page: Any, *types: str) -> None:
+    for kind in types:
+        page.locator(f"{KP} input[type=range]").evaluate(
+            "(slider, kind) => slider.dispatchEvent(new Event(kind))", kind
+        )
+
+
+def test_one_press_on_a_slider_is_one_change_however_long_it_lasts(
+    page: Any, look: Any, station: Any
+) -> None:
+    open_gains(page)
+    press(page, "pointerdown")
+    for value in (6.0, 9.5, 13.5):
+        slide(page, value)
+        look.value(CELL, f"{value:g}")
+        # Longer than between two presses of a key, and than between two lines of events.
+        page.evaluate(
+            "() => { const now = performance.now.bind(performance); "
+            "performance.now = () => now() + 4000; }"
+        )
+    press(page, "pointerup")
+    press(page, "pointerdown")
+    slide(page, 14.0)
+    look.value(CELL, "14")
+    press(page, "pointerup")
+    assert "gains.kp back to 13.5" in str(page.get_attribute("#undo", "title"))
+    page.click("#undo")
+    look.value(CELL, "13.5")
+    assert "gains.kp back to 4" in str(page.get_attribute("#undo", "title"))
+    page.evaluate(
+        "() => document.body.dispatchEvent(new KeyboardEvent('keydown', "
+        "{ key: 'z', ctrlKey: true, bubbles: true }))"
+    )
+    look.value(CELL, "4")
+    assert page.is_disabled("#undo")
+    look.text("#events li:first-child", "gains.kp 4 → 4 \\(6 values\\)")
+    values = page.get_attribute("#events li:first-child", "title")
+    assert values == "4 → 6 → 9.5 → 13.5 → 14 → 13.5 → 4"

@@ -82,7 +82,7 @@ def test_a_change_stands_among_the_events_at_the_flights_time(
     noon = datetime(2026, 1, 31, 12, 34, 56).timestamp()  # a time of no other event
     monkeypatch.setattr("web.parameters.replica.wall_time", lambda: noon)
     change(gains, {"gains.kp": 9.5})
-    look.text("#events li:first-child", r"12:34:56\s*gains\.kp = 9\.5")
+    look.text("#events li:first-child", r"12:34:56\s*gains\.kp 4 → 9\.5")
 
 
 def test_a_change_touches_its_own_row_and_builds_nothing(gains: Any, look: Any) -> None:
@@ -179,7 +179,7 @@ def test_the_history_restores_and_a_flight_is_marked_and_taken_back(
     look.value(CELL, "9")
     gains.click("#parameter-views >> text=History")
     look.text("#parameter-panel .timeline li:first-child .change", "gains.kp 4 → 9")
-    look.text("#parameter-panel .timeline li:first-child .facts", "ben · in flight · 5 steps")
+    look.text("#parameter-panel .timeline li:first-child .facts", "ben · in flight · 5 values")
     gains.click("#parameter-panel [aria-label='restore gains.kp to 4']")
     gains.click("#parameter-views >> text=History")
     look.value(CELL, "4")

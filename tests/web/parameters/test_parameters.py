@@ -185,6 +185,7 @@ def test_pages_hear_only_news_as_of_the_flights_clock(monkeypatch: pytest.Monkey
     assert told[1] == {
         "type": "parameter",
         "name": "gains.kp",
+        "old": 4.0,
         "value": 5.0,
         "requester": "operator 1",
         "revision": 4,

@@ -21,7 +21,7 @@ import { LinkPanel } from "../link/link.js";
 import { Marks } from "./marks.js";
 import { People } from "./people.js";
 import { Preflight } from "../fly/preflight.js";
-import { TelemetryTimeout } from "../link/telemetry_timeout.js";
+import { Channels } from "../link/channels.js";
 import { Events, Telemetry } from "../core/sockets.js";
 import { addSticks } from "../sticks/panel.js";
 import { Simulation } from "./simulation_strip.js";
@@ -48,19 +48,19 @@ async function start() {
   const fly = new Fly(events, behaviors, isOperator);
   new Preflight($("preflight"), $("arm"), events);
   const ages = new Ages(events, telemetry, description.stale);
-  const timeout = new TelemetryTimeout(telemetry);
   new Marks($("recorder"), document.querySelector("#view .overlay.bottom"), events, isOperator);
   new ExperimentSection($("experiment"), events, fly, isOperator, ages);
   const gains = new Gains(events, isOperator);
-  new StatusBar(events, fly, isOperator, { ages, timeout, telemetry, gains, vehicle: session.vehicle });
-  new View(events, timeout, { fly, isOperator });
+  const channels = new Channels({ events, telemetry, ages, gains });
+  new StatusBar(events, fly, isOperator, { ages, channels, telemetry, gains, vehicle: session.vehicle });
+  new View(events, channels, { fly, isOperator });
   new DraftBar($("draw"), { events, fly, label: session.label, isOperator });
   addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
-  new StateTable($("table"), telemetry, description, ages);
+  new StateTable($("table"), { telemetry, description, ages, events });
   const charts = new Charts($("charts"), telemetry, description, events);
   const beacons = new Beacons({ events, gains, isOperator, ages });
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
-  new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
+  new LinkPanel($("tab-link"), { events, telemetry, gains, ages, channels });
 
   const shown = { gains, fly, ages, beacons, history: charts.history };
   showPanels({ events, session, telemetry, description, isOperator, ...shown });
@@ -72,7 +72,7 @@ async function start() {
   followAddress();
   new People(session);
   new ControlStrip($("control"), events, session, fly);
-  new Contact($("contact"), { events, telemetry, ages, gains });
+  new Contact($("contact"), { events, telemetry, channels, gains });
   new Help($("help"), isOperator); // last: it lists the keys of all
 }
 

@@ -15,8 +15,8 @@ const LOST = 0.8; // s
 
 export class View {
   // fly: says what was refused.
-  constructor(events, timeout, { fly, isOperator }) {
-    this.timeout = timeout;
+  constructor(events, channels, { fly, isOperator }) {
+    this.channels = channels;
     this.name = crypto.randomUUID?.() ?? String(Math.random());
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = `${scheme}://${location.host}${here("/viser")}?view=${this.name}`;
@@ -41,7 +41,7 @@ export class View {
       hide($("planned-key"), !events.summary.planned); // a message has only what changed
       this.flags(events);
     });
-    timeout.addEventListener("change", () => this.flags(events));
+    channels.addEventListener("change", () => this.flags(events));
     setInterval(() => this.flags(events), 500); // also while nothing arrives
   }
 
@@ -55,7 +55,7 @@ export class View {
 
   flags(events) {
     const { status, station, link } = events.summary, age = events.age("state");
-    const isSilent = this.timeout.holds || age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
+    const isSilent = this.channels.isSilent || age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
     const silence = Number.isFinite(age) ? `no telemetry for ${seconds(age)}` : "no telemetry yet";
     // Silence that lasts is a lost contact, which static/link/contact_lost.js tells.
     const texts = isSilent ? (age < LOST ? [silence] : []) : (status?.flags ?? []).map(words);

@@ -22,7 +22,7 @@ const SCALARS = [
 ];
 
 export class StateTable {
-  constructor(place, telemetry, description, ages) {
+  constructor(place, { telemetry, description, ages, events }) {
     const signals = new Map(description.signals.map((signal) => [signal.name, signal]));
     this.ages = ages;
     this.rows = [];
@@ -38,6 +38,16 @@ export class StateTable {
     };
     for (const [label, names, digits] of VECTORS) row(label, names, [digits, digits, digits], signals.get(names[0]).unit);
     for (const [label, names, digits, unit] of SCALARS) row(label, names, digits, unit);
+    const figures = [0, 1, 2].map(() => element("td", {}, "–"));
+    const flown = element("tr", { title: "position error of the behavior that is flown, from every pose, and rms of the present lap: as its verdict computes them" },
+      element("td", {}, "rms, max, lap rms"), ...figures, element("td", { className: "unit" }, "mm"), element("td", { className: "age" }));
+    flown.dataset.topic = "state";
+    body.append(flown);
+    events.on("summary", ({ tracking }) => {
+      if (tracking === undefined) return;
+      const { position_rms_m: rms, position_max_m: most, lap } = tracking ?? {};
+      [rms, most, lap?.position_rms_m].forEach((value, i) => setText(figures[i], fixed(1e3 * value, 2)));
+    });
     const head = element("tr", {}, element("th"), ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)), element("th"), element("th", {}, "age"));
     place.append(element("table", {}, element("thead", {}, head), body));
     telemetry.want("table", this.rows.flatMap((entry) => entry.names).filter(Boolean));

@@ -9,7 +9,7 @@ import { armNote } from "../fly/preflight.js";
 import { controlOf, isAlone } from "../core/control_authority.js";
 import { consistencyOf } from "./consistency.js";
 import { Primary } from "./primary.js";
-import { flownOn, lineOf, pillOf } from "./vehicle_words.js";
+import { flownOn, lineOf, oscillates, pillOf, restoreLabel } from "./vehicle_words.js";
 
 const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
 const isCut = (status) => status?.mode?.toLowerCase() === "cut";
@@ -23,10 +23,10 @@ const recorded = (station) =>
 export class StatusBar {
   height; error; // m, of the newest sample
 
-  constructor(events, fly, isOperator, { ages, timeout, telemetry, gains, vehicle }) {
+  constructor(events, fly, isOperator, { ages, channels, telemetry, gains, vehicle }) {
     this.events = events;
     this.ages = ages; // greys what is old, too
-    this.timeout = timeout;
+    this.channels = channels;
     this.gains = gains;
     this.kept = `quadlab.airborne.${vehicle}`; // since when, for a page that is loaded again
     this.controls = ["disarm", "arm", "take-off", "land"].map($);
@@ -38,10 +38,11 @@ export class StatusBar {
     onHold($("disarm"), 800, () => ask("disarm"));
     flightButton($("take-off")).addEventListener("click", () => fly.start("take_off"));
     flightButton($("land")).addEventListener("click", () => fly.start("land"));
+    flightButton($("restore")).addEventListener("click", () => this.restore(fly));
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers cannot do this; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
     events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });
-    timeout.addEventListener("change", () => this.draw());
+    channels.addEventListener("change", () => this.draw());
     telemetry.addEventListener("frame", ({ detail: { value } }) => {
       this.height = value["state.position.z"];
       this.error = Math.hypot(...["x", "y", "z"].map((axis) => value[`error.position.${axis}`]));
@@ -61,7 +62,7 @@ export class StatusBar {
     this.drawControl(status);
     this.set("behavior", status && (isAlone(status) ? "lands alone" : words(status.behavior)));
     this.linkDrawn = link?.state;
-    this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && (this.timeout.holds || link.state !== "good"));
+    this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && (this.channels.isSilent || link.state !== "good"));
     this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
     this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
     this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
@@ -72,15 +73,31 @@ export class StatusBar {
     this.drawPace(station?.real_time_factor);
     const disarms = this.nextArm === "disarm";
     $("arm").textContent = disarms ? "Disarm" : "Arm";
-    if (this.isOperator) $("arm").disabled = $("disarm").disabled = !this.fresh("status"); // not by what was true once
+    if (this.isOperator) $("arm").disabled = $("disarm").disabled = !this.channels.hasStatus;
     if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to acknowledge the cut, or to stop the motors on the ground" : armNote(this.events.summary.preflight) || "hold for 0.8 s to start the motors";
+  }
+
+  // What the last act of this flight changed and is not back yet.
+  get changed() {
+    return Object.entries(this.events.summary.restorable ?? {}).map(([name, old]) => ({ name, old, now: this.gains.value(name) }));
+  }
+
+  restore(fly) {
+    const values = Object.fromEntries(this.changed.map(({ name, old }) => [name, old]));
+    fly.attempt(() => this.gains.set(values, true), restoreLabel(this.changed));
+  }
+
+  drawRestore(status) {
+    const { changed } = this, isShown = this.isOperator && oscillates(status) && changed.length > 0;
+    setIfChanged($("restore"), "hidden", !isShown);
+    if (isShown) setText($("restore"), restoreLabel(changed));
   }
 
   // The pill, the line in words, and the button of the moment.
   drawState(status) {
-    const { preflight, trajectory } = this.events.summary, hasContact = Boolean(status) && this.fresh("status");
+    const { preflight, trajectory } = this.events.summary, { hasContact } = this.channels;
     const seen = { status, hasContact, preflight: this.events.age("preflight") < 2 ? preflight : null, airborne: this.airborneFor(status, hasContact),
-      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status), trajectory: hasContact ? trajectory : null };
+      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status), trajectory: hasContact ? trajectory : null, changed: this.changed };
     const { word, tone } = pillOf(seen);
     setText($("doing"), word);
     for (const id of ["pill", "bar"]) setIfChanged($(id).dataset, "tone", tone);
@@ -90,6 +107,7 @@ export class StatusBar {
     setIfChanged($("progress"), "hidden", !trajectory);
     if (trajectory) $("progress").style.width = `${100 * trajectory.elapsed / trajectory.duration}%`;
     this.primary.show(status);
+    this.drawRestore(hasContact ? status : null);
   }
 
   // s in the air; null of a flight that was under way when this page came.
@@ -105,6 +123,7 @@ export class StatusBar {
   problems(status) {
     const { link, station, estimate } = this.events.summary, { word } = consistencyOf(status?.flags ?? [], estimate);
     return [
+      ...this.channels.late,
       ...(link && link.state !== "good" ? [`link ${link.state}`] : []),
       ...(word === "inconsistent" ? ["estimate inconsistent"] : []),
       ...(status?.missed_share > 0.01 ? [`${percent(status.missed_share)} of the ticks missed`] : []),

@@ -2,7 +2,7 @@
 // bar, and the button of the moment. Without a document, so that node can test it.
 
 import { isAlone, landing } from "../core/control_authority.js";
-import { duration, fixed, words } from "../core/format.js";
+import { duration, exact, fixed, shortName, words } from "../core/format.js";
 
 /**
  * What a word about the vehicle rests on.
@@ -16,6 +16,7 @@ import { duration, fixed, words } from "../core/format.js";
  * @property {number} [error] m, from estimate to reference
  * @property {string[]} [problems] what is not well beside the vehicle's flags
  * @property {{ elapsed: number, duration: number, laps: number | null } | null} [trajectory] the one under way, s
+ * @property {{ name: string, old: any, now: any }[]} [changed] by the last act in this flight that can be restored
  */
 
 /** @type {Record<string, string>} */
@@ -26,7 +27,8 @@ const DOING = {
   follow_trajectory: "Flying a trajectory", velocity: "Flown by sticks", external: "Flown by external references",
   near_hovering: "Near-hovering", emergency_landing: "Coming down level", excite: "Flying a step test",
 };
-const CALM = new Set(["on_bearings", "not_real_time"]); // flags that are told elsewhere
+const CALM = new Set(["on_bearings", "not_real_time", "oscillating"]); // flags that are told elsewhere
+const AXES = ["x", "y", "z", "roll", "pitch", "yaw"]; // of status.oscillation_axis
 
 /** @param {any} status */
 const modeOf = (status) => status?.mode?.toLowerCase() ?? "";
@@ -34,6 +36,21 @@ const modeOf = (status) => status?.mode?.toLowerCase() ?? "";
 const behaviorOf = (status) => status?.behavior?.toLowerCase() ?? "";
 /** @param {any} preflight @returns {any[]} */
 const failing = (preflight) => (preflight?.checks ?? []).filter((/** @type {any} */ { state }) => state === "fail");
+
+/** @param {any} status @returns {boolean} */
+export const oscillates = (status) => Boolean(status?.airborne && status.flags?.includes("oscillating"));
+
+// With its axis and frequency, and what was changed last.
+/** @param {Seen} seen */
+function oscillation({ status, changed = [] }) {
+  if (!oscillates(status)) return [];
+  const after = changed.length === 1 ? ` after ${shortName(changed[0].name)} ${exact(changed[0].old)} → ${exact(changed[0].now)}` : changed.length ? ` after ${changed.length} changes` : "";
+  return [`oscillating in ${AXES[status.oscillation_axis] ?? "?"} at ${fixed(status.oscillation_frequency, 1)} Hz${after}`];
+}
+
+// What a press takes back: "Restore kp_xy = 4".
+/** @param {{ name: string, old: any }[]} changed */
+export const restoreLabel = (changed) => `Restore ${changed.length === 1 ? `${shortName(changed[0].name)} = ${exact(changed[0].old)}` : `${changed.length} values`}`;
 
 // What is flown on; "" where a place is not held.
 /** @param {Seen} seen */
@@ -50,6 +67,8 @@ export function pillOf({ status, hasContact, preflight, airborne = null }) {
   if (isAlone(status)) return { word: "LANDING ALONE", tone: "alarm" };
   if (mode === "cut") return { word: "MOTORS CUT", tone: "warn" };
   if (mode === "emergency_land") return { word: "EMERGENCY LANDING", tone: "warn" };
+  if (oscillates(status)) return { word: "OSCILLATING", tone: "warn" };
+  if (status.airborne && status.flags?.includes("off_reference")) return { word: "OFF REFERENCE", tone: "warn" };
   if (status.airborne && behaviorOf(status) === "land") return { word: "LANDING", tone: "flying" };
   if (status.airborne) return { word: airborne === null ? "FLYING" : `FLYING ${duration(airborne)}`, tone: "flying" };
   if (mode === "bench") return { word: "BENCH", tone: "armed" };
@@ -92,7 +111,7 @@ export function lineOf(seen) {
   const { status, hasContact, preflight, height = NaN, error = NaN, problems = [] } = seen;
   if (!hasContact) return "";
   const mode = modeOf(status), flags = status.flags ?? [];
-  const found = [...flags.filter((/** @type {string} */ flag) => !CALM.has(flag)).map(words), ...problems];
+  const found = [...oscillation(seen), ...flags.filter((/** @type {string} */ flag) => !CALM.has(flag)).map(words), ...problems];
   if (mode === "cut") return "Motors cut. Hold Disarm to acknowledge it";
   if (landing(status)) return `Emergency landing: ${landing(status)}`;
   if (status.airborne) {

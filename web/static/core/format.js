@@ -72,6 +72,10 @@ export function exact(value) {
   return String(Number(value.toPrecision(7)));
 }
 
+// "kp_xy" of "control.position.kp_xy".
+/** @param {string} name */
+export const shortName = (name) => name.slice(name.lastIndexOf(".") + 1);
+
 /** @param {string | null | undefined} name */
 export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replaceAll("_", " ") : NONE);
 

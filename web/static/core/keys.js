@@ -3,7 +3,7 @@
 import { windowIn } from "./dom.js";
 
 const ACTIONS = new Map(); // by key
-const TYPING = "input:not([type=range], [type=checkbox], [type=radio]), select, textarea, [contenteditable]";
+export const TYPING = "input:not([type=range], [type=checkbox], [type=radio]), select, textarea, [contenteditable]";
 const PRESSED = "button:not([data-flight]), a, summary, input"; // what the space bar presses
 
 // act(event) on `key` (as in KeyboardEvent.key), except while somebody types or holds a modifier.

@@ -7,6 +7,7 @@ import { icon } from "../icons/icons.js";
 
 const MOST = 200;
 const GAP = 6, EDGE = 12; // px
+const GESTURE = 5; // s between two values of one motion
 const SHOWN = [["", "all"], ["warn", "warnings and errors"], ["error", "errors"], ["change", "parameter changes"]];
 
 export class EventCenter {
@@ -40,9 +41,7 @@ export class EventCenter {
       if (line.level === "warn" || line.level === "error") setText(this.newest, line.text);
       this.draw();
     });
-    events.on("parameter", ({ name, value, requester, stamp }) => this.add({
-      level: "change", text: `${name} = ${exact(value)}${requester ? `, ${requester}` : ""}`, stamp, name,
-    }));
+    events.on("parameter", (change) => this.add({ ...change, level: "change", text: "" }));
     this.draw();
   }
 
@@ -52,14 +51,19 @@ export class EventCenter {
     this.panel.style.right = `clamp(${EDGE}px, ${innerWidth - right}px, 100vw - 440px - ${EDGE}px)`;
   }
 
-  add({ level, text, stamp, name = "" }) {
+  add({ level, text, stamp, name = "", old = undefined, value = undefined, requester = "" }) {
     const [last] = this.lines; // a slider in motion is one line
-    const same = name ? (last?.name === name ? last : null) : this.lines.find((one) => one.level === level && one.text === text);
-    const line = same ?? { level, name, count: 0, time: element("time"), said: element("span"), times: element("b") };
+    const same = name ? (last?.name === name && last.who === requester && stamp - last.stamp < GESTURE ? last : null) : this.lines.find((one) => one.level === level && one.text === text);
+    const line = same ?? { level, name, who: requester, count: 0, values: [exact(old)], time: element("time"), said: element("span"), times: element("b") };
     line.item ??= element("li", { className: level }, line.time, line.said, line.times);
+    if (name) {
+      line.values.push(exact(value));
+      text = `${name} ${line.values[0]} → ${line.values.at(-1)}${line.count ? ` (${line.count + 1} values)` : ""}${requester ? `, ${requester}` : ""}`;
+      line.item.title = line.values.join(" → ");
+    }
     Object.assign(line, { text, stamp, count: line.count + 1 });
     this.lines = [line, ...this.lines.filter((one) => one !== line)];
-    for (const old of this.lines.splice(MOST)) old.item.remove();
+    for (const gone of this.lines.splice(MOST)) gone.item.remove();
     setText(line.time, clock(stamp));
     setText(line.said, text);
     setText(line.times, line.count > 1 && !name ? `× ${line.count}` : "");

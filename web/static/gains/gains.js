@@ -2,6 +2,7 @@
 
 import { get } from "../core/api.js";
 import { $, element } from "../core/dom.js";
+import { TYPING } from "../core/keys.js";
 import { exact } from "../core/format.js";
 import { Parameters } from "./parameters.js";
 import { GainRow } from "./row.js";
@@ -9,13 +10,14 @@ import { unfold } from "./detail.js";
 import { ParameterPanel } from "./panel.js";
 import { ParameterTree } from "./tree.js";
 
-const GESTURE = 1500; // ms between two values of one motion of the hand
+const KEYS = 1500; // ms between two values of keys that are held or pressed again
 
 export class Gains extends Parameters {
   constructor(events, isOperator) {
     super(events, isOperator);
     this.rows = new Map();
     this.mine = []; // this page's own changes, for Undo
+    this.acts = []; // the same and those undone: { name, from, to }, the revisions of its values
     this.tree = new ParameterTree($("gains"));
     this.panel = new ParameterPanel(this, $("parameter-panel"), [$("gains"), $("gains-search")]);
     this.addEventListener("read", () => this.showAll());
@@ -24,6 +26,11 @@ export class Gains extends Parameters {
     $("search").addEventListener("input", () => this.filter());
     $("modified").addEventListener("change", () => this.filter());
     $("undo").addEventListener("click", () => this.undo());
+    document.addEventListener("keydown", (event) => {
+      if (event.key !== "z" || event.shiftKey || !(event.ctrlKey || event.metaKey) || event.target.closest?.(TYPING) || $("undo").disabled) return;
+      event.preventDefault();
+      this.undo();
+    });
   }
 
   showAll() {
@@ -41,7 +48,7 @@ export class Gains extends Parameters {
 
   build(parameters) {
     this.rows = new Map(parameters.map((description) => [description.name, new GainRow(
-      description, this.isOperator, (value, walks) => this.change(description.name, value, walks),
+      description, this.isOperator, (value, walks, press) => this.change(description.name, value, walks, press),
       (row) => this.tree.changed(row), (row, place) => unfold(this, row, place),
     )]));
     this.tree.build([...this.rows.values()]);
@@ -69,19 +76,20 @@ export class Gains extends Parameters {
     if (this.isArmed && row?.flightValue === undefined && before !== value) row?.flightBegan(before);
   }
 
-  async change(name, value, walks = false) {
-    const before = this.value(name);
+  // press: of the pointer on a slider, null of keys and typing. All values of a press are one change, however
+  // long it lasts.
+  async change(name, value, walks = false, press = null) {
+    const { value: before, revision: from } = this.known.get(name);
     const applied = await this.set({ [name]: value }, walks);
-    this.remember(name, before);
-    return applied[name];
-  }
-
-  // One step of undo for each gesture, not for each of its 20 values a second.
-  remember(name, before) {
-    const now = performance.now(), last = this.mine.at(-1);
-    if (last?.name === name && now - last.time < GESTURE) last.time = now;
-    else if (before !== this.value(name)) this.mine = [...this.mine.slice(-99), { name, value: before, time: now }];
+    const now = performance.now(), last = this.mine.at(-1), to = this.known.get(name).revision;
+    if (last?.name === name && last.press === press && (press || now - last.time < KEYS)) Object.assign(last, { time: now, to });
+    else if (before !== this.value(name)) {
+      const act = { name, value: before, press, time: now, from, to };
+      this.mine = [...this.mine.slice(-99), act];
+      this.acts = [...this.acts.slice(-99), act];
+    }
     this.showUndo();
+    return applied[name];
   }
 
   async undo() {

@@ -13,7 +13,7 @@ export class GainRow {
   label; mark; flightMark; reason; box; slider; tick; details; // made by build()
 
   /**
-   * send(value, walks) → Promise; unfold(row, place) fills the row's details when they are opened.
+   * send(value, walks, press) → Promise; unfold(row, place) fills the row's details when they are opened.
    * @param {((row: any, place: HTMLElement) => void) | null} unfold
    */
   constructor(description, isOperator, send, modifiedChanged, unfold = null) {
@@ -24,7 +24,8 @@ export class GainRow {
     this.unfold = unfold;
     this.locked = !isOperator || description.read_only;
     this.text = [description.name, description.description, description.unit].join(" ").toLowerCase();
-    this.sender = new GainSender(send, () => this.draw());
+    this.press = null; // of the pointer on the slider, whose last value may still be under way
+    this.sender = new GainSender((value, walks) => send(value, walks, this.press), () => this.draw());
     this.drawn = ""; // the reason
     this.place = element("div", { className: "gain" });
   }
@@ -69,7 +70,8 @@ export class GainRow {
     const { name, minimum, maximum } = this.description;
     this.slider = element("input", { type: "range", min: minimum, max: maximum, step: this.step, disabled: this.locked, ariaLabel: name });
     this.tick = element("i", { className: "confirmed", title: "confirmed by the vehicle" });
-    this.slider.addEventListener("pointerdown", () => { this.held = true; this.draw(); });
+    this.slider.addEventListener("pointerdown", () => { this.held = true; this.press = {}; this.draw(); });
+    this.slider.addEventListener("keydown", () => { this.press = null; });
     for (const type of ["pointerup", "pointercancel", "lostpointercapture", "change", "blur"]) this.slider.addEventListener(type, () => { this.held = false; this.draw(); });
     this.slider.addEventListener("input", () => { this.sender.set(this.rounded(Number(this.slider.value)), true); });
     return element("div", { className: "travel" }, element("span", {}, exact(minimum)), element("div", { className: "track" }, this.slider, this.tick), element("span", {}, exact(maximum)));
@@ -101,6 +103,7 @@ export class GainRow {
     const steps = this.isNumber ? KEY_STEPS[event.key] : undefined;
     if (steps === undefined || this.step === "any") return;
     event.preventDefault();
+    this.press = null;
     const { minimum, maximum } = this.description;
     const value = Math.min(maximum ?? Infinity, Math.max(minimum ?? -Infinity, this.rounded(this.confirmed + steps * this.step)));
     this.typing = false; // the cell shows the confirmed value, as it comes
@@ -108,6 +111,7 @@ export class GainRow {
   }
 
   enter(text) {
+    this.press = null;
     if (!this.isNumber) { this.sender.set(text); return; }
     const number = parseNumber(text);
     if (!Number.isFinite(number)) this.fail(`${text || "nothing"} is not a number`);

@@ -4,7 +4,7 @@ import { get } from "../core/api.js";
 import { attempt, element, showNote } from "../core/dom.js";
 import { exact, timeOf } from "../core/format.js";
 
-const GESTURE = 2; // s between two values of one motion
+const GESTURE = 5; // s between two values of one motion, as the vehicle has it
 const REFRESH = 500; // ms between two looks while something changes
 const MOST = 1000; // rows asked for
 
@@ -44,7 +44,7 @@ export class TimeLine {
     let read;
     try { read = await get(`/api/parameters/history?${query}`); } catch (error) { showNote(this.reason, error.message); return; }
     this.more.hidden = read.changes.length < this.limit || this.limit >= MOST;
-    const entries = gestures(read.changes);
+    const entries = gestures(read.changes, this.gains.acts);
     this.list.replaceChildren(...entries.map((entry) => this.entry(entry)));
     if (entries.length === 0) this.list.append(element("li", { className: "empty" }, this.name ? "Never changed." : "Nothing has been changed yet."));
   }
@@ -58,7 +58,7 @@ export class TimeLine {
       title: isBack ? "already restored" : changes.map(([name, { old }]) => `${name} = ${exact(old)}`).join("\n"),
       ariaLabel: isOne ? `restore ${changes[0][0]} to ${exact(changes[0][1].old)}` : `restore ${changes.length} values` }, "Restore");
     return element("li", {}, title, back, element("div", { className: "facts" },
-      `${timeOf(entry.stamp)} · ${entry.who} · `, where, entry.count > changes.length ? ` · ${entry.count} steps` : ""));
+      `${timeOf(entry.stamp)} · ${entry.who} · `, where, entry.count > changes.length ? ` · ${entry.count} values` : ""));
   }
 
   line(name, { old, value }) {
@@ -75,20 +75,21 @@ export class TimeLine {
 // Who keeps it; each counts revisions of its own.
 const authorityOf = (name) => (/^(station|simulator)\./.exec(name)?.[1] ?? "vehicle");
 
-// Rows, newest first, as motions of one hand: the same parameter again within two seconds, or
-// several that were changed at once.
-export function gestures(rows) {
+// Rows, newest first, as motions of one hand: those of a press on this page's slider, the same parameter
+// again within five seconds, or several that were changed at once.
+export function gestures(rows, acts = []) {
   const found = [];
   for (const row of rows) {
     const last = found.at(-1), known = last?.changes.get(row.name);
     const isSame = last && last.who === row.who && last.flight === row.flight;
+    const act = acts.find(({ name, from, to }) => name === row.name && row.revision > from && row.revision <= to);
     const isAtOnce = last?.revision === row.revision && last?.authority === authorityOf(row.name) && !known;
-    if (isSame && (isAtOnce || (known && last.first - row.stamp < GESTURE))) {
+    if (isSame && (isAtOnce || (known && last.act === act && (act || last.first - row.stamp < GESTURE)))) {
       if (known) known.old = row.old;
       else last.changes.set(row.name, { old: row.old, value: row.new });
       Object.assign(last, { first: row.stamp, revision: row.revision, count: last.count + 1 });
     } else {
-      found.push({ who: row.who, flight: row.flight, stamp: row.stamp, first: row.stamp, revision: row.revision, count: 1,
+      found.push({ who: row.who, flight: row.flight, stamp: row.stamp, first: row.stamp, revision: row.revision, count: 1, act,
         authority: authorityOf(row.name), changes: new Map([[row.name, { old: row.old, value: row.new }]]) });
     }
   }

@@ -16,7 +16,8 @@ const PATHS = { datagram: "datagrams outside the link", quic: "the link itself" 
 const GREY = 0.3; // s, deadline of what telemetry shows
 
 export class LinkPanel {
-  constructor(place, { events, telemetry, gains, ages }) {
+  constructor(place, { events, telemetry, gains, ages, channels }) {
+    this.channels = channels;
     this.place = place; this.events = events; this.telemetry = telemetry; this.gains = gains;
     this.ages = ages; this.frames = 0; this.counted = performance.now(); this.rate = NaN;
     this.state = element("output", { className: "state" });
@@ -107,9 +108,9 @@ export class LinkPanel {
 
   // Which of the two ways is the slow one.
   verdictText(link, isOld) {
-    const { roundTrip, connected } = this.telemetry;
+    const { roundTrip, connected } = this.telemetry, { late } = this.channels;
     if (!connected) return "This page has no connection to its server: its values are out of date, whatever the state of the radio link.";
-    if (!(roundTrip > SLOW) && !(this.rate < FRAMES)) return "";
+    if (!(roundTrip > SLOW) && !(this.rate < FRAMES)) return late.length ? `To this page: ${late.join(", ")}.` : "";
     const radio = link && !isOld && link.state === "good" ? "The radio is good: it" : "It";
     return `${radio} is this browser or its way to the station that is slow (${roundTrip > SLOW ? `${Math.round(1e3 * roundTrip)} ms` : `${fixed(this.rate, 0)} of 25 frames a second`}).`;
   }

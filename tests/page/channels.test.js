@@ -1,0 +1,54 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import "./browser.js";
+import { Channels } from "../../web/static/link/channels.js";
+
+// Channels with these ages (s) of their topics.
+function heard(ages, link = "good") {
+  const events = Object.assign(new EventTarget(), { summary: { status: {}, link: { state: link } } }), telemetry = new EventTarget();
+  const of = { state: 0.01, status: 0.1, link_status: 0.1, station_status: 0.1, ...ages };
+  const channels = new Channels({ events, telemetry, ages: { age: (topic) => of[topic] }, gains: { value: () => undefined } });
+  return { channels, events, telemetry };
+}
+
+const LATE = { state: 3, status: 3 };
+const CASES = [
+  ["all is heard", {}, "good", "", true, []],
+  ["charts run without status", { status: 9.7 }, "good", "", false, ["status late by 9.7 s"]],
+  ["status comes without ticks", { state: 2 }, "good", "", true, ["telemetry late by 2.0 s"]],
+  ["ticks never came", { state: Infinity }, "good", "", true, ["telemetry missing"]],
+  ["the station is silent, ticks run", { link_status: 2, station_status: 2 }, "good", "", true, ["station late by 2.0 s"]],
+  ["the link is lost", LATE, "lost", "link", false, null],
+  ["the flight process stopped", LATE, "good", "flight", false, null],
+  ["the station is gone", { ...LATE, link_status: 3, station_status: 3 }, "good", "station", false, null],
+  ["nobody knows yet", { state: 0.9, status: 0.9, link_status: 1, station_status: 1 }, "good", "silent", false, null],
+];
+
+for (const [name, ages, link, cause, hasStatus, late] of CASES) {
+  test(`contact when ${name}`, () => {
+    const { channels } = heard(ages, link);
+    assert.equal(channels.cause, cause);
+    assert.equal(channels.hasContact, cause === "");
+    assert.equal(channels.hasStatus, hasStatus);
+    if (late) assert.deepEqual(channels.late, late);
+  });
+}
+
+test("a page that has lost its server says so after 0.4 s, and nothing of the vehicle", () => {
+  const { channels, events } = heard({});
+  events.dispatchEvent(new Event("close"));
+  assert.equal(channels.cause, "");
+  channels.closed -= 500;
+  assert.equal(channels.cause, "page");
+  assert.equal(channels.hasContact, false);
+  events.dispatchEvent(new Event("open"));
+  assert.equal(channels.cause, "");
+});
+
+test("ticks that cease are told with the frame that says so", () => {
+  const { channels, telemetry } = heard({}), told = [];
+  channels.addEventListener("change", () => told.push(channels.isSilent));
+  for (const state of [0.01, 0.19, 0.21, 0.3, undefined, 0.02]) telemetry.dispatchEvent(Object.assign(new Event("frame"), { detail: { age: { state } } }));
+  assert.deepEqual(told, [true, false]);
+});
