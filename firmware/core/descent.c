@@ -27,8 +27,9 @@ static int32_t commanded(const struct program *p)
 
 void watch_thrust(struct program *p)
 {
-    p->thrust += by16(commanded(p) - p->thrust, p->gains.thrust);
-    if ((p->thrust > STANDING) && !(p->landing && (p->climb > SETTLING_CLIMB))) {
+    p->commanded = commanded(p);
+    p->thrust += by16(p->commanded - p->thrust, p->gains.thrust);
+    if ((p->thrust > STANDING) && !(p->landing && (climb_rate(p) > SETTLING_CLIMB))) {
         const int32_t found = up(given(p, p->thrust >> 12), 16);
         p->support += by16(found - p->support, p->gains.support);
     }
@@ -40,13 +41,14 @@ void begin_descent(struct program *p)
     p->landed = false;
     p->carried = 0;
     p->faster = 0;
-    const int32_t now = commanded(p);
-    const int32_t carrying = (now < WEIGHT) ? now : WEIGHT; /* more than its average at lift-off */
+    p->lasted = 0;
+    const int32_t carrying = (p->commanded < WEIGHT) ? p->commanded : WEIGHT; /* more than its average at lift-off */
     p->lift = (p->thrust > carrying) ? p->thrust : carrying;
-    p->sink = -p->climb;
+    p->sink = -climb_rate(p);
+    p->longest = SPARE + up(by16(within(p->height - p->ground, 0, HIGHEST), narrow(SLOWNESS)), 3);
     p->integral[0] = 0;
     p->integral[1] = 0;
-    if (p->thrust < STANDING) {
+    if (p->thrust < ((p->commanded < STANDING) ? STANDING : STARTING)) {
         stop_motors(p);
     }
 }
@@ -57,13 +59,15 @@ void descend(struct program *p, int16_t *registers)
     const int16_t second = p->gains.second;
     const int16_t cosine = vertical(p, 2);
     const int32_t above = p->height - p->ground;
-    if (above < DEEPEST) {
+    const int32_t climb = climb_rate(p);
+    p->lasted += second;
+    if ((above < DEEPEST) || ((p->lasted >> 4) > p->longest)) {
         p->faster += second >> FASTER_SHIFT;
     }
     const int32_t wanted = p->faster + ((above < FLARE_HEIGHT) ? SINK_FLARE : SINK);
     const int32_t change = (p->sink < 0) ? (2 * (int32_t)second) : second; /* 2 or 1 m/s^2 */
     p->sink += bounded(wanted - p->sink, change);
-    const int32_t error = bounded(-p->sink - p->climb, SINK_ERROR_MAX);
+    const int32_t error = bounded(-p->sink - climb, SINK_ERROR_MAX);
     const int32_t least = LIFT_COUNT * registers[ID_EMERGENCY_THRUST];
     const int32_t most = LIFT_COUNT * LIFT_MAX;
     p->lift = within(p->lift + by16(error, p->gains.lift), least, most);
@@ -71,10 +75,11 @@ void descend(struct program *p, int16_t *registers)
         within(p->lift + by16(up(error, 6), narrow(CLIMB_GAIN)), least, most) >> 12;
     const int32_t divisor = (cosine > COSINE_MIN) ? cosine : COSINE_MIN;
     hold_angles(p, registers, level, up(thrust, 14) / divisor);
-    const int32_t mean = p->thrust >> 12;
+    const int32_t mean = /* the average is too low just after lift-off */
+        ((p->thrust > p->commanded) ? p->thrust : p->commanded) >> 12;
     const int32_t force = given(p, (mean > LEAST_WEIGHT) ? mean : LEAST_WEIGHT);
     const int32_t learnt = product(narrow(p->support >> 16), narrow(CARRIED_SHARE)) >> 10;
-    if ((force > learnt) && (p->climb > -by16(up(p->sink, 1), narrow(SLOW_SHARE)))) {
+    if ((force > learnt) && (climb > -by16(up(p->sink, 1), narrow(SLOW_SHARE)))) {
         p->carried += second;
     } else {
         p->carried = (p->carried > second) ? (p->carried - second) : 0;
