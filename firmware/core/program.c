@@ -34,6 +34,8 @@ void program_set_period(struct program *p, uint16_t sixteenths)
     g->thrust = GAIN(t, THRUST);
     g->support = GAIN(t, SUPPORT);
     g->lift = GAIN(t, LIFT);
+    g->shown = GAIN(t, SHOWN);
+    g->pulling = GAIN(t, PULLING);
     g->yaw_slope = narrow(YAW_SLOPE / (int32_t)t);
 }
 

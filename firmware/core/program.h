@@ -11,7 +11,7 @@
 struct gains {
     int16_t turn, rest, drift, drift_turned, second, up;
     int16_t height, height_resting, climb, bias, bias_resting, felt, felt_bias;
-    int16_t integral, thrust, support, lift;
+    int16_t integral, thrust, support, lift, shown, pulling;
     int16_t yaw_slope;
 };
 
@@ -40,6 +40,14 @@ struct program {
     int32_t longest;        /* 2^-18 s, duration from which on it becomes faster */
     int32_t faster;         /* 2^-22 m/s, of a descent that should have ended */
     int32_t carried;        /* 2^-22 s, the ground has carried the vehicle */
+    int32_t shown;          /* 2^-16 count, mean specific force along z_B in the descent */
+    int32_t pulling;        /* 2^-24 N, commanded thrust with the motors' lag */
+    int32_t held;           /* 2^-24 N, the descent's thrust before a test of the ground */
+    int32_t unloaded;       /* 2^-24 N, taken off the thrust to test the ground; 0 without a test */
+    int32_t began_at;       /* 2^-16 count, specific force by the thrust when the test began */
+    int32_t tested;         /* 2^-22 s, duration of the test */
+    int32_t falling;        /* 2^-22 s, it has shown the air */
+    int32_t refuted;        /* 2^-28, the support that looked like the ground */
     uint8_t references[MOTORS];
     uint8_t missing;        /* bits of the motors whose controllers do not answer */
     uint8_t state;          /* of the last period */

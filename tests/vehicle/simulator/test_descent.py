@@ -175,6 +175,20 @@ def test_a_barometer_that_leaks_changes_neither_end_nor_impact(rate: float, befo
     assert 0.05 < hardest < 1.0
 
 
+@pytest.mark.parametrize(
+    "change", [{"push_z": 3.0}, {"push_z": -3.0}, {"payload": 0.0}, {"wind_z": 8.0, "drag": 0.25}]
+)
+@pytest.mark.parametrize("at", [0.4, 1.0, 2.0])
+def test_a_force_or_a_released_load_is_not_taken_for_the_ground(
+    at: float, change: dict[str, float]
+) -> None:
+    alone = Alone(payload=0.4 if "payload" in change else 0.0)
+    alone.take_off(1.5)
+    alone.rest(at)
+    alone.robot.configure(alone.robot.parameters.model_copy(update=change))
+    assert alone.land() < 1.0
+
+
 def test_a_descent_that_lasts_too_long_becomes_faster() -> None:
     """Doubt the barometer, while the accelerometer has a bias by which level flight sinks."""
     alone = Alone()

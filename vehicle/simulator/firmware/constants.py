@@ -114,9 +114,21 @@ WEIGHT = round(_weight * 2**24)  # 2^-24 N
 SUPPORT_UNIT = round(_model.mass * ACCELEROMETER_SCALE * 2**24)
 """From specific force (counts) over thrust (2^-12 N) to 2^-12 of what thrust gives in the air."""
 SUPPORT_MAX = 4 << 12
-CARRIED_SHARE = round(1.15 * 2**10)
+CARRIED_SHARE = round(1.1 * 2**10)
 """Specific force over that in the air, 2^-10; the ground carries the rest."""
-CARRIED_TIME = round(0.3 * 2**22)  # 2^-22 s
+CARRIED_TIME = round(0.1 * 2**22)  # 2^-22 s, after which the ground is presumed, and tested
+UNLOAD_MOST = round(0.7 * _weight * 2**24)
+"""Thrust, in 2^-24 N, that is taken away to see whether the specific force falls with it."""
+UNLOAD_RAMP = round(4.0 * _weight * 2**9)  # 4 weights/s: 2^-24 N per 2^-22 s, times 2^7
+PULL = round(2**8 / (_model.mass * ACCELEROMETER_SCALE))  # 2^-16 count per 2^-24 N, times 2^16
+SHOWN_MEAN = round(_g * 2**16)  # 2^-16 count
+SHOWN_MARGIN = round(0.05 * _g * 2**16)
+PULLING_LITTLE, PULLING_LESS = round(0.45 * _g * 2**16), round(0.5 * _g * 2**16)
+"""Specific force by the thrust, in 2^-16 count, below which the ground carries a vehicle that shows
+SHOWN_AT_REST; and by how much it has fallen where the ground does."""
+SHOWN_AT_REST = round(0.85 * _g * 2**16)
+TEST_DWELL = round(0.03 * 2**22)  # 2^-22 s
+TEST_LONGEST = round(0.4 * 2**22)
 SETTLING_CLIMB = round(-0.2 * 2**22)  # 2^-22 m/s: a slower descent is not used for learning
 SINK = round(0.7 * 2**22)  # 2^-22 m/s
 SINK_FLARE = round(0.35 * 2**22)
@@ -176,4 +188,6 @@ GAIN_FELT_BIAS, GAIN_FELT_BIAS_SHIFT = _by_period(0.1**2 / ACCELEROMETER_SCALE *
 GAIN_INTEGRAL, GAIN_INTEGRAL_SHIFT = _by_period(2**23)
 GAIN_THRUST, GAIN_THRUST_SHIFT = _by_period(2**16 / 0.5)  # thrust averaged over 0.5 s
 GAIN_SUPPORT, GAIN_SUPPORT_SHIFT = _by_period(2**16 / 1.0)  # learnt over 1 s in the air
+GAIN_SHOWN, GAIN_SHOWN_SHIFT = _by_period(2**16 / 0.02)  # averaged over 0.02 s
+GAIN_PULLING, GAIN_PULLING_SHIFT = _by_period(2**16 / 0.06)  # lag of the motors, at most
 GAIN_LIFT, GAIN_LIFT_SHIFT = _by_period(3.0 * _model.mass * 2**18)  # 3/s^2

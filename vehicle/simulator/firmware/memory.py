@@ -25,6 +25,8 @@ GAINS = (
     "thrust",
     "support",
     "lift",
+    "shown",
+    "pulling",
 )
 """Gains that grow with the period, each computed from the constants of its name."""
 
@@ -54,6 +56,14 @@ PROGRAM = np.dtype(
         ("longest", "i8"),  # 2^-18 s, duration from which on it becomes faster
         ("faster", "i8"),  # 2^-22 m/s, of a descent that should have ended
         ("carried", "i8"),  # 2^-22 s, for which the ground has carried the vehicle
+        ("shown", "i8"),  # 2^-16 count, mean specific force along z_B in the descent
+        ("pulling", "i8"),  # 2^-24 N, commanded thrust with the motors' lag
+        ("held", "i8"),  # 2^-24 N, the descent's thrust before a test of the ground
+        ("unloaded", "i8"),  # 2^-24 N, taken off the thrust to test the ground; 0 without a test
+        ("began_at", "i8"),  # 2^-16 count, specific force by the thrust when the test began
+        ("tested", "i8"),  # 2^-22 s, duration of the test
+        ("falling", "i8"),  # 2^-22 s, for which it has shown the air
+        ("refuted", "i8"),  # 2^-28, the support that looked like the ground
         ("turning", "i8"),  # 1: motors on, by command or autonomously
         ("landing", "i8"),  # 1: the descent is in control
         ("landed", "i8"),  # 1: the descent is over
