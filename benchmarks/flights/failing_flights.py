@@ -1,9 +1,9 @@
 """Flights in simulated time in which something above the microcontroller fails.
 
 One flight per seed goes from hover at 1, 2 and 3 m over the figure 8 to the lap from rest to rest
-that leans furthest. At its own moment in each, it forks once for each failure: the copy flies that
-failure to its end, and the flight itself continues. A board that is another process (Betaflight)
-cannot be forked: there each failure has its own flight.
+that leans furthest, lands, and climbs again. At its own moment in each, it forks once for each
+failure: the copy flies that failure to its end, and the flight itself continues. A board that is
+another process (Betaflight) cannot be forked: there each failure has its own flight.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from quadrotor.parameter_description import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle_link.jobs import die_with_parent
 
-STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8", "lap")
+STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8", "lap", "climb")
 SILENT = "flight killed or frozen"
 CORRUPTED = "5 % of the bytes"
 FAILURES = ("station", "comms", SILENT, "port 0", "port 1", "both ports", CORRUPTED, "tracker")
@@ -145,6 +145,14 @@ def fly_seed(
 def _bring_to(flight: FailingFlight, start: str) -> None:
     if start == "hover 1 m":
         flight.hover(1.0)
+        return
+    if start == "climb":
+        flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=60)
+        flight.start("land")
+        flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=60)
+        flight.arm()
+        flight.wait(1.0)
+        flight.start("take_off", height=1.0)
         return
     if start.startswith("hover"):
         flight.start("fly_to", x=0.0, y=0.0, z=float(start.split()[1]), yaw=0.0)

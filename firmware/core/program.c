@@ -26,13 +26,16 @@ void program_set_period(struct program *p, uint16_t sixteenths)
     g->height = GAIN(t, HEIGHT);
     g->height_resting = GAIN(t, HEIGHT_RESTING);
     g->climb = GAIN(t, CLIMB);
-    g->climb_resting = GAIN(t, CLIMB_RESTING);
     g->bias = GAIN(t, BIAS);
     g->bias_resting = GAIN(t, BIAS_RESTING);
+    g->felt = GAIN(t, FELT);
+    g->felt_bias = GAIN(t, FELT_BIAS);
     g->integral = GAIN(t, INTEGRAL);
     g->thrust = GAIN(t, THRUST);
     g->support = GAIN(t, SUPPORT);
     g->lift = GAIN(t, LIFT);
+    g->shown = GAIN(t, SHOWN);
+    g->pulling = GAIN(t, PULLING);
     g->yaw_slope = narrow(YAW_SLOPE / (int32_t)t);
 }
 

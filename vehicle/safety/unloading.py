@@ -21,13 +21,16 @@ LAG = 0.06
 """Time constant, in s, with which the thrust in the air follows its command, at most."""
 SMOOTHING = 0.02
 """Time constant, in s, of the mean specific force."""
-LIFTED, CARRIED = 0.45, 0.85
-"""On the ground the thrust gives less than the first share of g while the specific force is more
-than the second."""
+LIFTED, DROPPED, CARRIED = 0.45, 0.5, 0.85
+"""On the ground the thrust gives less than the first share of g, or what it gives has fallen by
+more than the second, while the specific force is more than the third. What a thrust gives is
+learnt, and may be wrong; a fall of the thrust that nothing follows shows the ground all the same.
+"""
 DWELL = 0.03
 """Time, in s, for which the one or the other must show."""
 LONGEST = 0.4
-"""Time, in s, after which a test that shows neither ends as in the air."""
+"""Time, in s, after which a test ends: on the ground where the specific force is that of rest, as
+no air carries a vehicle that has given up so much thrust; else in the air."""
 
 
 class Verdict(Enum):
@@ -47,7 +50,7 @@ class Unloading:
 
     def __init__(self) -> None:
         self.share = 0.0
-        self._lift = self._thrust_lift = GRAVITY
+        self._lift = self._thrust_lift = self._began_at = GRAVITY
         self._lasted = self._carried = self._falling = 0.0
 
     @property
@@ -73,15 +76,20 @@ class Unloading:
 
     def step(self, dt: float) -> Verdict:
         """Take more thrust away, and judge what the samples have shown."""
+        if not self.is_running:
+            self._began_at = self._thrust_lift
         self.share = min(MOST, self.share + RAMP * dt)
         self._lasted += dt
         # Half-way between a thrust that carries all and a ground that carries the rest.
         falls = self._lift < 0.5 * (GRAVITY + min(GRAVITY, self._thrust_lift)) - 0.05 * GRAVITY
-        carries = self._thrust_lift < LIFTED * GRAVITY and self._lift > CARRIED * GRAVITY
+        dropped = self._began_at - self._thrust_lift > DROPPED * GRAVITY
+        gives_little = dropped or self._thrust_lift < LIFTED * GRAVITY
+        rests = self._lift > CARRIED * GRAVITY
+        is_over = self._lasted > LONGEST
         self._falling = self._falling + dt if falls else 0.0
-        self._carried = self._carried + dt if carries else 0.0
-        if self._carried >= DWELL:
+        self._carried = self._carried + dt if gives_little and rests else 0.0
+        if self._carried >= DWELL or (is_over and rests):
             return Verdict.GROUND
-        if self._falling >= DWELL or self._lasted > LONGEST:
+        if self._falling >= DWELL or is_over:
             return Verdict.AIR
         return Verdict.OPEN

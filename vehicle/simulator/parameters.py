@@ -129,6 +129,8 @@ class SimulatorParameters(VehicleModel):
     """of the landing gear's four feet together"""
     ground_friction: float = parameter(0.6, ge=0.0, le=2.0, step=0.05)
     """Coulomb friction coefficient of the feet"""
+    ground_slope: float = parameter(0.0, unit="deg", ge=-20.0, le=20.0, step=1.0)
+    """the floor rises along x_W, from the origin on"""
     battery_capacity: float = parameter(2.6, unit="A h", ge=0.1, le=20.0, step=0.1)
     """capacity of the full battery, 4S"""
     battery_charge: float = parameter(1.0, ge=0.0, le=1.0, step=0.05)

@@ -32,6 +32,7 @@ from quadrotor.vectors import (
     along,
     axes_of,
     cross,
+    dot,
     scale,
     store,
     times,
@@ -76,6 +77,7 @@ PLANT = np.dtype(
         ("damping", "f8"),  # N s/m, per foot
         ("friction", "f8"),
         ("rest_depth", "f8"),  # m, compression of the gear at rest
+        ("floor_w", "f8", 3),  # normal of the floor, which contains the origin
         ("capacity", "f8"),  # A s
         ("resistance", "f8"),  # ohm
         ("battery_nominal", "f8"),  # V
@@ -130,6 +132,8 @@ def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
     plant["stiffness"] = parameters.ground_stiffness / 4.0
     plant["damping"] = parameters.ground_damping / 4.0
     plant["friction"] = parameters.ground_friction
+    slope = math.radians(parameters.ground_slope)
+    plant["floor_w"] = -math.sin(slope), 0.0, math.cos(slope)
     plant["rest_depth"] = mass * GRAVITY / parameters.ground_stiffness
     plant["capacity"] = parameters.battery_capacity * 3600.0
     plant["resistance"] = parameters.battery_resistance
@@ -197,7 +201,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
         speeds = _approach(speeds, target, share)
         end_lift, end_turn = _driven(p, speeds, inverse_mass, inverse)
         lifts, turns, force_w = (lift, middle_lift, end_lift), (turn, middle_turn, end_turn), pull_w
-        if motion[0][2] < CONTACT_HEIGHT:
+        if dot(vector(p.floor_w), motion[0]) < CONTACT_HEIGHT:
             ground_w, torque_b = _stand(p, motion)
             force_w, held = add(force_w, ground_w), times(torque_b, inverse)
             turns = add(turn, held), add(middle_turn, held), add(end_turn, held)
@@ -217,7 +221,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     s[0], s[1], s[2], s[3] = speeds
     # Specific force: all forces except gravity, over the mass, in B.
     force_w = along(pull_w, -drag, motion[1])
-    if motion[0][2] < CONTACT_HEIGHT:
+    if dot(vector(p.floor_w), motion[0]) < CONTACT_HEIGHT:
         force_w = add(force_w, _stand(p, motion)[0])
     if has_load:
         force_w = add(force_w, pull_of_load(p, motion))
@@ -262,32 +266,34 @@ def _stand(p: Item, motion: Motion) -> tuple[Vector, Vector]:
     foot = min(FOOT, FOOT_SHARE * p.model.arm)
     for lever in (foot, -foot):
         for arm_b, along_w in (((lever, 0.0, 0.0), axes[0]), ((0.0, lever, 0.0), axes[1])):
-            foot_w = _touch(p, motion, axes, arm_b, lever * along_w[2])
+            foot_w = _touch(p, motion, axes, arm_b, scale(lever, along_w))
             force_w = add(force_w, foot_w)
             torque_b = add(torque_b, cross(arm_b, to_body(axes, foot_w)))
     return force_w, torque_b
 
 
 @compiled(inner=True)
-def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) -> Vector:
+def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, arm_w: Vector) -> Vector:
     """Return the force of the ground (N, world axes) on one foot.
 
     The foot moves with v + R (omega x arm).
 
     Args:
-        arm_b: place of the foot in the body, m.
-        height: of the foot above the body's origin, m.
+        arm_b, arm_w: place of the foot in the body, and from the body's origin in W, m.
     """
     position_w, velocity_w, _, omega_b = motion
-    depth = p.rest_depth - (position_w[2] + height)
+    normal_w = vector(p.floor_w)
+    depth = p.rest_depth - dot(normal_w, add(position_w, arm_w))
     if depth <= 0.0:
         return 0.0, 0.0, 0.0
-    x, y, z = add(velocity_w, to_world(axes, cross(omega_b, arm_b)))
-    normal = p.stiffness * depth - p.damping * z
+    foot_w = add(velocity_w, to_world(axes, cross(omega_b, arm_b)))
+    leaving = dot(normal_w, foot_w)
+    normal = p.stiffness * depth - p.damping * leaving
     if normal <= 0.0:
         return 0.0, 0.0, 0.0
-    slip = math.sqrt(x * x + y * y)
+    slip_w = along(foot_w, -leaving, normal_w)
+    slip = math.sqrt(dot(slip_w, slip_w))
     grip = min(SLIP_DAMPING, SLIP_DAMPING_SHARE * p.model.mass)
     if grip * slip > p.friction * normal:
         grip = p.friction * normal / slip
-    return -grip * x, -grip * y, normal
+    return along(scale(normal, normal_w), -grip, slip_w)

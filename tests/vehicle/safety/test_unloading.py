@@ -14,21 +14,22 @@ from vehicle.safety.unloading import MOST, Unloading, Verdict
 DT = 0.002
 
 
-def judged(carried: float, *, ground: bool) -> tuple[Verdict, float]:
+def judged(carried: float, *, ground: bool, learnt: float = 1.0) -> tuple[Verdict, float]:
     """Return the verdict on a vehicle, and after how many seconds it came.
 
     Args:
         carried: share of the weight that something else than the motors carries at first.
         ground: whether that is the ground, which carries what the motors no longer do.
+        learnt: what a thrust is taken to give, over what it gives.
     """
     test, thrust = Unloading(), 1.0 - carried
     for _ in range(500):
-        test.observe(GRAVITY, GRAVITY * thrust, DT)
+        test.observe(GRAVITY, learnt * GRAVITY * thrust, DT)
     given = thrust
     for k in range(1000):
         given += DT / 0.04 * (max(0.3, thrust - test.share) - given)  # the motors follow
         lift = 1.0 if ground else given + carried
-        test.observe(GRAVITY * lift, GRAVITY * max(0.3, thrust - test.share), DT)
+        test.observe(GRAVITY * lift, learnt * GRAVITY * max(0.3, thrust - test.share), DT)
         if (verdict := test.step(DT)) is not Verdict.OPEN:
             return verdict, k * DT
     raise AssertionError("no verdict")
@@ -39,6 +40,14 @@ def test_the_ground_carries_what_the_motors_no_longer_give(carried: float) -> No
     verdict, time = judged(carried, ground=True)
     assert verdict is Verdict.GROUND
     assert time < 0.35
+
+
+@pytest.mark.parametrize("carried", [0.0, 0.4, 0.69])
+@pytest.mark.parametrize("learnt", [0.8, 1.6, 2.5])
+def test_the_ground_is_found_although_what_a_thrust_gives_was_learnt_wrong(
+    carried: float, learnt: float
+) -> None:
+    assert judged(carried, ground=True, learnt=learnt)[0] is Verdict.GROUND
 
 
 @pytest.mark.parametrize("carried", [-0.3, 0.0, 0.1, 0.25, 0.45])

@@ -66,6 +66,16 @@ GRAVITY_COUNTS = round(_g * 2**14)  # 2^-14 count
 HEIGHT_ERROR_MAX = 16 << 18  # 2^-18 m: a larger error counts as this one
 CLIMB_MAX = 64 << 22  # 2^-22 m/s
 CLIMB_BIAS_MAX = 100 << 22  # 2^-22 count
+SHAKING = round(0.1 * _g * 2**14)
+"""Vertical specific force off gravity, in 2^-14 count (0.1 g), up to which the vehicle may rest."""
+DOUBT = round(0.25 * 2**22)
+"""Difference of the climb rates of barometer and accelerometer, in 2^-22 m/s, that is doubted."""
+DOUBT_MAX = 16 << 22  # 2^-22 m/s
+DOUBT_TIME = round(0.2 * 2**22)  # 2^-22 s for which it lasts
+DOUBT_LASTS = round(2.2 * 2**22)
+"""The doubt ends 2 s after the difference, in 2^-22 s."""
+SHOCK = round(1.9 * _g)
+"""Specific force, in counts, that only a hard touch-down gives, and ± 2 g do not measure."""
 
 # ---------------------------------------------------------------- near-hovering
 WANTED_ANGLE = round(2**15 / command.ANGLE_COUNTS)  # 2^-15 rad a count of the command
@@ -96,14 +106,29 @@ MOTOR_SQUARE = round(_model.motor_slope**2 * 2**26)  # 2^-24 N per 2^2 count^2
 
 # ---------------------------------------------------------------- descent
 STANDING = round(0.6 * _weight * 2**24)
-"""Average thrust, in 2^-24 N (0.6 of the weight), below which the vehicle is on the ground."""
+"""Thrust, in 2^-24 N (0.6 of the weight): below it, on average and now, the vehicle is on the
+ground."""
+STARTING = round(0.3 * _weight * 2**24)
+"""Average thrust, in 2^-24 N (0.3 of the weight), below which it has not lifted off yet."""
 WEIGHT = round(_weight * 2**24)  # 2^-24 N
 SUPPORT_UNIT = round(_model.mass * ACCELEROMETER_SCALE * 2**24)
 """From specific force (counts) over thrust (2^-12 N) to 2^-12 of what thrust gives in the air."""
 SUPPORT_MAX = 4 << 12
-CARRIED_SHARE = round(1.15 * 2**10)
+CARRIED_SHARE = round(1.1 * 2**10)
 """Specific force over that in the air, 2^-10; the ground carries the rest."""
-CARRIED_TIME = round(0.3 * 2**22)  # 2^-22 s
+CARRIED_TIME = round(0.1 * 2**22)  # 2^-22 s, after which the ground is presumed, and tested
+UNLOAD_MOST = round(0.7 * _weight * 2**24)
+"""Thrust, in 2^-24 N, that is taken away to see whether the specific force falls with it."""
+UNLOAD_RAMP = round(4.0 * _weight * 2**9)  # 4 weights/s: 2^-24 N per 2^-22 s, times 2^7
+PULL = round(2**8 / (_model.mass * ACCELEROMETER_SCALE))  # 2^-16 count per 2^-24 N, times 2^16
+SHOWN_MEAN = round(_g * 2**16)  # 2^-16 count
+SHOWN_MARGIN = round(0.05 * _g * 2**16)
+PULLING_LITTLE, PULLING_LESS = round(0.45 * _g * 2**16), round(0.5 * _g * 2**16)
+"""Specific force by the thrust, in 2^-16 count, below which the ground carries a vehicle that shows
+SHOWN_AT_REST; and by how much it has fallen where the ground does."""
+SHOWN_AT_REST = round(0.85 * _g * 2**16)
+TEST_DWELL = round(0.03 * 2**22)  # 2^-22 s
+TEST_LONGEST = round(0.4 * 2**22)
 SETTLING_CLIMB = round(-0.2 * 2**22)  # 2^-22 m/s: a slower descent is not used for learning
 SINK = round(0.7 * 2**22)  # 2^-22 m/s
 SINK_FLARE = round(0.35 * 2**22)
@@ -111,6 +136,10 @@ FLARE_HEIGHT = round(0.7 * 2**18)  # 2^-18 m above the take-off point
 DEEPEST = round(-1.5 * 2**18)  # 2^-18 m above the take-off point
 """Below it the ground should have been found: the barometer leaks, the descent becomes faster."""
 FASTER_SHIFT = 3  # by 2^-3 m/s^2
+SPARE = 8 << 18
+"""Duration, in 2^-18 s, by which a descent may exceed what its height needs at half its speed."""
+SLOWNESS = round(2.0 / 0.7 * 2**13)  # 2^-13 s/m
+HIGHEST = 20 << 18  # 2^-18 m
 SINK_ERROR_MAX = 4 << 22  # 2^-22 m/s: a larger error asks for more than the greatest thrust
 CLIMB_GAIN = round(5.0 * _model.mass * 2**12)  # 5/s: 2^-24 N per 2^-28 m/s, times 2^16
 SLOW_SHARE = round(0.6 * 2**15)  # 2^-15
@@ -140,7 +169,8 @@ def _by_period(per_second: float) -> tuple[int, int]:
     return round(per_second / 16e6 * 2**shift), shift
 
 
-_flying, _resting = 1.2, 4.0  # rad/s: the observer's three poles; with motors off it is carried
+_flying = 1.2  # rad/s: the observer's three poles
+_resting = 12.0  # rad/s: of the height at rest; with motors off the vehicle is carried
 GAIN_TURN, GAIN_TURN_SHIFT = _by_period(GYROSCOPE_SCALE * 2**30)
 GAIN_REST, GAIN_REST_SHIFT = _by_period(2**8 / 0.5 * 2**14)  # drift averaged over 0.5 s
 GAIN_DRIFT, GAIN_DRIFT_SHIFT = _by_period(0.005 / GYROSCOPE_SCALE * 2**24)  # 0.005 rad/s^2 per rad
@@ -148,12 +178,16 @@ GAIN_DRIFT_TURNED, GAIN_DRIFT_TURNED_SHIFT = _by_period(0.0005 / GYROSCOPE_SCALE
 GAIN_SECOND, GAIN_SECOND_SHIFT = _by_period(2**22)
 GAIN_UP, GAIN_UP_SHIFT = _by_period(ACCELEROMETER_SCALE * 2**24)
 GAIN_HEIGHT, GAIN_HEIGHT_SHIFT = _by_period(3.0 * _flying * 2**16)
-GAIN_HEIGHT_RESTING, GAIN_HEIGHT_RESTING_SHIFT = _by_period(3.0 * _resting * 2**16)
+GAIN_HEIGHT_RESTING, GAIN_HEIGHT_RESTING_SHIFT = _by_period(_resting * 2**16)
 GAIN_CLIMB, GAIN_CLIMB_SHIFT = _by_period(3.0 * _flying**2 * 2**17)
-GAIN_CLIMB_RESTING, GAIN_CLIMB_RESTING_SHIFT = _by_period(3.0 * _resting**2 * 2**17)
 GAIN_BIAS, GAIN_BIAS_SHIFT = _by_period(_flying**3 / ACCELEROMETER_SCALE * 2**12)
-GAIN_BIAS_RESTING, GAIN_BIAS_RESTING_SHIFT = _by_period(_resting**3 / ACCELEROMETER_SCALE * 2**12)
+GAIN_BIAS_RESTING, GAIN_BIAS_RESTING_SHIFT = _by_period(2**16 / 1.0)  # averaged over 1 s
+# The accelerometer's climb rate follows that of the barometer with two poles of 0.1 rad/s.
+GAIN_FELT, GAIN_FELT_SHIFT = _by_period(2.0 * 0.1 * 2**16)
+GAIN_FELT_BIAS, GAIN_FELT_BIAS_SHIFT = _by_period(0.1**2 / ACCELEROMETER_SCALE * 2**16)
 GAIN_INTEGRAL, GAIN_INTEGRAL_SHIFT = _by_period(2**23)
 GAIN_THRUST, GAIN_THRUST_SHIFT = _by_period(2**16 / 0.5)  # thrust averaged over 0.5 s
 GAIN_SUPPORT, GAIN_SUPPORT_SHIFT = _by_period(2**16 / 1.0)  # learnt over 1 s in the air
+GAIN_SHOWN, GAIN_SHOWN_SHIFT = _by_period(2**16 / 0.02)  # averaged over 0.02 s
+GAIN_PULLING, GAIN_PULLING_SHIFT = _by_period(2**16 / 0.06)  # lag of the motors, at most
 GAIN_LIFT, GAIN_LIFT_SHIFT = _by_period(3.0 * _model.mass * 2**18)  # 3/s^2

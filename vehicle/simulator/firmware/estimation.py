@@ -9,7 +9,14 @@ motors off.
 
 The height and climb rate are those of an observer with three equal poles. The barometer alone,
 0.2 m of noise a sample, gives a climb rate only over seconds; the accelerometer alone drifts. The
-third state is the bias of the vertical specific force.
+third state is the bias of the vertical specific force. A vehicle that rests does not climb, so its
+climb rate is zero then, and the mean of the vertical specific force is the bias: a barometer's
+noise would give a climb rate that is wrong at lift-off.
+
+A room's pressure changes when a door opens, and a damaged barometer drifts. So a second observer
+follows the accelerometer, and the first only slowly. While the two climb rates differ by more than
+sensors do, the barometer is doubted: the accelerometer's climb rate counts, and the ground's height
+moves with the pressure.
 """
 
 from __future__ import annotations
@@ -101,17 +108,64 @@ def estimate_climb(p: Item, barometer: int) -> None:
         barometer: height (2^-18 m).
     """
     if not p.awake:
-        p.height, p.climb, p.climb_bias = barometer, 0, 0
+        p.height = barometer
     g, f, up = p.gains, p.force_b, vertical(p)
-    force = up[0] * f[0] + up[1] * f[1] + up[2] * f[2] - k.GRAVITY_COUNTS - (p.climb_bias >> 8)
-    climb = p.climb + by16(force, g.up)
+    force = up[0] * f[0] + up[1] * f[1] + up[2] * f[2] - k.GRAVITY_COUNTS
+    light = p.thrust < k.STANDING and p.commanded < k.STANDING
+    if not p.turning or (light and -k.SHAKING < force < k.SHAKING):
+        _rest(p, force, barometer)
+        return
+    climb = p.climb + by16(force - (p.climb_bias >> 8), g.up)
     height = p.height + ((by16(climb, g.second) + 0x200) >> 10)
     error = bounded(barometer - height, k.HEIGHT_ERROR_MAX)
-    to_height = g.height if p.turning else g.height_resting
-    to_climb = g.climb if p.turning else g.climb_resting
-    to_bias = g.bias if p.turning else g.bias_resting
-    p.height = height + by16(error, to_height)
-    p.climb = bounded(climb + by16(error << 3, to_climb), k.CLIMB_MAX)
-    p.climb_bias = bounded(p.climb_bias - by16(error << 8, to_bias), k.CLIMB_BIAS_MAX)
+    p.height = height + by16(error, g.height)
+    p.climb = bounded(climb + by16(error << 3, g.climb), k.CLIMB_MAX)
+    p.climb_bias = bounded(p.climb_bias - by16(error << 8, g.bias), k.CLIMB_BIAS_MAX)
+    _doubt(p, force)
+
+
+@compiled(inner=True)
+def _rest(p: Item, force: int, barometer: int) -> None:
+    """Hold the climb rate at 0; learn the bias of the vertical force (2^-14 count)."""
+    g = p.gains
+    off = bounded(force - (p.climb_bias >> 8), k.SHAKING)
+    p.climb_bias = bounded(p.climb_bias + by16(off << 8, g.bias_resting), k.CLIMB_BIAS_MAX)
+    error = bounded(barometer - p.height, k.HEIGHT_ERROR_MAX)
+    p.height += by16(error, g.height_resting)
+    p.climb = p.felt_climb = p.doubted = 0
+    p.felt_bias = p.climb_bias
     if not p.turning:
         p.ground = p.height
+
+
+@compiled(inner=True)
+def _doubt(p: Item, force: int) -> None:
+    """Update the accelerometer's climb rate by the vertical force (2^-14 count), and the doubt."""
+    g = p.gains
+    felt = p.felt_climb + by16(force - (p.felt_bias >> 8), g.up)
+    off = bounded(p.climb - felt, k.DOUBT_MAX)
+    if p.doubted <= k.DOUBT_TIME:
+        felt += by16(off, g.felt)
+        bias = p.felt_bias - by16(off, g.felt_bias)
+        p.felt_bias = bounded(bias, k.CLIMB_BIAS_MAX)
+    else:
+        p.ground += (by16(off, g.second) + 0x200) >> 10
+        if not p.landing:
+            felt -= by16(felt, g.felt)  # in a room no climb lasts
+    if p.landing and p.force_b[2] > k.SHOCK:
+        felt = 0
+    p.felt_climb = bounded(felt, k.CLIMB_MAX)
+    if -k.DOUBT < off < k.DOUBT:
+        p.doubted = max(0, p.doubted - g.second)
+        return
+    p.doubted += g.second
+    if p.doubted > k.DOUBT_TIME:
+        p.doubted = k.DOUBT_LASTS
+
+
+@compiled(inner=True)
+def climb_rate(p: Item) -> int:
+    """Return the climb rate, 2^-22 m/s: by the barometer unless it is doubted."""
+    felt: int = p.felt_climb
+    climb: int = p.climb
+    return felt if p.doubted > k.DOUBT_TIME else climb

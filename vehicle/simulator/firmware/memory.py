@@ -17,13 +17,16 @@ GAINS = (
     "height",
     "height_resting",
     "climb",
-    "climb_resting",
     "bias",
     "bias_resting",
+    "felt",
+    "felt_bias",
     "integral",
     "thrust",
     "support",
     "lift",
+    "shown",
+    "pulling",
 )
 """Gains that grow with the period, each computed from the constants of its name."""
 
@@ -39,14 +42,28 @@ PROGRAM = np.dtype(
         ("climb", "i8"),  # 2^-22 m/s
         ("climb_bias", "i8"),  # 2^-22 count, of the vertical specific force
         ("ground", "i8"),  # 2^-18 m, height of the last rest with motors off
+        ("felt_climb", "i8"),  # 2^-22 m/s, by the accelerometer; the barometer only slowly
+        ("felt_bias", "i8"),  # 2^-22 count, of the vertical specific force, for that
+        ("doubted", "i8"),  # 2^-22 s, for which the barometer contradicts the accelerometer
         ("angle_integral", "i8", 2),  # 2^-30 rad s, roll and pitch
         ("rate_before", "i8"),  # 2^-16 count, yaw rate one period ago
+        ("commanded", "i8"),  # 2^-24 N, thrust of the motors' references
         ("thrust", "i8"),  # 2^-24 N, commanded, averaged over 0.5 s
         ("support", "i8"),  # 2^-28, specific force along z_B over the thrust's in the air
         ("lift", "i8"),  # 2^-24 N, integral part of the descent's thrust
         ("sink", "i8"),  # 2^-22 m/s, reference in the descent
+        ("lasted", "i8"),  # 2^-22 s, duration of the descent
+        ("longest", "i8"),  # 2^-18 s, duration from which on it becomes faster
         ("faster", "i8"),  # 2^-22 m/s, of a descent that should have ended
         ("carried", "i8"),  # 2^-22 s, for which the ground has carried the vehicle
+        ("shown", "i8"),  # 2^-16 count, mean specific force along z_B in the descent
+        ("pulling", "i8"),  # 2^-24 N, commanded thrust with the motors' lag
+        ("held", "i8"),  # 2^-24 N, the descent's thrust before a test of the ground
+        ("unloaded", "i8"),  # 2^-24 N, taken off the thrust to test the ground; 0 without a test
+        ("began_at", "i8"),  # 2^-16 count, specific force by the thrust when the test began
+        ("tested", "i8"),  # 2^-22 s, duration of the test
+        ("falling", "i8"),  # 2^-22 s, for which it has shown the air
+        ("refuted", "i8"),  # 2^-28, the support that looked like the ground
         ("turning", "i8"),  # 1: motors on, by command or autonomously
         ("landing", "i8"),  # 1: the descent is in control
         ("landed", "i8"),  # 1: the descent is over
