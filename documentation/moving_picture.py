@@ -18,8 +18,8 @@ from PIL import Image
 
 import quadlab
 from benchmarks.harness import CHROMIUM
+from extensions.export.replay_page import export_page
 from quadrotor.checkout import ROOT
-from web.replay.export import export_page
 
 WINDOW = 1000, 640
 TIMES = (*np.arange(1.0, 10.0, 0.3), *np.arange(10.0, 78.5, 1.5))

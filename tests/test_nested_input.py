@@ -14,8 +14,8 @@ from console.link.known_vehicles import FILE, KnownVehicles
 from estimation.tags.intrinsics import read_yaml
 from estimation.tags.tag_layout import load_tags
 from extensions.foxglove.protocol import parse_text
-from extensions.importers.readers.formats import open_source
 from extensions.importers.mapping import load_mapping
+from extensions.importers.readers.formats import open_source
 from extensions.importers.sweeps import read_stations
 from quadrotor.calibration_record import parse_record
 from quadrotor.errors import QuadlabError

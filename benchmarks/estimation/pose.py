@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.estimation.literal_pose import literal_pose
+from benchmarks.estimation.opencv_pose import OpenCVPose
 from benchmarks.harness import Report, Row, Size, Target, time_in_turns
-from estimation.poses.literal_pose import literal_pose
-from estimation.poses.opencv_pose import OpenCVPose
 from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array

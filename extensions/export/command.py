@@ -77,7 +77,7 @@ class Export:
         return 1 if done.problems else 0
 
     def _page(self, folder: Path) -> int:
-        from web.replay.export import export_page
+        from extensions.export.replay_page import export_page
 
         if self.topics or self.begin or self.end != math.inf:
             raise UsageError("a page has the whole flight: leave out --topics, --from and --to")

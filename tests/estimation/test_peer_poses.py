@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.poses.literal_pose import literal_pose
-from estimation.poses.opencv_pose import OpenCVPose
+from benchmarks.estimation.literal_pose import literal_pose
+from benchmarks.estimation.opencv_pose import OpenCVPose
 from quadrotor.errors import DegenerateGeometryError
 from quadrotor.records import Array
 

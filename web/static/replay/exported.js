@@ -1,5 +1,5 @@
 // What an exported page has in place of core/api.js: the answers about one run, from run.js beside it.
-// `quadlab log export RUN --format page` puts it there (web/replay/export.py).
+// `quadlab log export RUN --format page` puts it there (extensions/export/replay_page.py).
 
 import { figuresOf } from "../charts/figures.js"; // paths that also hold where core/api.js is
 import { pack, unpack } from "../replay/packed.js";
