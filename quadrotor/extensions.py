@@ -33,6 +33,7 @@ BUILT_IN = (
     "foxglove",
     "identification",
     "importers",
+    "link_test",
     "mavlink",
     "mocap",
     "offline",

@@ -10,7 +10,6 @@ import tyro
 from quadlab.commands.table import Command, actions, chosen
 from quadlab.link_commands.enrol import Enrol, Observer, Pilot
 from quadlab.link_commands.known import Forget, List
-from quadlab.link_commands.test import Test
 
 _OWN: dict[str, type[Command]] = {
     "enrol": Enrol,
@@ -18,7 +17,6 @@ _OWN: dict[str, type[Command]] = {
     "pilot": Pilot,
     "list": List,
     "forget": Forget,
-    "test": Test,
 }
 ACTIONS = _OWN | actions("link")
 """The actions by their words: those of quadlab itself, and those of extensions."""

@@ -72,7 +72,6 @@ _ROWS = (
         examples={
             "quadlab link enrol quad1 192.168.1.20": "create the certificates of a vehicle",
             "quadlab link list --seek": "list known vehicles, and others on this network",
-            "quadlab link test quad1": "measure latency, loss and throughput",
         },
     ),
     Row(

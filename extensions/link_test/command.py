@@ -17,8 +17,8 @@ from quadlab.vehicle_names import check_name
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
-    from quadlab.link_commands.verdict import Grade
-    from vehicle_link.transport.link_measurement import Figures
+    from extensions.link_test.measurement import Figures
+    from extensions.link_test.verdict import Grade
 
 SHORTEST, LONGEST = 2.0, 600.0
 
@@ -49,9 +49,9 @@ class Test:
         data = open_data_folder(self.data)
         endpoint, name = _place(data, self.vehicle)
 
-        from quadlab.link_commands.verdict import verdict
+        from extensions.link_test.measurement import measure
+        from extensions.link_test.verdict import verdict
         from vehicle_link.security.authority import ensure_certificates
-        from vehicle_link.transport.link_measurement import measure
         from vehicle_link.transport.session import parse_endpoint
 
         tls = ensure_certificates(data / "certificates", [parse_endpoint(endpoint)[0]])
@@ -84,7 +84,7 @@ def _place(data: Path, word: str) -> tuple[str, str]:
 
 
 def _row(figures: Figures, grade: Grade, lines: list[str]) -> dict[str, object]:
-    from quadlab.link_commands.verdict import percentile
+    from extensions.link_test.verdict import percentile
 
     row = {
         "address": figures.address,

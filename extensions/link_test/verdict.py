@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from vehicle_link.transport.link_measurement import Figures
+from extensions.link_test.measurement import Figures
 
 Grade = Literal["good", "usable", "bad"]
 GRADES: tuple[Grade, ...] = ("good", "usable", "bad")

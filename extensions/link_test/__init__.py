@@ -1,0 +1,1 @@
+"""The quality of a link to a vehicle, measured and judged."""
