@@ -22,7 +22,7 @@ const CASES = [
   ["the link is lost", LATE, "lost", "link", false, null],
   ["the flight process stopped", LATE, "good", "flight", false, null],
   ["the station is gone", { ...LATE, link_status: 3, station_status: 3 }, "good", "station", false, null],
-  ["nobody knows yet", { state: 0.9, status: 0.9, link_status: 1, station_status: 1 }, "good", "silent", false, null],
+  ["nobody knows yet", { state: 1.1, status: 1.1, link_status: 1, station_status: 1 }, "good", "silent", false, null],
 ];
 
 for (const [name, ages, link, cause, hasStatus, late] of CASES) {

@@ -5,7 +5,7 @@ import { seconds } from "../core/format.js";
 
 const SERVER = 0.4; // s without a connection that is worth a word
 const SILENT = 0.2; // s without ticks, as the station counts outages
-const STATUS = 0.8, STATION = 0.9; // s; both come 5 times a second or more
+const STATUS = 1, STATION = 0.9; // s; both come 5 times a second or more
 const GONE = 1.5; // s of the station's silence that no busy computer explains
 const TIMEOUT = 0.4; // s until the vehicle reacts, while safety.link_timeout is not known
 const NEVER = 4; // s from the page's start until a vehicle that was never heard is worth a word
