@@ -51,9 +51,9 @@ export class Channels extends EventTarget {
   get hasContact() { return Boolean(this.events.summary.status) && this.cause === ""; }
   get hasStatus() { return this.hasContact && this.ages.age("status") < STATUS; } // not only what was true once
 
-  // Each channel that is late while there is contact: "status late by 9.7 s".
+  // Each channel that is late while there is contact: "status 9.7 s old".
   get late() {
     const { ages } = this, found = /** @type {[string, number, number][]} */ ([["telemetry", ages.age("state"), SILENT], ["status", ages.age("status"), STATUS], ["station", this.station, STATION]]);
-    return found.filter(([, age, limit]) => !(age < limit)).map(([name, age]) => `${name} ${Number.isFinite(age) ? `late by ${seconds(Math.round(10 * age) / 10)}` : "missing"}`);
+    return found.filter(([, age, limit]) => !(age < limit)).map(([name, age]) => `${name} ${Number.isFinite(age) ? `${seconds(Math.round(10 * age) / 10)} old` : "missing"}`);
   }
 }
