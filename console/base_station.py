@@ -78,6 +78,7 @@ class BaseStation:
         parts.subscriptions.close()
         parts.node.close()
         parts.history_writer.close()
+        parts.event_writer.close()
 
     def warn(self, line: str) -> None:
         """Publish a warning event of this vehicle."""

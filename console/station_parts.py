@@ -45,6 +45,7 @@ from console.parameters.station import StationParameters
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
 from console.part import Part, PartContext, Parts
+from console.runs.event_book import EventBook, EventWriter
 from console.runs.housekeeping import Housekeeping
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
@@ -230,6 +231,10 @@ class StationParts:
     def history_writer(self) -> ParameterHistoryWriter:
         return ParameterHistoryWriter(self.history, partial(self.alarms.set, "history"))
 
+    @cached_property
+    def event_writer(self) -> EventWriter:
+        return EventWriter(EventBook(self.catalogue.engine, self.options.vehicle))
+
     # ------------------------------------------------------------------ commands and flights
     @cached_property
     def control(self) -> LeaseService:
@@ -331,6 +336,7 @@ class StationParts:
             observed=self.observed,
             parameters=self.vehicle_parameters,
             history=self.history_writer,
+            events=self.event_writer,
             runs=self.runs,
             experiments=self.experiments,
             parts=self.added,

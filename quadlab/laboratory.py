@@ -9,12 +9,14 @@ with quadlab.connect("http://127.0.0.1:8080/?token=…") as lab:
 from __future__ import annotations
 
 import json
+import math
 import ssl
 import struct
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -32,6 +34,8 @@ from quadrotor.parameter_description import ParameterValue
 if TYPE_CHECKING:
     from quadlab.run import Run
 
+HEAD, SERIES = struct.Struct("<HHHHdd"), struct.Struct("<IIII")
+"""The beginning of a frame, and of a series in it, as in `web.live.frames`."""
 REACH = 10.0
 """Seconds to wait for an answer of the page's server."""
 RETRY = 0.5
@@ -145,18 +149,45 @@ class Laboratory:
         """Return the names that `stream` accepts."""
         return [one["name"] for one in self._json("GET", "/api/signals")["signals"]]
 
-    def stream(self, *signals: str) -> Iterator[dict[str, float]]:
-        """Yield telemetry as it arrives, 25 times a second: `time` (s, of the vehicle's epoch) and
-        the newest value of each signal in its unit, NaN while it has none.
+    def stream(self, *signals: str, rate: float | None = None) -> Iterator[dict[str, float]]:
+        """Yield every sample from now on: `time` (s, the vehicle's stamp) and each signal in its
+        unit, at the samples of the first signal, as charts and logs have them.
 
-        Raises UsageError for an unknown signal, LinkError when the connection ends.
+        Signals of other topics are interpolated between their samples, NaN where there are none.
+
+        Args:
+            rate: Hz; yield the mean of all samples in each 1/rate s instead, of time and of each
+                signal. An angle that wraps has no mean.
+
+        Raises UsageError for an unknown signal or a rate that is not positive, LinkError when the
+        connection ends, or when this program does not keep up.
         """
+        if rate is not None and not 0.0 < rate < math.inf:
+            raise UsageError(f"rate={rate} of a stream: allowed are positive numbers, in Hz")
+        samples = self._samples(signals)
+        return samples if rate is None else thinned(samples, rate)
+
+    def _samples(self, signals: Sequence[str]) -> Iterator[dict[str, float]]:
         with self._socket("/ws/telemetry") as socket:
-            socket.send(json.dumps({"id": 1, "signals": list(signals)}))
+            wanted: dict[str, Any] = {"id": 1, "signals": []}
+            socket.send(json.dumps(wanted))
             try:
                 for frame in socket:
-                    if isinstance(frame, bytes) and frame[:2] == b"\1\0":
-                        yield _decoded(frame, signals)
+                    if not isinstance(frame, bytes):
+                        continue
+                    number, _, _, _, origin, now = HEAD.unpack_from(frame)
+                    if number == 1:  # what the vehicle's time is: the samples begin here
+                        series = [{"signals": list(signals), "after": now}]
+                        wanted = {
+                            "id": 2,
+                            "signals": [],
+                            "origin": origin,
+                            "series": series,
+                            "ages": False,
+                        }
+                        socket.send(json.dumps(wanted))
+                    else:
+                        yield from _decoded(frame, signals)
             except ConnectionClosed as error:
                 if error.rcvd is not None and error.rcvd.code == 1008:
                     raise UsageError(f"telemetry: {error.rcvd.reason}") from None
@@ -286,10 +317,33 @@ class Laboratory:
                 self._closing.wait(RETRY)
 
 
-def _decoded(frame: bytes, signals: Sequence[str]) -> dict[str, float]:
-    at = len(frame) - (4 * len(signals) + 7) // 8 * 8  # see web.live.frames
-    values = dict(zip(signals, struct.unpack_from(f"<{len(signals)}f", frame, at), strict=True))
-    return {"time": sum(struct.unpack_from("<2d", frame, 8)), **values}
+def thinned(samples: Iterable[dict[str, float]], rate: float) -> Iterator[dict[str, float]]:
+    """Yield the mean of the samples in each interval of 1/rate s."""
+    for _, some in groupby(samples, lambda one: math.floor(one["time"] * rate)):
+        of = list(some)
+        yield {name: math.fsum(one[name] for one in of) / len(of) for name in of[0]}
+
+
+def _decoded(frame: bytes, signals: Sequence[str]) -> Iterator[dict[str, float]]:
+    """Yield the samples of the series in a frame of `web.live.frames`. Raises LinkError."""
+    _, series, _, _, origin, _ = HEAD.unpack_from(frame)
+    if not series:
+        return
+    at = HEAD.size
+    _, count, holes, of = SERIES.unpack_from(frame, at)
+    if of > 1:
+        raise LinkError("this program is too slow for every sample; stream fewer signals")
+    at += SERIES.size
+    times = struct.unpack_from(f"<{count}d", frame, at)
+    at += 8 * count
+    columns = [
+        struct.unpack_from(f"<{count}f", frame, at + 4 * k * count) for k in range(len(signals))
+    ]
+    at += (4 * count * len(signals) + 7) // 8 * 8
+    missing = set(struct.unpack_from(f"<{2 * holes}d", frame, at)[::2])
+    for stamp, *values in zip(times, *columns, strict=True):
+        if stamp not in missing:
+            yield {"time": origin + stamp, **dict(zip(signals, values, strict=True))}
 
 
 def _reason(answer: httpx.Response) -> str:

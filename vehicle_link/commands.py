@@ -39,6 +39,8 @@ class EventKind(StrEnum):
     """The vehicle brakes by its own decision."""
     DELAYED = "delayed"
     """The event is of a time when the vehicle received no station."""
+    ACT = "act"
+    """A person did or asked for something."""
 
 
 class Request(msgspec.Struct, frozen=True):

@@ -70,11 +70,11 @@ class Summary:
         }
 
 
-def tracking_summary(context: VehicleContext, trajectory: JsonObject | None) -> JsonObject | None:
+def tracking_summary(context: VehicleContext, trajectory: Message | None) -> JsonObject | None:
     """Return the figures of the tracking error of the behavior that is flown, None without one."""
     if trajectory is None:
         return context.tracking.summary()
-    return context.tracking.summary(trajectory["laps"], trajectory["duration"])
+    return context.tracking.summary(trajectory.get("laps"), float(trajectory["duration"]))
 
 
 def preflight_summary(live: Live) -> JsonObject | None:

@@ -15,6 +15,7 @@ from typing import Protocol
 from console.catalogue.catalogue import Catalogue
 from console.parameters.history import ParameterHistory
 from console.parameters.presets import ParameterPresets
+from console.runs.event_book import EventBook
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.messages import decode
 from vehicle_link.parameters.change import ParameterChange
@@ -28,7 +29,7 @@ from web.commands.emergency import EmergencyCommands
 from web.commands.sticks import Axes, StickOutput
 from web.commands.trajectories import TrajectoryMonitor
 from web.latest import Live
-from web.live.events import EventHub, Message
+from web.live.events import EventHub, Message, kept_lines
 from web.live.forwarding import Forwarding
 from web.live.signal_log import SignalLog
 from web.live.station import Reactions, Station
@@ -87,6 +88,7 @@ class VehicleContext:
         self.closing = contextlib.ExitStack()
         self.history = ParameterHistory(shared.catalogue.engine, vehicle)
         self.presets = ParameterPresets(shared.catalogue.engine, vehicle)
+        hub.begin(kept_lines(EventBook(shared.catalogue.engine, vehicle), self.history))
 
         self.log = SignalLog(self._began_anew)
         self.live = live = Live(decode, also=self.log.put)

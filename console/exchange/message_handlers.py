@@ -15,6 +15,7 @@ from console.link.outbox import WARN
 from console.parameters.history_writer import ParameterHistoryWriter
 from console.parameters.vehicle import VehicleParameters
 from console.part import Part
+from console.runs.event_book import EventWriter, KeptEvent
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from vehicle_link import topics
@@ -50,6 +51,7 @@ class MessageHandlers:
         observed: Observed,
         parameters: VehicleParameters,
         history: ParameterHistoryWriter,
+        events: EventWriter,
         runs: RunManager,
         experiments: ExperimentRunner,
         parts: Part,
@@ -61,6 +63,7 @@ class MessageHandlers:
         self._vehicle, self._link = context.vehicle, context.link
         self._outbox, self._observed = context.outbox, observed
         self._parameters, self._history, self._runs = parameters, history, runs
+        self._events = events
         self._experiments, self._parts = experiments, parts
         self._calibrations, self._sticks = calibrations, sticks
         self._tracker, self._progress = tracker, progress
@@ -115,11 +118,22 @@ class MessageHandlers:
         self._history.changed(change, received.received_ns)
 
     def _event(self, received: Received) -> None:
-        """Print on the base's terminal why the vehicle landed while it received no station; end an
-        experiment when the vehicle brakes by itself.
+        """Keep an event; print on the base's terminal why the vehicle landed while it received no
+        station; end an experiment when the vehicle brakes by itself.
         """
         event = decode(received.payload, TOPICS["events"].type_name)
         kinds = topics.event_kinds(event)
+        sent_ns = event.stamp.sec * 1_000_000_000 + event.stamp.nanosec
+        self._events.put(
+            KeptEvent(
+                stamp_ns=received.received_ns,
+                sent_ns=sent_ns,
+                level=int(event.level),
+                source=str(event.name),
+                kinds=str(event.function),
+                text=str(event.msg),
+            )
+        )
         if EventKind.DELAYED in kinds:
             print(f"station: {self._vehicle}: {event.msg}", flush=True)
         if EventKind.BRAKING in kinds:

@@ -178,9 +178,10 @@ def oscillating(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding
         return
     series = topics["status"]
     start, end = told[0][0], max(end for _, end in told)
-    at, frequency = "", np.zeros(len(series))
+    at = ""
+    frequency = np.zeros(len(series), np.float32)
     if has(topics, "status", "oscillation_frequency"):
-        frequency = series.values("oscillation_frequency")
+        frequency = series.values("oscillation_frequency").astype(np.float32)
         found = frequency[within(series.time, told) & (frequency > 0.0)]
         at = f" at {float(np.median(found)):.1f} Hz" if len(found) else ""
     lasted = sum(end - start for start, end in told)

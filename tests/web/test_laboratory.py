@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Iterator
+from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import quadlab
@@ -16,7 +19,9 @@ from quadlab import laboratory
 from quadlab.laboratory import REACH, Laboratory
 from quadrotor.errors import LinkError, RefusedError, UnreachableError, UsageError
 from tests.waiting import free_port
-from vehicle_link.messages import new
+from vehicle_link.messages import encode, new
+from vehicle_link.telemetry import pack
+from web.latest import TICKS
 
 RUN = "20260131T093042Z_quad1"
 KP = "gains.kp"
@@ -79,20 +84,61 @@ def test_commands_reach_the_station_in_its_name(lab: Laboratory, station: Any) -
         lab.start("take_off", height=1.5)
 
 
-def test_telemetry_comes_as_it_is_published(lab: Laboratory, station: Any) -> None:
+@pytest.fixture
+def flies(site: Any, station: Any) -> Iterator[None]:
+    """Let the vehicle send a packet of five ticks each 10 ms, and its battery each 50 ms."""
+    ended = threading.Event()
+
+    def send() -> None:
+        stamp_ns = time.time_ns()
+        for k in count():
+            ticks = station.tick()
+            ticks = np.repeat(ticks, 5)
+            steps = np.arange(5 * k, 5 * k + 5)
+            ticks["imu"]["stamp_ns"] = stamp_ns + 2_000_000 * steps
+            ticks["state"]["position_w"][:, 2] = steps % 1024
+            station._live.put(TICKS, pack(ticks, 5 * k), int(ticks["imu"]["stamp_ns"][-1]))
+            if k % 5 == 0:
+                battery = new("sensor_msgs/BatteryState", voltage=10.0 + 0.01 * k)
+                at_ns = int(ticks["imu"]["stamp_ns"][0])
+                station._live.put("battery", encode(battery), at_ns)
+            if ended.wait(0.01):
+                return
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    yield
+    ended.set()
+    sender.join()
+
+
+def test_a_stream_has_every_sample_with_the_vehicles_stamp(lab: Laboratory, flies: None) -> None:
     assert "state.position.z" in lab.signals
-    station.fly(1.0, 2.0, 1.25)
-    stream = lab.stream("state.position.z", "battery.voltage")
-    for _, sample in zip(range(50), stream, strict=False):
-        if sample["state.position.z"] == 1.25:
-            break
-    else:
-        pytest.fail(f"it did not come: {sample}")
-    assert sample.keys() == {"time", "state.position.z", "battery.voltage"}
-    assert sample["time"] > 1e9
-    assert math.isnan(sample["battery.voltage"]) or sample["battery.voltage"] > 0.0
+    samples = list(islice(lab.stream("state.position.z", "battery.voltage"), 600))
+    assert samples[0].keys() == {"time", "state.position.z", "battery.voltage"}
+    steps = np.array([one["state.position.z"] for one in samples])
+    assert set(np.diff(steps) % 1024) == {1.0}  # none is missing, none comes twice
+    times = np.array([one["time"] for one in samples])
+    np.testing.assert_allclose(np.diff(times), 0.002, atol=1e-6)
+    # A line, as the voltage rises by 0.01 V in five ticks: interpolated between its samples.
+    voltage = np.array([one["battery.voltage"] for one in samples])
+    known = np.isfinite(voltage)
+    np.testing.assert_allclose(np.diff(voltage[known]), 0.002, atol=1e-5)
+    assert known.mean() > 0.9
     with pytest.raises(UsageError, match="unknown signal 'nonsense'"):
         next(lab.stream("nonsense"))
+    with pytest.raises(UsageError, match="rate=0 of a stream"):
+        lab.stream("state.position.z", rate=0)
+
+
+def test_a_rate_yields_the_mean_of_the_samples_in_each_interval(
+    lab: Laboratory, flies: None
+) -> None:
+    every = [{"time": 0.002 * k, "x": float(k)} for k in range(100)]
+    assert [one["x"] for one in laboratory.thinned(every, 10.0)] == [24.5, 74.5]
+    stream = lab.stream("state.position.z", rate=20.0)
+    times = [one["time"] for one in islice(stream, 1, 6)]
+    np.testing.assert_allclose(np.diff(times), 0.05, atol=1e-3)
 
 
 def test_runs_are_listed_and_taken_home(lab: Laboratory, tmp_path: Path) -> None:

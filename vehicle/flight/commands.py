@@ -22,6 +22,7 @@ from vehicle.modes import MOTORS_ON, Flag, Mode
 from vehicle.parameters import VehicleParameters
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
+from vehicle_link.commands import EventKind
 
 WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
 EXTERNAL = "external"
@@ -76,7 +77,7 @@ class CommandHandler:
             else:
                 self._turn_motor(command)
         except QuadlabError as error:
-            self.outbox.say(f"refused {command.requester}: {error}", mailbox.WARN)
+            self.outbox.say(f"refused {command.requester}: {error}", mailbox.WARN, EventKind.ACT)
             kind = getattr(error, "kind", "")
             return mailbox.Reply(command.request_id, False, str(error), kind=kind)
         revision = self.configuration.store.revision
@@ -101,7 +102,8 @@ class CommandHandler:
         bench, modes, motor = self.bench, self.modes, command.motor
         if motor == 0:
             if modes.mode is Mode.BENCH:
-                modes.move(Mode.READY, f"bench test of {bench} ended by {command.requester}")
+                why = f"bench test of {bench} ended by {command.requester}"
+                modes.move(Mode.READY, why, mailbox.INFO, EventKind.ACT)
             return  # nothing turns, as requested
         if bench.impossible:
             raise RefusedError(f"bench refused: {bench.impossible}")
@@ -119,7 +121,7 @@ class CommandHandler:
                 raise RefusedError(f"bench refused: {self._low_battery()}")
         bench.turn(motor, command.reference, self.tick.stamp_ns)
         if modes.mode is not Mode.BENCH:
-            modes.move(Mode.BENCH, f"{bench} by {command.requester}")
+            modes.move(Mode.BENCH, f"{bench} by {command.requester}", mailbox.INFO, EventKind.ACT)
 
     def _expect_move(self) -> None:
         if self.modes.mode in MOTORS_ON:
@@ -173,7 +175,7 @@ class CommandHandler:
         if tilt > limit:
             raise RefusedError(f"not armed: tilted by {tilt:.0f} deg, allowed {limit:.0f} deg")
         self.navigation.take_heading()
-        modes.move(Mode.ARMED, f"requested by {requester}")
+        modes.move(Mode.ARMED, f"requested by {requester}", mailbox.INFO, EventKind.ACT)
 
     def _disarm(self, requester: str) -> None:
         modes = self.modes
@@ -181,7 +183,7 @@ class CommandHandler:
             raise RefusedError("the vehicle is not armed: there is nothing to disarm")
         if self.ground.airborne:
             raise RefusedError("not disarmed: the vehicle is flying; land first, or cut the motors")
-        modes.move(Mode.READY, f"disarmed by {requester}")
+        modes.move(Mode.READY, f"disarmed by {requester}", mailbox.INFO, EventKind.ACT)
 
     def _start_behavior(self, command: mailbox.StartBehavior) -> None:
         modes = self.modes
@@ -214,7 +216,9 @@ class CommandHandler:
             armed=modes.mode is Mode.ARMED,
             airborne=self.ground.airborne,
         )
-        self.outbox.say(f"{command.name.replace('_', ' ')} by {command.requester}")
+        self.outbox.say(
+            f"{command.name.replace('_', ' ')} by {command.requester}", mailbox.INFO, EventKind.ACT
+        )
 
     def _emergency(self, command: mailbox.Emergency) -> None:
         modes = self.modes
@@ -224,9 +228,12 @@ class CommandHandler:
             raise RefusedError(f"emergency {command.action} refused: the motors are off")
         if command.action == "cut":
             if modes.mode is not Mode.CUT:
-                modes.move(Mode.CUT, f"emergency cut by {command.requester}", mailbox.ERROR)
+                modes.move(
+                    Mode.CUT, f"emergency cut by {command.requester}", mailbox.ERROR, EventKind.ACT
+                )
         elif modes.mode is Mode.BENCH or (modes.mode is Mode.ARMED and not self.ground.airborne):
-            modes.move(Mode.READY, f"emergency land on the ground by {command.requester}")
+            why = f"emergency land on the ground by {command.requester}"
+            modes.move(Mode.READY, why, mailbox.INFO, EventKind.ACT)
         elif modes.mode is not Mode.CUT and self.ground.airborne:
             self._land(f"emergency land by {command.requester}")
 

@@ -23,6 +23,7 @@ from vehicle.modes import EMERGENCY, ControlMode, Mode, check_control_move, chec
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.parameters import SafetyParameters
 from vehicle.safety.supervisor import Reaction, Supervisor, Verdict
+from vehicle_link.commands import EventKind
 
 _ON, _TAKEN_OVER = MotorState.ON, MotorState.EMERGENCY
 MOTOR_START_GRACE_NS = 1_500_000_000
@@ -80,7 +81,7 @@ class ModeMachine:
         """Store the microcontroller's report on its ports and on what prevents a motor start."""
         self.lost_ports, self.obstacle = lost_ports, obstacle
 
-    def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
+    def move(self, mode: Mode, why: str, level: int = mailbox.INFO, *kinds: EventKind) -> None:
         """Change the mode by the table of vehicle.modes and log it. Raises RefusedError."""
         check_move(self.mode, mode)
         self.mode = mode
@@ -99,7 +100,7 @@ class ModeMachine:
             self.bench.end()
             self.behaviors.reset()
             self.law.controller.reset()
-        self.outbox.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
+        self.outbox.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level, *kinds)
 
     def set_control_mode(self, control_mode: ControlMode) -> None:
         """Change which side computes the motor references. Raises RefusedError."""

@@ -16,8 +16,11 @@ from typing import Any
 
 from fastapi import WebSocket
 
+from console.parameters.history import ParameterHistory
+from console.runs.event_book import EventBook
 from console.trackers.camera_figures import figures_text
 from vehicle_link.clock import real_time_factor, wall_time
+from vehicle_link.commands import EventKind
 from vehicle_link.messages import records
 from web.access.roles import Session
 from web.latest import CHARTED, STALE, Live
@@ -28,12 +31,42 @@ Message = dict[str, Any]
 RATE = 5.0  # Hz, of the summary
 OF_ALL = ("runs",)
 """Types of messages that are published to the pages of every vehicle."""
-KEPT = 200  # log lines that a new page gets
+KEPT = 500  # events and parameter changes that a new page gets
 WAITING = 500  # unsent messages of a page, beyond which it is disconnected
 SUMMARY_NOW: Message = {"type": "summary now"}
 """Message of the hub on which every page gets its summary without waiting for the next."""
 NOISES = ("accelerometer", "gyroscope", "measurement")
 LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
+
+
+def kept_lines(book: EventBook, history: ParameterHistory) -> list[Message]:
+    """Return the events and parameter changes that the station has kept, oldest first of each.
+
+    Raises StorageError.
+    """
+    lines = [
+        event(
+            LEVELS.get(one.level, "info"),
+            one.text,
+            one.source,
+            1e-9 * one.stamp_ns,
+            1e-9 * one.sent_ns or None,
+            is_act=EventKind.ACT in one.kinds.split(),
+        )
+        for one in book.newest()
+    ]
+    changes = [
+        {
+            "type": "parameter",
+            "name": one.name,
+            "old": one.old,
+            "value": one.new,
+            "requester": one.requester,
+            "stamp": 1e-9 * one.stamp_ns,
+        }
+        for one in reversed(history.changes(limit=KEPT))
+    ]
+    return lines + changes
 
 
 class EventHub:
@@ -63,12 +96,16 @@ class EventHub:
     def lines(self) -> list[Message]:
         return list(self._lines)
 
+    def begin(self, lines: Iterable[Message]) -> None:
+        """Begin with what was said before this process."""
+        self._lines.extend(sorted(lines, key=lambda line: float(line["stamp"])))
+
     def publish(self, message: Message) -> None:
         for hub in self._hubs if message["type"] in OF_ALL else (self,):
             hub._hand_out(message)
 
     def _hand_out(self, message: Message) -> None:
-        if message["type"] == "event":
+        if message["type"] in ("event", "parameter"):
             self._lines.append(message)
         for queue in self._pages:
             if queue.qsize() >= WAITING:
@@ -103,13 +140,22 @@ class EventHub:
             self._pages.discard(queue)
 
 
-def event(level: str, text: str, source: str, stamp: float, time: float | None = None) -> Message:
+def event(
+    level: str,
+    text: str,
+    source: str,
+    stamp: float,
+    time: float | None = None,
+    *,
+    is_act: bool = False,
+) -> Message:
     """Return an event; `stamp` in s, epoch; `level` is info, warn or error.
 
     Args:
         time: s, by the vehicle's clock, which the charts show.
+        is_act: whether a person did or asked for it.
     """
-    what = {"type": "event", "level": level, "text": text, "source": source}
+    what = {"type": "event", "level": level, "text": text, "source": source, "act": is_act}
     return {**what, "stamp": stamp, "time": time}
 
 

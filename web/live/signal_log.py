@@ -148,6 +148,12 @@ class SignalLog(Evaluator):
         kept = self._kept.get(name)
         return max(0, kept.end - log.dropped) if kept else self._settled_count(name)
 
+    def formed_at(self, name: str, times: Array) -> int:
+        """Return at how many of a topic's times a signal is known, or will never be."""
+        if self.times(name) is times:
+            return self.formed(name)
+        return count_before(times, self._settled(name, times))
+
     def _settled_count(self, name: str) -> int:
         place, times = self.place(name), self.times(name)
         inputs = place.inputs if isinstance(place, Expression) else place.source.inputs

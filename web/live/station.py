@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link.clock import host_time_ns
-from vehicle_link.commands import COMMANDS
+from vehicle_link.commands import COMMANDS, EventKind
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.messages.records import Answer
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change, from_parameters, to_parameters
-from vehicle_link.topics import SERVICES, TICK_TOPICS, TOPICS
+from vehicle_link.topics import SERVICES, TICK_TOPICS, TOPICS, event_kinds
 from web.latest import FAST, STALE, TICKS, Live
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.optional_topics import OptionalTopics, subscribe_directly
@@ -281,7 +281,9 @@ class Station:
         stamp = received.received_ns * 1e-9
         level = LEVELS.get(int(log.level), "info")
         time = log.stamp.sec + 1e-9 * log.stamp.nanosec or None
-        self._hub.publish_from_thread(event(level, log.msg, log.name or self._vehicle, stamp, time))
+        is_act = EventKind.ACT in event_kinds(log)
+        said = event(level, log.msg, log.name or self._vehicle, stamp, time, is_act=is_act)
+        self._hub.publish_from_thread(said)
 
     def _on_stick_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["stick_status"].type_name)

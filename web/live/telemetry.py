@@ -5,10 +5,11 @@ The page sends, whenever its selection changes,
     {"id": 3, "signals": ["battery.voltage", …], "origin": 1700000000,
      "series": [{"signals": ["state.position.x", …], "after": 12.5}, …]}
 
-Of `signals` a frame has the newest values; of each of the `series`, whose signals have one topic,
-every sample since the last frame: at first all that are kept from `after` on (s since `origin`, see
-web.live.frames; without it from the oldest). Only what a page requests is computed. A page that
-reads slowly gets coarser series, and a frame has what is new when it is sent: nothing waits.
+Of `signals` a frame has the newest values; of each of the `series`, at the samples of its first
+signal (others are interpolated as in `web.signals.evaluator`), every sample since the last frame:
+at first all that are kept from `after` on (s since `origin`, see web.live.frames; without it from
+the oldest). With `"ages": false` a frame has no ages. Only what a page requests is computed. A page
+that reads slowly gets coarser series, and a frame has what is new when it is sent: nothing waits.
 
 `{"ping": 12.5}` is answered at once by `{"pong": 12.5}`, which measures the page's own link.
 """
@@ -47,7 +48,7 @@ QUICK = 50
 
 
 class Series(msgspec.Struct, forbid_unknown_fields=True):
-    """Signals of one topic, each of whose samples a page wants; from `after` (s) on."""
+    """Signals at each sample of the first one, from `after` (s) on."""
 
     signals: list[str]
     after: float | None = None
@@ -60,6 +61,7 @@ class Subscription(msgspec.Struct, forbid_unknown_fields=True):
     signals: list[str]
     series: list[Series] = []
     origin: float = 0.0
+    ages: bool = True
 
     @property
     def names(self) -> list[str]:
@@ -91,8 +93,8 @@ def parse_request(text: str) -> Subscription | Ping:
     unknown = [name for name in names if name not in PLACES and not is_expression(name)]
     if unknown:
         raise ValueError(f"unknown signal {unknown[0]!r:.80}; /api/signals lists them")
-    if any(len({topic_of(name) for name in one.signals}) != 1 for one in wanted.series):
-        raise ValueError("the signals of a series have one topic, and there is at least one")
+    if not all(one.signals for one in wanted.series):
+        raise ValueError("a series has at least one signal")
     if not 0 <= wanted.id <= 0xFFFF:
         raise ValueError(f"id {wanted.id}; allowed 0 to 65535")
     return wanted
@@ -127,7 +129,7 @@ class _Page:
     def __init__(self, wanted: Subscription, slowness: int = 1) -> None:
         self.wanted, self.slowness, self.quick = wanted, slowness, 0
         self.is_behind = False
-        self.topics = topics_of(wanted.names)
+        self.topics = topics_of(wanted.names) if wanted.ages else []
         self.origin = wanted.origin
         self.after = [-math.inf if one.after is None else one.after for one in wanted.series]
 
@@ -216,7 +218,7 @@ class TelemetryFeed:
         if topic is None:
             return b""
         first = count_before(topic.time, page.after[place])
-        count = min(self._log.formed(name) for name in names)
+        count = min(self._log.formed_at(name, topic.time) for name in names)
         if count <= first:
             return b""
         first, last, of = frames.piece(first, count, page.slowness)
@@ -225,7 +227,8 @@ class TelemetryFeed:
         key = (place, *names, first, last, of)
         if key not in self._parts:
             before = topic.time[first - 1 : first] if first else [math.nan]
-            columns = [self._log.values(name, first, last, self._made) for name in names]
+            times, made = topic.time, self._made
+            columns = [self._log.at(name, times, first, last, made) for name in names]
             holes = {k - first: n for k, n in topic.missing(first, last).items()}
             times = np.concatenate([before, topic.time[first:last]])
             self._parts[key] = frames.series(place, of, *frames.joined(times, columns, of, holes))

@@ -157,7 +157,7 @@ def test_an_oscillation_is_amber_with_its_cause_and_one_press_takes_the_change_b
     station.said = {"flags": ["oscillating"], "oscillation_axis": 1, "oscillation_frequency": 0.71}
     look.text("#doing", "^OSCILLATING$")
     look.text("#in-words", "oscillating in y at 0.7 Hz after kp 4 → 13.5$")
-    assert page.get_attribute("#bar", "data-tone") == "warn"
+    assert page.get_attribute("#bar", "data-tone") == "caution"
     look.text("#restore", "^Restore kp = 4$")
     page.click("#restore")
     look.text("#in-words", "oscillating in y at 0.7 Hz$")

@@ -59,7 +59,7 @@ export function flownOn({ status, source = "" }) {
   return SOURCES[status.flags?.includes("on_bearings") ? "bearings" : source] ?? "";
 }
 
-// The pill: tone is off, idle, ready, armed, flying, warn or alarm.
+// The pill: tone is off, idle, ready, armed, flying, caution, warn or alarm.
 /** @param {Seen} seen */
 export function pillOf({ status, hasContact, preflight, airborne = null }) {
   const mode = modeOf(status);
@@ -67,8 +67,8 @@ export function pillOf({ status, hasContact, preflight, airborne = null }) {
   if (isAlone(status)) return { word: "LANDING ALONE", tone: "alarm" };
   if (mode === "cut") return { word: "MOTORS CUT", tone: "warn" };
   if (mode === "emergency_land") return { word: "EMERGENCY LANDING", tone: "warn" };
-  if (oscillates(status)) return { word: "OSCILLATING", tone: "warn" };
-  if (status.airborne && status.flags?.includes("off_reference")) return { word: "OFF REFERENCE", tone: "warn" };
+  if (oscillates(status)) return { word: "OSCILLATING", tone: "caution" };
+  if (status.airborne && status.flags?.includes("off_reference")) return { word: "OFF REFERENCE", tone: "caution" };
   if (status.airborne && behaviorOf(status) === "land") return { word: "LANDING", tone: "flying" };
   if (status.airborne) return { word: airborne === null ? "FLYING" : `FLYING ${duration(airborne)}`, tone: "flying" };
   if (mode === "bench") return { word: "BENCH", tone: "armed" };

@@ -5,10 +5,10 @@ import { element, optionsOf, setIfChanged, setText } from "../core/dom.js";
 import { clock, exact } from "../core/format.js";
 import { icon } from "../icons/icons.js";
 
-const MOST = 200;
+const MOST = 500;
 const GAP = 6, EDGE = 12; // px
 const GESTURE = 5; // s between two values of one motion
-const SHOWN = [["", "all"], ["warn", "warnings and errors"], ["error", "errors"], ["change", "parameter changes"]];
+const SHOWN = [["", "all"], ["warn", "warnings and errors"], ["error", "errors"], ["change", "parameter changes"], ["act", "people"]];
 
 export class EventCenter {
   // vehicle: whose events; before: the element that the bell is put before.
@@ -32,7 +32,7 @@ export class EventCenter {
     events.on("hello", ({ events: lines }) => {
       this.lines = [];
       this.list.replaceChildren();
-      for (const line of lines) this.add(line);
+      for (const line of lines) this.add(line.type === "parameter" ? { ...line, level: "change", text: "" } : line);
       if (Number.isNaN(this.seen)) this.see();
       this.draw();
     });
@@ -51,11 +51,11 @@ export class EventCenter {
     this.panel.style.right = `clamp(${EDGE}px, ${innerWidth - right}px, 100vw - 440px - ${EDGE}px)`;
   }
 
-  add({ level, text, stamp, name = "", old = undefined, value = undefined, requester = "" }) {
+  add({ level, text, stamp, act = false, name = "", old = undefined, value = undefined, requester = "" }) {
     const [last] = this.lines; // a slider in motion is one line
     const same = name ? (last?.name === name && last.who === requester && stamp - last.stamp < GESTURE ? last : null) : this.lines.find((one) => one.level === level && one.text === text);
     const line = same ?? { level, name, who: requester, count: 0, values: [exact(old)], time: element("time"), said: element("span"), times: element("b") };
-    line.item ??= element("li", { className: level }, line.time, line.said, line.times);
+    line.item ??= element("li", { className: `${level}${act || (requester && requester !== "vehicle") ? " act" : ""}` }, line.time, line.said, line.times);
     if (name) {
       line.values.push(exact(value));
       text = `${name} ${line.values[0]} → ${line.values.at(-1)}${line.count ? ` (${line.count + 1} values)` : ""}${requester ? `, ${requester}` : ""}`;

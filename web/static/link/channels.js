@@ -5,7 +5,7 @@ import { seconds } from "../core/format.js";
 
 const SERVER = 0.4; // s without a connection that is worth a word
 const SILENT = 0.2; // s without ticks, as the station counts outages
-const STATUS = 0.8, STATION = 0.9; // s; both come 5 times a second or more
+const STATUS = 1, STATION = 0.9; // s; both come 5 times a second or more
 const GONE = 1.5; // s of the station's silence that no busy computer explains
 const TIMEOUT = 0.4; // s until the vehicle reacts, while safety.link_timeout is not known
 const NEVER = 4; // s from the page's start until a vehicle that was never heard is worth a word
@@ -51,9 +51,9 @@ export class Channels extends EventTarget {
   get hasContact() { return Boolean(this.events.summary.status) && this.cause === ""; }
   get hasStatus() { return this.hasContact && this.ages.age("status") < STATUS; } // not only what was true once
 
-  // Each channel that is late while there is contact: "status late by 9.7 s".
+  // Each channel that is late while there is contact: "status 9.7 s old".
   get late() {
     const { ages } = this, found = /** @type {[string, number, number][]} */ ([["telemetry", ages.age("state"), SILENT], ["status", ages.age("status"), STATUS], ["station", this.station, STATION]]);
-    return found.filter(([, age, limit]) => !(age < limit)).map(([name, age]) => `${name} ${Number.isFinite(age) ? `late by ${seconds(Math.round(10 * age) / 10)}` : "missing"}`);
+    return found.filter(([, age, limit]) => !(age < limit)).map(([name, age]) => `${name} ${Number.isFinite(age) ? `${seconds(Math.round(10 * age) / 10)} old` : "missing"}`);
   }
 }
