@@ -29,10 +29,7 @@ def test_it_is_found_in_gusts_without_knowing_lever_or_inertia(lever: float) -> 
             torque = np.array([ARM * (left - right), ARM * (rear - front), 0.0])
             rates[k + 1] = rates[k] + DT * torque / INERTIA
     forces[:, 2] = 9.81
-    drag_b[:, 0], drag_b[:, 1] = (
-        -lever * MASS * forces[1:, 1],
-        lever * MASS * forces[1:, 0],
-    )
+    drag_b[:, 0], drag_b[:, 1] = (-lever * MASS * forces[1:, 1], lever * MASS * forces[1:, 0])
     rates[1:] += np.cumsum(DT * drag_b / INERTIA, axis=0)
     forces[:, :2] += generator.normal(size=(count, 2)) * 0.05
     found = drag_torques(

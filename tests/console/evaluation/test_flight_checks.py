@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,7 +55,7 @@ def write(
             log.write("/quad1/truth", TOPICS["truth"].type_name, payload, ns, ns)
         for k, (position, attitude) in enumerate(zip(*poses, strict=True), 1):
             name, ns = TOPICS["tracker_pose"].type_name, 10 * k * MS
-            pose = new(name, header=header(ns))
+            pose: Any = new(name, header=header(ns))
             pose.pose.position.x, pose.pose.orientation.x = position, attitude
             log.write("/quad1/tracker_pose", name, encode(pose), ns, ns)
         told = [(k * MS, mode, in_the_air) for k, mode in enumerate(modes, 1)]
