@@ -108,7 +108,9 @@ def test_a_second_click_does_not_hit_the_button_that_came_instead(
     until(lambda: [request.name for _, request in station.requests] == ["land"])
 
 
-def test_land_and_cut_are_two_emergencies(page: Any, look: Any, station: Any, until: Any) -> None:
+def test_land_and_cut_are_two_emergencies(
+    page: Any, look: Any, station: Any, until: Any
+) -> None:
     page.click("#emergency-land")
     until(lambda: len(station.requests) == 1)
     look.hold("#cut", lambda: len(station.requests) == 2)
