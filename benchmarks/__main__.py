@@ -76,7 +76,7 @@ FOLDERS = {
         "late_ticks",
         "view_rate",
     ),
-    "link": ("link",),
+    "link": ("link", "hostile_bytes"),
     "logs": ("killed_logs", "logs", "fuzz_logs"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
@@ -94,7 +94,7 @@ IN_CHROMIUM = (
 OWN_OPTIONS = {
     "count": ("fuzz_logs", "firmware"),
     "hours": ("tracker_integrity",),
-    "seed": ("fuzz_logs", "firmware", "hostile_flights", "hostile_plugins"),
+    "seed": ("fuzz_logs", "firmware", "hostile_bytes", "hostile_flights", "hostile_plugins"),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
     "only": ("hostile_plugins",),

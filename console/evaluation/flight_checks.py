@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.findings import AT_BOUND, Spans, flagged, stretches, within
+from console.evaluation.frozen_poses import frozen_spans
 from console.evaluation.result import FAILED, Result
 from flight_log.columns.log_columns import read_columns
 from flight_log.fields import ATTITUDE, POSITION, VELOCITY_B
@@ -20,6 +21,8 @@ from flight_log.run import Series, read_run
 from quadrotor.records import Array
 
 IMPACT, TILT, EMERGENCIES = "impact_m_s", "tilt_max_deg", "emergencies"
+FROZEN = "tracker_frozen_s"
+"""Time, in s, for which the tracker repeated its poses, or a part of them, in the air."""
 FLAGS = {
     "tracker_contradicted": "tracker_contradicted_s",
     "tracker_tilted": "tracker_tilted_s",
@@ -33,6 +36,7 @@ LIMITS: Mapping[str, float] = {
     IMPACT: 1.0,
     TILT: 75.0,
     EMERGENCIES: 0.0,
+    FROZEN: 0.0,
     "tracker_contradicted_s": 0.0,
     "tracker_tilted_s": 0.0,
     "inertial_suspect_s": 0.0,
@@ -67,6 +71,9 @@ def flight_checks(log: Path) -> dict[str, float]:
     motion = topics.get("truth") or topics.get("state")
     if motion is not None:
         figures |= _of_motion(motion, flown)
+    poses = topics.get("tracker_pose")
+    if poses is not None and (frozen := overlap(frozen_spans(poses), flown)):
+        figures[FROZEN] = sum(end - start for start, end in frozen)
     for flag, figure in FLAGS.items():
         if held := overlap(flagged(topics, flag), flown):
             figures[figure] = sum(end - start for start, end in held)

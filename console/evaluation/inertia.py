@@ -9,14 +9,22 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
-from flight_log.fields import THRUSTS, TURNING_B
+from flight_log.fields import FORCE, THRUSTS, TURNING_B
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
 
 AXES = ("xx", "yy", "zz")
-WANTED = {"state": TURNING_B, "actuators": THRUSTS, "status": ("airborne", "behavior")}
+WANTED = {
+    "state": TURNING_B,
+    "actuators": THRUSTS,
+    "status": ("airborne", "behavior"),
+    "imu": FORCE,
+}
+RATE = 0.2
+"""How fast the estimate forgets, in 1/s: slower than from one excitation of an axis to the next, or
+it ends at what gusts showed meanwhile."""
 GUESS = 0.03
 """Initial value of every axis, in kg m², independent of the model's inertia."""
 ERROR_MAX = 0.03
@@ -161,7 +169,7 @@ def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
     MeasurementError when nothing was excited.
     """
     parameters = read_parameters(log)
-    columns = read_columns(log, vehicle, WANTED)
+    columns = read_columns(log, vehicle, WANTED, optional=("imu",))
     start, end = _excited(columns["status"])
     if not end > start:
         raise MeasurementError(f"{log.name}: nothing was excited in flight, so nothing is known")
@@ -174,37 +182,54 @@ def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
     thrusts = np.stack(
         [actuators.values(name)[second][inside] for name in THRUSTS], 1, dtype=np.float64
     )
-    return estimate_inertia(time[inside], rates, thrusts, parameters)
+    imu, forces = columns["imu"], np.zeros_like(rates)
+    if len(imu.time):
+        for axis, name in enumerate(FORCE):
+            forces[:, axis] = np.interp(time[inside], imu.time, imu.values(name))
+    return estimate_inertia(time[inside], rates, thrusts, parameters, forces)
 
 
 def estimate_inertia(
-    time: Array, rates_b: Array, thrusts: Array, parameters: FlownParameters
+    time: Array,
+    rates_b: Array,
+    thrusts: Array,
+    parameters: FlownParameters,
+    forces_b: Array | None = None,
 ) -> InertiaFlight:
-    """Step the estimator over all ticks; the thrusts of a tick act until the next one."""
+    """Step the estimator over all ticks; the thrusts of a tick act until the next one.
+
+    Args:
+        forces_b: (N, 3) m/s², specific force, which shows the drag's torque; None neglects it.
+    """
     # Imported here: it loads a compiler, which the station does not need.
-    from estimation.identification.inertia_estimator import InertiaEstimator
+    from estimation.identification.drag_torque import drag_torques
+    from estimation.identification.inertia_estimator import InertiaEstimator, InertiaParameters
     from quadrotor.records import ACTUATORS, new_state
 
     values = parameters.vehicle
+    model = {
+        name: float(values[f"model.{name}"])
+        for name in ("arm", "torque_ratio", "motor_time_constant")
+    }
     estimator = InertiaEstimator(
-        np.full(3, GUESS),
-        arm=float(values["model.arm"]),
-        torque_ratio=float(values["model.torque_ratio"]),
-        motor_time_constant=float(values["model.motor_time_constant"]),
+        np.full(3, GUESS), **model, parameters=InertiaParameters(rate=RATE)
     )
     state, actuators = new_state(), np.zeros(1, ACTUATORS)
     rate_b, thrust = state["angular_velocity_b"][0], actuators["thrusts"][0]
     steps = np.diff(time)
     period = float(np.median(steps))
+    drag_b = np.zeros((len(steps), 3))
+    if forces_b is not None:
+        drag_b = drag_torques(steps, rates_b, thrusts, forces_b, **model)
     moments, found, next_at = [], [], 0.0
     torque_b = np.zeros(3)
-    forgotten = FORGOTTEN * float(values["model.motor_time_constant"])
+    forgotten = FORGOTTEN * model["motor_time_constant"]
     learns_at = time[0] + forgotten
     for k, dt in enumerate(steps.tolist()):
         rate_b[:], thrust[:] = rates_b[k + 1], thrusts[k]
         if dt > GAP * period:
             learns_at = time[k + 1] + forgotten
-        estimator.step(state, actuators, bool(time[k + 1] >= learns_at), dt)
+        estimator.step(state, actuators, bool(time[k + 1] >= learns_at), dt, drag_b[k])
         if time[k + 1] >= next_at:
             next_at = time[k + 1] + EACH
             moments.append(time[k + 1])

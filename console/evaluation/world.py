@@ -23,8 +23,6 @@ JUDGED, DEVIATIONS = 8.0, 2.0
 The rms of two processes with exponential autocorrelation of time τ, over T seconds, has a relative
 standard deviation of sqrt(τ/T)/2.
 """
-AVERAGED = 0.3
-"""Share of the thrust that gusts take and give which an average over seconds still shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +32,10 @@ class World:
     Attributes:
         displacement: m rms, by which gusts displace a vehicle with the gains `standard`, without a
             disturbance observer: their drag over mass and STIFFNESS, as they are slower than it.
-        mass: kg, by which they disturb an estimate of the mass.
         lasts: s, correlation time of the gusts, for which they keep an estimate off.
     """
 
     displacement: float = 0.0
-    mass: float = 0.0
     lasts: float = 0.0
 
     def widened(self, limits: Mapping[str, float]) -> dict[str, float]:
@@ -48,8 +44,7 @@ class World:
         costs = {
             "position_rms_m": chance * self.displacement,
             "position_max_m": PEAK * self.displacement,
-            "erratic_std_kg": self.mass,
-            "within_1_percent_s": self.lasts if self.mass else 0.0,
+            "within_1_percent_s": self.lasts,
         }
         return {name: limit + costs.get(name, 0.0) for name, limit in limits.items()}
 
@@ -70,7 +65,5 @@ def gusts_of(truth: Mapping[str, ParameterValue]) -> World:
     gust, mass = float(truth.get("gust", 0.0)), float(truth.get("mass", math.inf))
     drags = [float(truth.get(f"rotor_drag_{axis}", 0.0)) for axis in "xy"]
     along = math.hypot(*(drag + float(truth.get("drag", 0.0)) for drag in drags))
-    loss = float(truth.get("inflow_loss", 0.0))
-    taken = mass * loss * gust if math.isfinite(mass) else 0.0
     lasts = float(truth.get("gust_time", 0.0)) if gust else 0.0
-    return World(gust * along / (mass * STIFFNESS), AVERAGED * taken, lasts)
+    return World(gust * along / (mass * STIFFNESS), lasts)

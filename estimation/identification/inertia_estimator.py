@@ -41,11 +41,13 @@ INERTIA_GAINS = np.dtype(
 INERTIA_MEMORY = np.dtype(
     [
         ("flying", "u1"),
+        ("drag_torque_b", "f8", 3),  # N m, known, besides that of the rotors
         ("root_thrusts", "f8", 4),  # sqrt(N), proportional to the rotors' speeds
         ("inverse_inertia_b", "f8", 3),  # 1/(kg m^2)
         ("torque_filtered_b", "f8", 3),  # N m
         ("torque_slow_b", "f8", 3),  # N m, of the filtered torque
         ("torque_square_b", "f8", 3),  # N^2 m^2, mean square after the washout
+        ("learnt_b", "f8", 3),  # s, excited as much as torque_square_b, since the start
         ("rate_b", "f8", 3),  # rad/s, at the last step
         ("acceleration_filtered_b", "f8", 3),  # rad/s^2
         ("acceleration_slow_b", "f8", 3),  # rad/s^2, of the filtered acceleration
@@ -54,6 +56,10 @@ INERTIA_MEMORY = np.dtype(
     ],
     align=True,
 )
+
+
+START, START_S = 2.0, 1.0
+"""Rate at the start times the time learnt since, and that time at the start, in s."""
 
 
 class InertiaParameters(Parameters):
@@ -135,7 +141,7 @@ def step(
         m.flying = 1
         for i in range(3):
             m.torque_filtered_b[i], m.rate_b[i], m.acceleration_filtered_b[i] = 0.0, rate[i], 0.0
-            m.torque_slow_b[i], m.acceleration_slow_b[i], m.torque_square_b[i] = 0.0, 0.0, 0.0
+            m.torque_slow_b[i], m.acceleration_slow_b[i] = 0.0, 0.0
         return
     r = m.root_thrusts
     wrench = wrench_of_thrusts(
@@ -147,9 +153,8 @@ def step(
     weight = -math.expm1(-dt / g.variance_time)
     for i in range(3):
         j, l = (i + 1) % 3, (i + 2) % 3  # noqa: E741 - the axes in turn
-        torque = wrench[i + 1] + rate[j] * rate[l] * (
-            1.0 / m.inverse_inertia_b[j] - 1.0 / m.inverse_inertia_b[l]
-        )
+        torque = wrench[i + 1] + m.drag_torque_b[i]
+        torque += rate[j] * rate[l] * (1.0 / m.inverse_inertia_b[j] - 1.0 / m.inverse_inertia_b[l])
         m.torque_filtered_b[i] += share * (torque - m.torque_filtered_b[i])
         # Exact for a rate that is linear in between: a (omega - omega_fil) is too small by a dt /
         # 2.
@@ -162,8 +167,10 @@ def step(
         tau = m.torque_filtered_b[i] - m.torque_slow_b[i]
         m.torque_square_b[i] += forget * (tau * tau - m.torque_square_b[i])
         if abs(tau) > 1e-9:
-            k = g.rate / max(m.torque_square_b[i], g.torque_floor * g.torque_floor)
-            keep = math.exp(-k * tau * tau * dt)
+            strength = tau * tau * dt / max(m.torque_square_b[i], g.torque_floor * g.torque_floor)
+            pace = max(g.rate, START / (m.learnt_b[i] + START_S)) if g.rate > 0.0 else 0.0
+            keep = math.exp(-pace * strength)
+            m.learnt_b[i] += strength
             inverse = y / tau + (m.inverse_inertia_b[i] - y / tau) * keep
             m.inverse_inertia_b[i] = min(max(inverse, 1.0 / g.inertia_max), 1.0 / g.inertia_min)
         away = 1.0 / m.inverse_inertia_b[i] - m.mean_b[i]
@@ -230,6 +237,15 @@ class InertiaEstimator:
         limit = self._parameters.converged_deviation * self.inertia_b
         return bool((self.deviation_b < limit).all())
 
-    def step(self, state: Record, actuators: Record, airborne: bool, dt: float) -> None:
-        """Learn from one tick."""
+    def step(
+        self,
+        state: Record,
+        actuators: Record,
+        airborne: bool,
+        dt: float,
+        drag_torque_b: Array | None = None,
+    ) -> None:
+        """Learn from one tick, with a torque (3,) in N m that is known besides the rotors'."""
+        if drag_torque_b is not None:
+            self._memory["drag_torque_b"] = drag_torque_b
         step(self._memory, self._gains, state, actuators, airborne, dt)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,8 +28,13 @@ def write(
     tilt: float = 0.0,
     modes: tuple[str, ...] = ("armed",),
     in_the_air: bool = True,
+    poses: tuple[list[float], list[float]] = ([], []),
 ) -> Path:
-    """Write a flight that climbs to 1 m, tilts (rad, about x), and comes down at `speed` (m/s)."""
+    """Write a flight that climbs to 1 m, tilts (rad, about x), and comes down at `speed` (m/s).
+
+    Args:
+        poses: x (m) and the quaternion's x of the tracker's poses, at 100 Hz.
+    """
     climb = np.concatenate([np.full(RATE, 1.0), np.zeros(RATE)])
     down = np.full(round(RATE / speed), -speed)
     velocity = np.concatenate([np.zeros(20), climb, down, np.zeros(RATE)])
@@ -47,6 +53,11 @@ def write(
             payloads_of(topics.odometry_messages(stamps, states)), stamps.tolist(), strict=True
         ):
             log.write("/quad1/truth", TOPICS["truth"].type_name, payload, ns, ns)
+        for k, (position, attitude) in enumerate(zip(*poses, strict=True), 1):
+            name, ns = TOPICS["tracker_pose"].type_name, 10 * k * MS
+            pose: Any = new(name, header=header(ns))
+            pose.pose.position.x, pose.pose.orientation.x = position, attitude
+            log.write("/quad1/tracker_pose", name, encode(pose), ns, ns)
         told = [(k * MS, mode, in_the_air) for k, mode in enumerate(modes, 1)]
         told += [(int(ns), modes[-1], in_the_air) for ns in stamps[10:-RATE:10]]
         told.append((int(stamps[-RATE]), modes[-1], False))
@@ -95,3 +106,19 @@ def test_the_figures_follow_those_of_the_experiment_which_count() -> None:
     assert list(checked.metrics) == ["rms", "emergencies", "impact_m_s"]
     assert checked.limits == {"rms": 1.0, "emergencies": 0.0, "impact_m_s": LIMITS["impact_m_s"]}
     assert checked.verdict == "passed"
+
+
+@pytest.mark.parametrize(
+    ("frozen", "attitude_too", "seconds"),
+    [(5, True, 0.0), (20, True, 0.2), (20, False, 0.0), (80, False, 0.8)],
+)
+def test_poses_that_repeat_in_the_air_are_found_and_fail_the_flight(
+    tmp_path: Path, frozen: int, attitude_too: bool, seconds: float
+) -> None:
+    moving = [0.001 * k for k in range(300)]
+    held = [0.1 if 100 <= k <= 100 + frozen else x for k, x in enumerate(moving)]
+    attitudes = held if attitude_too else moving
+    figures = flight_checks(write(tmp_path / "run.mcap", 0.5, poses=(held, attitudes)))
+    assert figures.get("tracker_frozen_s", 0.0) == pytest.approx(seconds, abs=1e-6)
+    verdict = with_checks(Result("passed", {}, {}), figures).verdict
+    assert verdict == ("failed" if seconds else "passed")

@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from console.evaluation.mass import DEVIATION_MAX
-from console.evaluation.world import AVERAGED, PEAK, World, gusts_of
+from console.evaluation.world import PEAK, World, gusts_of
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.presets import preset_values
 
@@ -30,18 +29,15 @@ def test_gusts_displace_by_their_drag_over_the_stiffness_of_the_position() -> No
     )
     assert world.displacement == pytest.approx(0.0383, abs=2e-4)
     assert world.lasts == 1.5
-    assert world.mass == pytest.approx(AVERAGED * 0.025 * 0.3 * truth["mass"], rel=1e-12)
 
 
 def test_limits_are_wider_by_what_gusts_cost_and_those_of_other_figures_are_not() -> None:
-    world = World(displacement=0.02, mass=0.003)
+    world = World(displacement=0.02)
     assert world.widened(LIMITS) == pytest.approx(
         {"position_rms_m": 0.025, "position_max_m": 0.010 + PEAK * 0.02, "yaw_rms_deg": 0.4}
     )
-    assert world.widened({"erratic_std_kg": DEVIATION_MAX}) == {
-        "erratic_std_kg": DEVIATION_MAX + 0.003
-    }
-    assert World(0.02, 0.003, 2.0).widened({"within_1_percent_s": 3.0, **LIMITS}) == pytest.approx(
+    assert world.widened({"mean_error_share": 0.003}) == {"mean_error_share": 0.003}
+    assert World(0.02, 2.0).widened({"within_1_percent_s": 3.0, **LIMITS}) == pytest.approx(
         {
             "within_1_percent_s": 5.0,
             "position_rms_m": 0.005 + 1.5 * 0.02,  # sqrt(2 s/8 s) = 0.5, two standard deviations

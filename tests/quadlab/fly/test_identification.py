@@ -71,7 +71,10 @@ def test_the_mass_proposes_one_value_with_how_good_it_is(weighed: Weighed) -> No
     assert record.name == "mass"
     assert record.good
     assert record.values == {"model.mass": pytest.approx(1.3945, rel=0.005)}
-    assert {figure.name for figure in record.quality} == {"standard deviation", "within 1 % after"}
+    assert {figure.name for figure in record.quality} == {
+        "standard error of the mean, share",
+        "within 1 % after",
+    }
     assert len(record.residuals) == 6
     assert record.conditions["first guess"] == "1 kg"
     assert record.run_id == record.requester == ""
