@@ -55,7 +55,7 @@ class Door:
 
 @dataclass
 class Attack:
-    """What a door did with its bytes; `stall` in s of the processor."""
+    """The count of what a door did with its bytes; `stall` in s of the processor."""
 
     chunks: int = 0
     refused: int = 0
