@@ -35,6 +35,7 @@ PLAN, RECORD, ROWS, LOGS = "plan.toml", "campaign.json", "rows", "logs"
 FIXED_COLUMNS = ("index", "seed")
 MACHINE = ("wall_", "processor_", "worker", "host")
 """How the names of columns begin that depend on the computer."""
+LOCK = "run.lock"
 PROTOCOL = 1
 """Version of the folder's files."""
 
@@ -145,7 +146,7 @@ class CampaignFolder:
                 "or give this one its own --out"
             )
 
-        with locked(self.path / "run.lock", line, shared=shard != WHOLE):
+        with locked(self.path / LOCK, line, shared=shard != WHOLE):
             if shard == WHOLE:
                 yield
             else:
@@ -154,12 +155,16 @@ class CampaignFolder:
 
     @property
     def is_running(self) -> bool:
-        """Return whether a run holds the folder."""
+        """Return whether a run of this computer holds the folder, or a shard of it.
+
+        The kernel's list of locks is read: to try the lock would refuse a run that just begins.
+        """
         try:
-            with self.owned():
-                return False
-        except (StorageError, OSError):
-            return True
+            inode = (self.path / LOCK).stat().st_ino
+            held = Path("/proc/locks").read_text()
+        except OSError:
+            return False
+        return re.search(rf"FLOCK .*:{inode} ", held) is not None
 
     # ------------------------------------------------------------------ rows
     def done(self) -> npt.NDArray[np.bool_]:
@@ -256,7 +261,7 @@ class CampaignFolder:
             one.unlink()
 
 
-_MADE = {PLAN, f"{PLAN}.new", f"{RECORD}.new", ROWS, OWN, "run.lock"}
+_MADE = {PLAN, f"{PLAN}.new", f"{RECORD}.new", ROWS, OWN, LOCK}
 """What a run that was killed at its very beginning leaves."""
 
 

@@ -2,10 +2,10 @@
 
 import { element, svg } from "/static/core/dom.js";
 
-const WIDTH = 360, HEIGHT = 132, LEFT = 34, BOTTOM = 18, TOP = 6;
+const WIDTH = 360, HEIGHT = 132, LEFT = 42, BOTTOM = 18, TOP = 6;
 
-// Four digits, as people read them.
-export const short = (value) => (value === 0 ? "0" : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? value.toExponential(2) : String(Number(value.toPrecision(4))));
+// Some digits, as people read them.
+export const short = (value, digits = 4) => (value === 0 ? "0" : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? value.toExponential(digits - 2) : String(Number(value.toPrecision(digits))));
 
 export function drawEcdf({ values, shares, median, interval }, metric) {
   const low = values[0], high = values.at(-1), span = high - low || Math.abs(high) || 1;
@@ -33,7 +33,7 @@ export function drawHeat({ x, y, medians }) {
   const finite = medians.flat().filter((value) => value !== null);
   const low = Math.min(...finite), span = Math.max(...finite) - low || 1;
   const cell = (value, i, j) => {
-    const made = element("td", { title: `${x[j]}${y[i] && ` × ${y[i]}`}: ${value === null ? "no flight has it" : short(value)}` }, value === null ? "" : short(value));
+    const made = element("td", { title: `${x[j]}${y[i] && ` × ${y[i]}`}: ${value === null ? "no flight has it" : short(value)}` }, value === null ? "" : short(value, 3));
     if (value !== null) made.style.setProperty("--share", `${Math.round(8 + 47 * (value - low) / span)}%`);
     return made;
   };
