@@ -157,7 +157,7 @@ class Compare:
 
 
 def _engine(workers: int, dask: str, shard: str) -> Engine:
-    from extensions.campaigns.folder import WHOLE, parse_shard
     from extensions.campaigns.run import Engine
+    from extensions.campaigns.shard import WHOLE, parse_shard
 
     return Engine(workers, dask, parse_shard(shard) if shard else WHOLE)

@@ -14,7 +14,8 @@ from quadrotor.errors import UsageError
 from quadrotor.extension import Function
 from quadrotor.extensions import registry
 from quadrotor.parameter_description import ParameterValue
-from quadrotor.parameters import Parameters, parameter
+from quadrotor.parameters import Parameters, Section, parameter
+from quadrotor.records import Record
 
 if TYPE_CHECKING:
     from console.experiments.client import Client
@@ -141,7 +142,7 @@ def fly_rows(
     return [found[k] for k in range(len(rows))]
 
 
-def _told(outcome: Any) -> Iterator[tuple[str, str, dict[str, float]]]:
+def _told(outcome: Record) -> Iterator[tuple[str, str, dict[str, float]]]:
     columns = {name: (unit * outcome[of]).tolist() for name, (of, unit) in FIGURES.items()}
     crashed, times = outcome["crashed"].tolist(), outcome["crash_time"].tolist()
     for k in range(len(outcome)):
@@ -151,10 +152,10 @@ def _told(outcome: Any) -> Iterator[tuple[str, str, dict[str, float]]]:
             yield "passed", "", {name: values[k] for name, values in columns.items()}
 
 
-def changed(parameters: Any, values: Mapping[str, ParameterValue]) -> Any:
+def changed(parameters: Section, values: Mapping[str, ParameterValue]) -> Section:
     """Return a tree of parameters with other values; parts without any are shared, not copied."""
     inside: dict[str, dict[str, ParameterValue]] = defaultdict(dict)
-    update: dict[str, Any] = {}
+    update: dict[str, object] = {}
     for name, value in values.items():
         part, _, rest = name.partition(".")
         if rest:

@@ -9,14 +9,14 @@ number of tests (Bonferroni).
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from extensions.campaigns.folder import CampaignFolder, judged_metrics
+from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.summary import Numbers, column, quantile_interval
+from extensions.campaigns.table import Facts, judged_metrics
 from quadrotor.errors import UsageError
-from quadrotor.json_object import JsonObject
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -25,7 +25,7 @@ LEVEL = 0.05
 """Probability of calling one of two equal campaigns worse."""
 
 
-def compare(one: CampaignFolder, other: CampaignFolder) -> JsonObject:
+def compare(one: CampaignFolder, other: CampaignFolder) -> Facts:
     """Return the paired differences, second minus first. Raises UsageError without pairs."""
     first, second = _paired(one, other)
     pairs = len(first)
@@ -65,11 +65,11 @@ def _paired(one: CampaignFolder, other: CampaignFolder) -> tuple[list[int], list
     return [k for k, _ in pairs], [k for _, k in pairs]
 
 
-def _keys(table: pa.Table, names: list[str]) -> list[Any]:
+def _keys(table: pa.Table, names: list[str]) -> list[tuple[object, ...]]:
     return list(zip(*(table[name].to_pylist() for name in names), strict=True))
 
 
-def _verdicts(a: pa.Table, b: pa.Table) -> JsonObject:
+def _verdicts(a: pa.Table, b: pa.Table) -> Facts:
     from scipy.stats import binomtest
 
     was = np.array(a["verdict"].to_pylist()) == "passed"
@@ -86,7 +86,7 @@ def _verdicts(a: pa.Table, b: pa.Table) -> JsonObject:
     }
 
 
-def _metric(a: Numbers, b: Numbers) -> JsonObject:
+def _metric(a: Numbers, b: Numbers) -> Facts:
     from scipy.stats import wilcoxon
 
     both = np.isfinite(a) & np.isfinite(b)
@@ -109,7 +109,7 @@ def _metric(a: Numbers, b: Numbers) -> JsonObject:
     }
 
 
-def told(found: JsonObject) -> list[str]:
+def told(found: Facts) -> list[str]:
     """Return a comparison as lines of text."""
     lines = [f"{found['pairs']} pairs of flights; worse is what has p below {found['level']:.2g}"]
     if any(found["unpaired"]):

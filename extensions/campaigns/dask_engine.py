@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from extensions.campaigns.flights import Task
+from extensions.campaigns.flights import Outcome, Task
 from extensions.campaigns.folder import software
 from extensions.campaigns.work import Work
 from quadrotor.errors import LinkError, UnreachableError, UsageError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future, as_completed
 
+
+Answer = tuple[str, list[Outcome]]
+"""Why a worker is refused, empty if it is not, and the outcomes of a task."""
 REACH = "10s"
 """How long a scheduler may take to answer."""
 WAITING = 2
@@ -29,8 +32,8 @@ def fly_by_dask(work: Work, address: str) -> None:
     except ImportError:
         raise UsageError("--dask needs Dask: pip install 'quadlab[campaigns]'") from None
     with _client(address) as client:
-        _check_workers(client)
-        running: dict[Any, Task] = {}
+        _check_workers(client, address)
+        running: dict[Future[Answer], Task] = {}
         ended = as_completed(loop=client.loop)
         fill(work, client, running, ended)
         while running:
@@ -40,7 +43,9 @@ def fly_by_dask(work: Work, address: str) -> None:
             fill(work, client, running, ended)
 
 
-def fill(work: Work, client: Client, running: dict[Any, Task], ended: Any) -> None:
+def fill(
+    work: Work, client: Client, running: dict[Future[Answer], Task], ended: as_completed
+) -> None:
     """Give the workers tasks, some more than they have threads."""
     threads = max(1, sum(client.nthreads().values()))
     while len(running) < WAITING * threads and (task := work.take(WAITING * threads)) is not None:
@@ -49,7 +54,7 @@ def fill(work: Work, client: Client, running: dict[Any, Task], ended: Any) -> No
         ended.add(future)
 
 
-def _ended(work: Work, task: Task, future: Any) -> None:
+def _ended(work: Work, task: Task, future: Future[Answer]) -> None:
     from distributed.scheduler import KilledWorker
 
     try:
@@ -79,14 +84,12 @@ def _client(address: str) -> Client:
         ) from None
 
 
-def _check_workers(client: Client) -> None:
+def _check_workers(client: Client, address: str) -> None:
     """Raise UsageError for a worker that would fly otherwise than this computer, by its name."""
     try:
         client.wait_for_workers(1, timeout=FIRST_WORKER)
     except TimeoutError:
-        raise LinkError(
-            f"the scheduler {client.scheduler.address} has no workers; start `dask worker`"
-        ) from None
+        raise LinkError(f"the scheduler {address} has no workers; start `dask worker`") from None
     ours = {"distributed": version("distributed"), **software()}
     refused = [
         line
@@ -136,10 +139,10 @@ def _asked() -> Callable[[], dict[str, str]]:
     return asked
 
 
-def _by_value() -> Callable[[Task, dict[str, str], float], tuple[str, Any]]:
+def _by_value() -> Callable[[Task, dict[str, str], float], Answer]:
     """Return a function that flies on a worker, which may have joined after the others."""
 
-    def flown(task: Any, wanted: dict[str, str], limit: float) -> tuple[str, Any]:
+    def flown(task: Task, wanted: dict[str, str], limit: float) -> Answer:
         from extensions.campaigns.dask_worker import fly_here
 
         return fly_here(task, wanted, limit)

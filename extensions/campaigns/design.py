@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -128,10 +127,11 @@ def _at(factor: Factor, unit: npt.NDArray[np.float64]) -> list[Value]:
         low, high = math.log(low), math.log(high)
     spread = low + (high - low) * unit
     even = np.exp(spread) if factor.log else spread
-    return np.clip(even, factor.low, factor.high).tolist()
+    clipped: list[Value] = np.clip(even, factor.low, factor.high).tolist()
+    return clipped
 
 
-def _unit(design: str, number: int, factors: int, seed: int) -> Any:
+def _unit(design: str, number: int, factors: int, seed: int) -> npt.NDArray[np.float64]:
     """Return points of the unit cube, (number, factors)."""
     random = np.random.default_rng(seed)
     if design == "random":
@@ -139,4 +139,5 @@ def _unit(design: str, number: int, factors: int, seed: int) -> Any:
     from scipy.stats import qmc
 
     kind = qmc.LatinHypercube if design == "latin_hypercube" else qmc.Sobol
-    return kind(factors, seed=random).random(number)
+    points: npt.NDArray[np.float64] = kind(factors, seed=random).random(number)
+    return points

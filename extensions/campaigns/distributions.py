@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from extensions.campaigns.design import Cells
 from extensions.campaigns.plan import SAMPLED
 from extensions.campaigns.summary import Numbers, column, quantile_interval
-from quadrotor.json_object import JsonObject
+from extensions.campaigns.table import Facts
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -23,7 +24,7 @@ MOST_LEVELS = 40
 """Values of a factor that a map shows at most."""
 
 
-def ecdf(values: Numbers) -> JsonObject:
+def ecdf(values: Numbers) -> Facts:
     """Return the share of the flights below each value, and the median with its interval."""
     ordered = np.sort(values[np.isfinite(values)])
     if not len(ordered):
@@ -37,7 +38,7 @@ def ecdf(values: Numbers) -> JsonObject:
     }
 
 
-def heat_map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> JsonObject:
+def heat_map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> Facts:
     """Return the median of a metric for each pair of values of two factors, NaN as None.
 
     Args:
@@ -58,7 +59,7 @@ def heat_map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> Json
     return {"x": x_labels, "y": y_labels, "medians": medians}
 
 
-def _levels(cells: Cells, table: pa.Table, name: str) -> tuple[Any, list[str]]:
+def _levels(cells: Cells, table: pa.Table, name: str) -> tuple[npt.NDArray[np.intp], list[str]]:
     """Return for each row the number of its level of a factor, and the levels' labels."""
     values = table[name].to_numpy(zero_copy_only=False)
     levels, places = np.unique(values, return_inverse=True)

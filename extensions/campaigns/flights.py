@@ -8,7 +8,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -80,8 +80,9 @@ def _settings(text: str, folder: str) -> Settings:
     return Settings(file, Cells(file.plan))
 
 
-def _where() -> dict[str, str]:
-    return {"worker": str(os.getpid()), "host": platform.node()}
+def _here(outcome: Outcome) -> Outcome:
+    """Return an outcome with the name of this worker and its host."""
+    return replace(outcome, worker=str(os.getpid()), host=platform.node())
 
 
 def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
@@ -117,17 +118,9 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
         if keep_log or kept == "all" or (kept == "failed" and verdict != "passed"):
             log = next((one.read_bytes() for one in folder.glob("*.mcap")), None)
         shutil.rmtree(folder, ignore_errors=True)
-    return Outcome(
-        index,
-        verdict,
-        reason,
-        metrics,
-        judged=judged,
-        wall=time.perf_counter() - began,
-        processor=time.process_time() - processor,
-        log=log,
-        **_where(),
-    )
+    outcome = Outcome(index, verdict, reason, metrics, judged=judged, log=log)
+    wall, processor = time.perf_counter() - began, time.process_time() - processor
+    return _here(replace(outcome, wall=wall, processor=processor))
 
 
 def _judged(
@@ -157,14 +150,13 @@ def _compiled(settings: Settings, indices: Sequence[int]) -> list[Outcome]:
         flown = fly_rows(settings, rows)
     except QuadlabError as error:
         if len(indices) == 1:
-            return [Outcome(indices[0], RAISED, str(error), **_where())]
+            return [_here(Outcome(indices[0], RAISED, str(error)))]
         return [one for index in indices for one in _compiled(settings, [index])]
     wall = (time.perf_counter() - began) / len(indices)
     processor = (time.process_time() - processor) / len(indices)
-    where, found = _where(), []
-    for index, (verdict, reason, metrics) in zip(indices, flown, strict=True):
-        judged = _judged(plan, verdict, reason, metrics, JUDGED)
-        found.append(
-            Outcome(index, *judged[:3], judged=judged[3], wall=wall, processor=processor, **where)
-        )
+    found = []
+    for index, told in zip(indices, flown, strict=True):
+        verdict, reason, metrics, judged = _judged(plan, *told, JUDGED)
+        outcome = Outcome(index, verdict, reason, metrics, judged=judged)
+        found.append(_here(replace(outcome, wall=wall, processor=processor)))
     return found

@@ -10,7 +10,6 @@ import platform
 import re
 import shutil
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -22,7 +21,9 @@ import numpy.typing as npt
 from console.atomic_file import replacing
 from extensions.campaigns.design import Cells, seed_of
 from extensions.campaigns.flights import Outcome
-from extensions.campaigns.plan import OWN, PlanFile, Value, read_plan
+from extensions.campaigns.plan import OWN, PlanFile, read_plan
+from extensions.campaigns.shard import WHOLE, Shard
+from extensions.campaigns.table import array, joined
 from flight_log.provenance import provenance, revision
 from quadlab.data_folder import locked
 from quadrotor.checkout import PACKAGES, PREFIX, ROOT
@@ -32,37 +33,9 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 PLAN, RECORD, ROWS, LOGS = "plan.toml", "campaign.json", "rows", "logs"
-FIXED_COLUMNS = ("index", "seed")
-MACHINE = ("wall_", "processor_", "worker", "host")
-"""How the names of columns begin that depend on the computer."""
+LOCK = "run.lock"
 PROTOCOL = 1
 """Version of the folder's files."""
-
-
-@dataclass(frozen=True)
-class Shard:
-    """The flights whose index is `number - 1` modulo `of`: one of the parts of a campaign."""
-
-    number: int = 1
-    of: int = 1
-
-    @property
-    def name(self) -> str:
-        return f"{self.number}of{self.of}"
-
-    def indices(self, flights: int) -> range:
-        return range(self.number - 1, flights, self.of)
-
-
-WHOLE = Shard()
-
-
-def parse_shard(text: str) -> Shard:
-    """Return the shard of I/N. Raises UsageError."""
-    found = re.fullmatch(r"(\d+)/(\d+)", text)
-    if found is None or not 1 <= int(found[1]) <= int(found[2]):
-        raise UsageError(f"--shard {text}: write I/N with I from 1 to N, as 1/4, 2/4, 3/4, 4/4")
-    return Shard(int(found[1]), int(found[2]))
 
 
 @cache
@@ -145,7 +118,7 @@ class CampaignFolder:
                 "or give this one its own --out"
             )
 
-        with locked(self.path / "run.lock", line, shared=shard != WHOLE):
+        with locked(self.path / LOCK, line, shared=shard != WHOLE):
             if shard == WHOLE:
                 yield
             else:
@@ -154,12 +127,16 @@ class CampaignFolder:
 
     @property
     def is_running(self) -> bool:
-        """Return whether a run holds the folder."""
+        """Return whether a run of this computer holds the folder, or a shard of it.
+
+        The kernel's list of locks is read: to try the lock would refuse a run that just begins.
+        """
         try:
-            with self.owned():
-                return False
-        except (StorageError, OSError):
-            return True
+            inode = (self.path / LOCK).stat().st_ino
+            held = Path("/proc/locks").read_text()
+        except OSError:
+            return False
+        return re.search(rf"FLOCK .*:{inode} ", held) is not None
 
     # ------------------------------------------------------------------ rows
     def done(self) -> npt.NDArray[np.bool_]:
@@ -175,7 +152,8 @@ class CampaignFolder:
         """Return the number of rows, from the ends of their files alone."""
         import pyarrow.parquet as pq
 
-        return min(self.flights, sum(pq.read_metadata(part).num_rows for part in self._parts()))
+        rows: int = sum(pq.read_metadata(part).num_rows for part in self._parts())
+        return min(self.flights, rows)
 
     def _parts(self) -> list[Path]:
         return sorted(self.rows.glob("*.parquet"))
@@ -212,7 +190,7 @@ class CampaignFolder:
             "seed": pa.array([seed_of(plan, one.index) for one in outcomes], pa.int64()),
         }
         for name in plan.factors:
-            columns[name] = _array(self.cells.column(name, indices // plan.seeds))
+            columns[name] = array(self.cells.column(name, indices // plan.seeds))
         columns["verdict"] = pa.array([one.verdict for one in outcomes], pa.string())
         columns["reason"] = pa.array([one.reason for one in outcomes], pa.string())
         for name in sorted({name for one in outcomes for name in one.metrics}):
@@ -256,7 +234,7 @@ class CampaignFolder:
             one.unlink()
 
 
-_MADE = {PLAN, f"{PLAN}.new", f"{RECORD}.new", ROWS, OWN, "run.lock"}
+_MADE = {PLAN, f"{PLAN}.new", f"{RECORD}.new", ROWS, OWN, LOCK}
 """What a run that was killed at its very beginning leaves."""
 
 
@@ -285,52 +263,6 @@ def _make(path: Path, file: PlanFile, cells: Cells) -> None:
     }
     with replacing(path / RECORD) as new:
         new.write_text(json.dumps(record, indent=1) + "\n")
-
-
-def joined(parts: Sequence[Path], factors: Sequence[str], where: Path) -> pa.Table:
-    """Return the rows of files, each flight once, in the order of their index.
-
-    Raises StorageError if there are none.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    tables = [pq.read_table(part) for part in parts]
-    if not tables:
-        raise StorageError(f"{where} has no rows yet")
-    judged = sorted({name for one in tables for name in _judged(one)})
-    whole = pa.concat_tables(tables, promote_options="permissive")
-    _, first = np.unique(whole["index"].to_numpy(), return_index=True)
-    if len(first) != whole.num_rows or (np.diff(first) < 0).any():
-        whole = whole.take(first)
-    known = [*FIXED_COLUMNS, *factors, "verdict", "reason"]
-    machine = [name for name in whole.column_names if name.startswith(MACHINE)]
-    metrics = sorted(set(whole.column_names) - {*known, *machine})
-    whole = whole.select([*known, *metrics, *machine]).combine_chunks()
-    return whole.replace_schema_metadata({"judged": json.dumps(judged)})
-
-
-def _judged(table: pa.Table) -> list[str]:
-    found: list[str] = json.loads((table.schema.metadata or {}).get(b"judged", b"[]"))
-    return found
-
-
-def judged_metrics(table: pa.Table) -> list[str]:
-    """Return the metrics that have limits: the smaller the better."""
-    return _judged(table)
-
-
-def metric_columns(table: pa.Table, factors: Sequence[str]) -> list[str]:
-    """Return the names of the metrics."""
-    others = {*FIXED_COLUMNS, *factors, "verdict", "reason"}
-    return [n for n in table.column_names if n not in others and not n.startswith(MACHINE)]
-
-
-def _array(values: Sequence[Value]) -> pa.Array:
-    import pyarrow as pa
-
-    kinds = {type(one) for one in values}
-    return pa.array(values if len(kinds) == 1 else [str(one) for one in values])
 
 
 def _write(place: Path, table: pa.Table) -> None:

@@ -40,7 +40,7 @@ class Range(_Part):
     """first value"""
     high: float = Field(alias="to")
     """last value"""
-    number: int | None = Field(None, ge=2, le=MOST_FLIGHTS)
+    number: int | None = Field(default=None, ge=2, le=MOST_FLIGHTS)
     """how many values, for a grid, zip or one_at_a_time"""
     log: bool = False
     """whether the values have equal ratios, not equal differences"""
@@ -60,7 +60,7 @@ class Distribution(_Part):
     model_config = ConfigDict(extra="allow")
     distribution: str
     """name in scipy.stats"""
-    number: int | None = Field(None, ge=1, le=MOST_FLIGHTS)
+    number: int | None = Field(default=None, ge=1, le=MOST_FLIGHTS)
     """how many quantiles, for a grid, zip or one_at_a_time"""
 
     @validator(mode="after")
@@ -103,11 +103,11 @@ Factor = Annotated[
 
 
 class Keep(_Part):
-    """What is kept beside the rows."""
+    """The files that are kept beside the rows."""
 
     logs: Literal["none", "failed", "all", "worst"] = "none"
     """none; failed: of flights that did not pass; all; worst: of those with the largest metric"""
-    number: int = Field(5, ge=1, le=10_000)
+    number: int = Field(default=5, ge=1, le=10_000)
     """how many, for worst"""
     metric: str = ""
     """by which the worst are chosen"""
@@ -120,13 +120,13 @@ class Keep(_Part):
 
 
 class Plan(_Part):
-    """What a campaign flies: an experiment, in each cell of the factors, with several seeds."""
+    """The flights of a campaign: an experiment, in each cell of the factors, with several seeds."""
 
     experiment: str = Field(min_length=1)
     """an experiment of `quadlab fly`, a file of your own, or closed_loop, which is compiled"""
-    seeds: int = Field(1, ge=1)
+    seeds: int = Field(default=1, ge=1)
     """flights in each cell, each with its own seed"""
-    seed: int = Field(1, ge=0, lt=2**63)
+    seed: int = Field(default=1, ge=0, lt=2**63)
     """from which the seed of each flight follows"""
     board: str = "mikrokopter"
     """the vehicle's board, as for `quadlab fly --board`"""
@@ -146,13 +146,13 @@ class Plan(_Part):
     """parameters that differ from cell to cell, by name"""
     design: Design = "grid"
     """how cells are made of the factors"""
-    samples: int | None = Field(None, ge=1)
+    samples: int | None = Field(default=None, ge=1)
     """cells of a sampled design: random, latin_hypercube, sobol"""
     metrics: list[str] = []
     """the metrics to keep; empty for all"""
     limits: dict[str, float] = {}
     """metrics with the largest value that passes, in addition to the experiment's own limits"""
-    time_limit: float = Field(600.0, ge=1.0, le=86_400.0)
+    time_limit: float = Field(default=600.0, ge=1.0, le=86_400.0)
     """s of wall time after which a flight is ended"""
     keep: Keep = Keep()
 
@@ -277,7 +277,8 @@ def _said(error: ValidationError) -> str:
 
 
 def _fields(place: list[str]) -> list[str]:
-    model = {"keep": Keep, "factors": Range}.get(place[0] if place else "", Plan)
+    models: dict[str, type[BaseModel]] = {"keep": Keep, "factors": Range}
+    model = models.get(place[0] if place else "", Plan)
     return [field.alias or name for name, field in model.model_fields.items()]
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from fastapi import FastAPI
 
 from extensions.campaigns.distributions import ecdf, heat_map
-from extensions.campaigns.folder import RECORD, CampaignFolder, joined, metric_columns
+from extensions.campaigns.folder import RECORD, CampaignFolder
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.summary import column, command_of, summarize
+from extensions.campaigns.table import Facts, joined, metric_columns
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.json_object import JsonObject
 from web.feature import Feature
@@ -64,7 +65,7 @@ def _folder(place: Path, name: str) -> CampaignFolder:
     return CampaignFolder(found)
 
 
-def _entry(path: Path) -> JsonObject:
+def _entry(path: Path) -> Facts:
     try:
         folder = CampaignFolder(path)
         return {
@@ -90,7 +91,7 @@ def _read(parts: tuple[tuple[str, int], ...], factors: tuple[str, ...]) -> pa.Ta
     return joined([Path(path) for path, _ in parts], factors, Path(parts[0][0]).parent)
 
 
-def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str) -> JsonObject:
+def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str) -> Facts:
     factors = list(folder.plan.plan.factors)
     metrics = metric_columns(table, factors)
     summary = summarize(folder, table)
@@ -112,10 +113,10 @@ def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str)
     }
 
 
-def _listed(folder: CampaignFolder, table: pa.Table, metric: str) -> list[JsonObject]:
+def _listed(folder: CampaignFolder, table: pa.Table, metric: str) -> list[Facts]:
     """Return the rows that did not pass, then those with the largest values."""
     settings = Settings(folder.plan, folder.cells)
-    values: Any = column(table, metric) if metric else np.full(table.num_rows, np.nan)
+    values = column(table, metric) if metric else np.full(table.num_rows, np.nan)
     passed = table["verdict"].to_numpy(zero_copy_only=False) == "passed"
     order = np.lexsort((-np.nan_to_num(values, nan=-np.inf), passed))[:LISTED]
     indices = table["index"].to_numpy()

@@ -16,10 +16,11 @@ import numpy as np
 from extensions.campaigns.closed_loop import check_compiled
 from extensions.campaigns.design import Cells
 from extensions.campaigns.flights import UNFLOWN, Outcome, Task, fly_task
-from extensions.campaigns.folder import WHOLE, CampaignFolder, Shard
+from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.local_engine import fly_locally
 from extensions.campaigns.plan import COMPILED, PlanFile, read_plan
 from extensions.campaigns.settings import Settings
+from extensions.campaigns.shard import WHOLE, Shard
 from extensions.campaigns.work import Work
 from quadrotor.errors import UsageError
 
@@ -33,7 +34,7 @@ PAUSE = 30.0
 
 @dataclass(frozen=True)
 class Engine:
-    """Where flights are flown: processes of this computer, or the workers of a Dask scheduler."""
+    """The place of the flights: processes of this computer, or workers of a Dask scheduler."""
 
     workers: int = 0
     dask: str = ""

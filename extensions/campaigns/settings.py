@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -113,7 +113,9 @@ class Settings:
         """
         names = list(self.file.plan.factors)
         columns = [self.cells.column(name, np.asarray(chosen, np.int64)) for name in names]
-        rows: Any = zip(*columns, strict=True) if names else itertools.repeat(())
+        rows: Iterable[tuple[Value, ...]] = (
+            zip(*columns, strict=True) if names else itertools.repeat(())
+        )
         for cell, row in zip(chosen, rows, strict=False):
             found: dict[str, ParameterValue] = {}
             for name, value in zip(names, row, strict=True):

@@ -1,20 +1,20 @@
-"""What the rows of a campaign say: shares, quantiles with intervals, commands to fly again."""
+"""The summary of the rows: shares, quantiles with intervals, commands that fly rows again."""
 
 from __future__ import annotations
 
 import math
 import shlex
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from extensions.campaigns.design import seed_of
-from extensions.campaigns.folder import CampaignFolder, judged_metrics, metric_columns
+from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import COMPILED
 from extensions.campaigns.settings import Settings
-from quadrotor.json_object import JsonObject
+from extensions.campaigns.table import Facts, judged_metrics, metric_columns
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -77,7 +77,7 @@ def column(table: pa.Table, name: str) -> Numbers:
     return found
 
 
-def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> JsonObject:
+def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
     """Return counts, shares, quantiles, cells, and the flights that did not pass."""
     table = folder.table() if table is None else table
     plan, settings = folder.plan.plan, Settings(folder.plan, folder.cells)
@@ -155,13 +155,13 @@ def _figures(values: Numbers) -> dict[str, float | int | None]:
 
 
 def _by_cell(
-    folder: CampaignFolder, table: pa.Table, metrics: Sequence[str], passed: Any
-) -> list[JsonObject]:
+    folder: CampaignFolder, table: pa.Table, metrics: Sequence[str], passed: npt.NDArray[np.bool_]
+) -> list[Facts]:
     cells = table["index"].to_numpy() // folder.plan.plan.seeds
     starts = np.flatnonzero(np.diff(cells, prepend=-1))[:MOST_CELLS]
     ends = np.append(starts[1:], np.searchsorted(cells, cells[starts[-1]], "right"))
     columns = {name: column(table, name) for name in metrics}
-    found: list[JsonObject] = []
+    found: list[Facts] = []
     for start, end in zip(starts, ends, strict=True):
         medians = {name: _median(values[start:end]) for name, values in columns.items()}
         found.append(
@@ -186,7 +186,7 @@ LISTED = 20
 """Flights that did not pass, and cells, that the text lists."""
 
 
-def told(summary: JsonObject) -> list[str]:
+def told(summary: Facts) -> list[str]:
     """Return the summary as lines of text."""
     unflown = summary["flights"] - summary["rows"]
     head = f"{summary['experiment']}: {summary['rows']} of {summary['flights']} flights"
@@ -207,7 +207,7 @@ def told(summary: JsonObject) -> list[str]:
     return [*lines, *_told_cells(summary), *_told_missed(summary["not_passed"])]
 
 
-def _told_cells(summary: JsonObject) -> list[str]:
+def _told_cells(summary: Facts) -> list[str]:
     cells = summary["by_cell"]
     if not cells:
         return []
@@ -233,11 +233,11 @@ def _told_cells(summary: JsonObject) -> list[str]:
     return [*lines, *([f"  … {more} more cells: --json"] if more > 0 else [])]
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     return "-" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _told_missed(missed: JsonObject) -> list[str]:
+def _told_missed(missed: Facts) -> list[str]:
     lines: list[str] = []
     for one in missed["flights"][:LISTED]:
         words = one["verdict"].replace("_", " ")

@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from extensions.campaigns.flights import TIMED_OUT, WORKER_DIED, Outcome, Task
-from extensions.campaigns.folder import CampaignFolder, Shard
+from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import COMPILED
+from extensions.campaigns.shard import Shard
 
 SHORTEST = 1.0
 """s that a task should last: the work around it then counts for little."""

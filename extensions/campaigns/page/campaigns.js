@@ -23,10 +23,15 @@ class Campaigns {
     this.map = element("div", { className: "drawing" });
     this.axes = element("div", { className: "axes" }, this.x, element("span", {}, "×"), this.y);
     this.rows = element("ol", { className: "rows" });
-    this.one = element("div", { hidden: true }, this.shares, this.distribution = element("h2", {}, "Distribution"), this.metric, this.curve,
-      this.heading = element("h2", {}, "Medians"), this.axes, this.map, element("h2", {}, "Flights"), this.rows);
+    this.distribution = element("h2", {}, "Distribution");
+    this.heading = element("h2", {}, "Medians");
+    this.one = element("div", { hidden: true }, this.shares, this.distribution, this.metric, this.curve,
+      this.heading, this.axes, this.map, element("h2", {}, "Flights"), this.rows);
     place.append(element("section", {}, element("h2", {}, "Campaigns"), this.list, this.empty, this.reason, this.one));
-    document.addEventListener("tab", ({ detail }) => { this.isOpen = detail === "campaigns"; if (this.isOpen) this.look(); });
+    document.addEventListener("tab", ({ detail }) => {
+      this.isOpen = detail === "campaigns";
+      if (this.isOpen) this.look();
+    });
     setInterval(() => { if (this.isOpen && !document.hidden) this.look(); }, LOOK);
   }
 
@@ -50,7 +55,8 @@ class Campaigns {
     const facts = problem || [experiment, `${rows} of ${flights}`, state].filter(Boolean).join(" · ");
     const bar = element("i"); bar.style.width = `${100 * part}%`;
     const choose = () => { this.chosen = name; this.open = -1; this.look(); };
-    const button = element("button", { onclick: choose, title: facts }, element("b", {}, name), element("span", {}, facts));
+    const said = [element("b", {}, name), element("span", {}, facts)];
+    const button = element("button", { onclick: choose, title: facts }, ...said);
     button.setAttribute("aria-pressed", String(name === this.chosen));
     return element("li", {}, button, element("div", { className: "progress" }, bar));
   }
@@ -68,7 +74,8 @@ class Campaigns {
     if (this.one.hidden) return;
     this.shares.replaceChildren(...Object.entries(found.verdicts).flatMap(([name, { count, share, low, high }]) => [
       element("dt", {}, name.replace("_", " ")),
-      element("dd", { title: "interval of the share, 95 % (Wilson)" }, `${count}`, element("span", {}, `${percent(share)}  ${percent(low)} … ${percent(high)}`)),
+      element("dd", { title: "interval of the share, 95 % (Wilson)" }, `${count}`,
+        element("span", {}, `${percent(share)}  ${percent(low)} … ${percent(high)}`)),
     ]));
     this.metric.replaceChildren(...optionsOf(found.metrics, found.metric));
     this.x.replaceChildren(...optionsOf(found.factors, found.x));
@@ -91,7 +98,9 @@ class Campaigns {
     };
     const what = reason || verdict.replace("_", " ");
     const button = element("button", { onclick: toggle, title: `${what}; the command that flies it again` },
-      element("b", {}, String(index)), element("span", { className: verdict === "passed" ? "" : "amber" }, what), element("output", {}, value === null ? "" : short(value)));
+      element("b", {}, String(index)),
+      element("span", { className: verdict === "passed" ? "" : "amber" }, what),
+      element("output", {}, value === null ? "" : short(value)));
     button.setAttribute("aria-expanded", String(index === this.open));
     return element("li", {}, button, line);
   }

@@ -2,10 +2,14 @@
 
 import { element, svg } from "/static/core/dom.js";
 
-const WIDTH = 360, HEIGHT = 132, LEFT = 34, BOTTOM = 18, TOP = 6;
+const WIDTH = 360, HEIGHT = 132, LEFT = 42, BOTTOM = 18, TOP = 6;
 
-// Four digits, as people read them.
-export const short = (value) => (value === 0 ? "0" : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? value.toExponential(2) : String(Number(value.toPrecision(4))));
+// Some digits, as people read them.
+export function short(value, digits = 4) {
+  const size = Math.abs(value);
+  const isPlain = size === 0 || (size >= 1e-3 && size < 1e5);
+  return isPlain ? String(Number(value.toPrecision(digits))) : value.toExponential(digits - 2);
+}
 
 export function drawEcdf({ values, shares, median, interval }, metric) {
   const low = values[0], high = values.at(-1), span = high - low || Math.abs(high) || 1;
@@ -14,14 +18,16 @@ export function drawEcdf({ values, shares, median, interval }, metric) {
   let path = `M${x(low)} ${y(0)}`;
   values.forEach((value, i) => { path += `H${x(value)}V${y(shares[i])}`; });
   const text = (at, place, words, anchor) => svg("text", { x: at, y: place, "text-anchor": anchor }, words);
-  const title = `${metric}: median ${short(median)}, 95 % ${short(interval[0])} … ${short(interval[1])}; from ${short(low)} to ${short(high)}`;
+  const [least, most] = interval.map((value) => short(value));
+  const title = `${metric}: median ${short(median)}, 95 % ${least} … ${most}; from ${short(low)} to ${short(high)}`;
   return svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "ecdf", role: "img", "aria-label": title },
     svg("title", {}, title),
     ...[0, 0.5, 1].flatMap((share) => [
       svg("line", { x1: LEFT, x2: WIDTH - 8, y1: y(share), y2: y(share), class: "grid" }),
       text(LEFT - 5, y(share) + 4, `${100 * share} %`, "end"),
     ]),
-    svg("rect", { x: x(interval[0]), width: Math.max(1, x(interval[1]) - x(interval[0])), y: TOP, height: HEIGHT - TOP - BOTTOM, class: "interval" }),
+    svg("rect", { class: "interval", x: x(interval[0]), width: Math.max(1, x(interval[1]) - x(interval[0])),
+      y: TOP, height: HEIGHT - TOP - BOTTOM }),
     svg("line", { x1: x(median), x2: x(median), y1: TOP, y2: HEIGHT - BOTTOM, class: "median" }),
     svg("path", { d: path, class: "curve" }),
     text(LEFT, HEIGHT - 4, short(low), "start"),
@@ -33,11 +39,15 @@ export function drawHeat({ x, y, medians }) {
   const finite = medians.flat().filter((value) => value !== null);
   const low = Math.min(...finite), span = Math.max(...finite) - low || 1;
   const cell = (value, i, j) => {
-    const made = element("td", { title: `${x[j]}${y[i] && ` × ${y[i]}`}: ${value === null ? "no flight has it" : short(value)}` }, value === null ? "" : short(value));
+    const where = y[i] ? `${x[j]} × ${y[i]}` : x[j];
+    const title = `${where}: ${value === null ? "no flight has it" : short(value)}`;
+    const made = element("td", { title }, value === null ? "" : short(value, 3));
     if (value !== null) made.style.setProperty("--share", `${Math.round(8 + 47 * (value - low) / span)}%`);
     return made;
   };
-  const head = element("tr", {}, ...(y[0] ? [element("th")] : []), ...x.map((label) => element("th", { scope: "col" }, label)));
-  const body = medians.map((row, i) => element("tr", {}, ...(y[i] ? [element("th", { scope: "row" }, y[i])] : []), ...row.map((value, j) => cell(value, i, j))));
+  const columns = x.map((label) => element("th", { scope: "col" }, label));
+  const head = element("tr", {}, ...(y[0] ? [element("th")] : []), ...columns);
+  const label = (text) => (text ? [element("th", { scope: "row" }, text)] : []);
+  const body = medians.map((row, i) => element("tr", {}, ...label(y[i]), ...row.map((value, j) => cell(value, i, j))));
   return element("table", { className: "heat" }, element("thead", {}, head), element("tbody", {}, ...body.reverse()));
 }

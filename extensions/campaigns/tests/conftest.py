@@ -9,8 +9,10 @@ import pytest
 
 from extensions.campaigns.design import Cells
 from extensions.campaigns.flights import Task, fly_task
-from extensions.campaigns.folder import MACHINE, WHOLE, CampaignFolder, Shard
+from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import read_plan
+from extensions.campaigns.shard import WHOLE, Shard
+from extensions.campaigns.table import MACHINE
 from quadlab.__main__ import main
 
 COMPILED = """

@@ -26,14 +26,14 @@ START = 60.0
 
 @contextmanager
 def dask(
-    *words: str, until: str, python: tuple[str, ...] = (), **environment: str
+    *words: str, until: str, python: tuple[str, ...] = (), environment: dict[str, str] | None = None
 ) -> Iterator[Any]:
     """Run a process of Dask until the end of the block; yield it, and the line with which it has
     started.
     """
     command = [*(python or (sys.executable,)), "-m", f"distributed.cli.dask_{words[0]}", *words[1:]]
     process = subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, env=os.environ | environment
+        command, stderr=subprocess.PIPE, text=True, env=os.environ | (environment or {})
     )
     assert process.stderr is not None
     late = threading.Timer(START, process.kill)
@@ -62,7 +62,7 @@ def scheduler() -> Iterator[str]:
     """Yield the address of a scheduler without workers."""
     words = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
     deaths = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # not 3, which takes longer
-    with dask(*words, until="Scheduler at:", **deaths) as (_, line):
+    with dask(*words, until="Scheduler at:", environment=deaths) as (_, line):
         found = re.search(r"tcp://\S+", line)
         assert found is not None
         yield found[0]
@@ -120,7 +120,7 @@ def test_a_worker_without_quadlab_is_refused_by_its_name(
         if "quadlab" not in one.name:
             (bare / one.name).symlink_to(one)
     python = ("env", "-C", str(bare), sys.executable, "-S")
-    with worker(scheduler, "--no-nanny", python=python, PYTHONPATH=str(bare)):
+    with worker(scheduler, "--no-nanny", python=python, environment={"PYTHONPATH": str(bare)}):
         out = bench.folder / "out"
         line = bench.refused("run", bench.plan(GAINS), "--out", out, "--dask", scheduler)
     assert re.search(r"the worker tcp://\S+ \(.*\) has no quadlab; install it there", line)

@@ -11,8 +11,8 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from extensions.campaigns.folder import Shard
 from extensions.campaigns.routes import add_campaigns
+from extensions.campaigns.shard import Shard
 from extensions.campaigns.tests.conftest import COMPILED
 from quadrotor.errors import UsageError
 

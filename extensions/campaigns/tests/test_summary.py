@@ -1,4 +1,4 @@
-"""What rows say: intervals, quantiles, commands, and the comparison of two campaigns."""
+"""Summaries of rows: intervals, quantiles, commands, and the comparison of two campaigns."""
 
 from __future__ import annotations
 
