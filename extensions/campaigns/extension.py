@@ -21,11 +21,9 @@ EXTENSION = Extension(
         PagePanel(
             name="campaigns",
             target="page/campaigns.js:show",
-            place="tabs",
+            place="fly",
             title="Campaigns",
             styles=("campaigns.css",),
-            icon="M3 17V3M3 17h14M6 14V10M9.5 14V6M13 14V8.5M16.5 14V4.5",
-            after="tune",
         ),
         Command(
             name="campaign",

@@ -1,4 +1,4 @@
-// The Campaigns tab: which there are and how far they are; of one, its shares, the distribution of a
+// Campaigns, below the experiments: which there are and how far they are; of one, its shares, the distribution of a
 // metric, its medians over two factors, and the rows, each with the command that flies it again.
 
 import { get } from "/static/core/api.js";
@@ -27,12 +27,10 @@ class Campaigns {
     this.heading = element("h2", {}, "Medians");
     this.one = element("div", { hidden: true }, this.shares, this.distribution, this.metric, this.curve,
       this.heading, this.axes, this.map, element("h2", {}, "Flights"), this.rows);
-    place.append(element("section", {}, element("h2", {}, "Campaigns"), this.list, this.empty, this.reason, this.one));
-    document.addEventListener("tab", ({ detail }) => {
-      this.isOpen = detail === "campaigns";
-      if (this.isOpen) this.look();
-    });
-    setInterval(() => { if (this.isOpen && !document.hidden) this.look(); }, LOOK);
+    const all = element("details", { ontoggle: () => { if (all.open) this.look(); } },
+      element("summary", {}, "Campaigns"), this.list, this.empty, this.reason, this.one);
+    place.append(all);
+    setInterval(() => { if (all.open && !document.hidden) this.look(); }, LOOK);
   }
 
   // Reads the list, and the chosen campaign if it has grown.

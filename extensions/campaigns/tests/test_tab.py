@@ -1,4 +1,4 @@
-"""The Campaigns tab: the list, the drawings of one campaign, and the commands of its rows."""
+"""Campaigns on the Fly tab: the list, the drawings of one campaign, and the commands of its rows."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.web.dom.conftest import context, dom, open_page
 
 __all__ = ["context", "dom", "open_page", "until"]
 
-TAB = "#tab-campaigns"
+TAB = "#campaigns"
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_a_click_on_a_row_shows_the_command_that_flies_it_again(
     open_page: Any, campaign_site: Site
 ) -> None:
     tab = open_page(campaign_site)
-    tab.click("[data-tab=campaigns]")
+    tab.click(f"{TAB} summary")
     tab.wait_for_selector(f"{TAB} .heat td")
     assert tab.locator(f"{TAB} .campaigns li").count() == 2
     assert "8 of 8" in tab.locator(f"{TAB} .campaigns button >> nth=0").text_content()

@@ -14,7 +14,7 @@ const { prototype } = Location.implementation, within = prototype._locationObjec
 prototype._locationObjectNavigate = function navigate(url, how) {
   const { _defaultView: window } = this._relevantDocument, next = hrefOf.call({ _url: url });
   if (next.split("#")[0] === this.href.split("#")[0]) within.call(this, url, how);
-  else window.navigated(next);
+  else if (window.parent === window) window.navigated(next); // a frame stays empty
 };
 
 // Open an address as a browser does: redirections followed, scripts run after the document is read.

@@ -15,7 +15,7 @@ from web.joined_files import join_modules
 from web.static_files import STATIC
 
 PROFILE = "first visit"
-MOST = 20
+MOST = 21
 """Most requests of the main page until it is ready, with websockets and the 3D view's frame."""
 HEAVIEST = 600_000
 """Most bytes of the main page's files and answers as sent, without the 3D view's client."""
