@@ -45,6 +45,7 @@ class FileTables:
         self.epoch_ns: int | None = None
         self.torn = ""
         self.events: list[tuple[float, int, str]] = []
+        self.notes: list[str] = []
         self.units: dict[str, str] = {}
 
     @classmethod
