@@ -42,7 +42,9 @@ class Files:
         if path not in self._opened:
             if rows.file and not path.exists():
                 raise StorageError(f"{path}, which the mapping names, is not a file")
-            self._opened[path] = self._stack.enter_context(source_of(path, self._wanted))
+            source = self._stack.enter_context(source_of(path, self._wanted))
+            self._opened[path] = source
+            self.notes += source.notes
         return self._opened[path]
 
     def read(
@@ -52,7 +54,7 @@ class Files:
         source = self.source(rows)
         where = f"{source.path.name}, [{section}]"
         if rows.table not in source.tables():
-            tables = ", ".join(sorted(source.tables())[:20]) or "none"
+            tables = ", ".join(sorted(filter(None, source.tables()))[:20]) or "none"
             raise LogFormatError(f"{where}: there is no table {rows.table!r}; there are {tables}")
         known = source.columns(rows.table)
         if rows.time is not None:

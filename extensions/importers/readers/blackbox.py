@@ -1,5 +1,5 @@
 """Betaflight's own logs (`.bbl`, `.bfl`): a table for each log of a file, as one is begun at each
-arming. The first one is called "", the others "2", "3", …
+arming. They are called "1", "2", "3", …; "" is the first one, too.
 
 A log is a header of lines, `H NAME:VALUE`, with the names, predictors and encodings of the fields,
 and frames behind it. `time` is in µs, `gyroADC` in deg/s and `accSmooth` in g; other columns are as
@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from extensions.importers.files import FEWEST
 from extensions.importers.readers import blackbox_frames as frames
 from extensions.importers.readers.tables import FileTables
 from quadrotor.errors import LogFormatError
@@ -59,23 +60,22 @@ class BlackboxTables(FileTables):
         self._logs: dict[str, Log | None] = {}
         told = []
         for k, (start, end) in enumerate(zip(starts, [*starts[1:], len(data)], strict=True)):
-            name = str(k + 1) if k else ""
-            where = f"{path.name}, log {k + 1}"
-            if name in wanted:
+            name, where = str(k + 1), f"{path.name}, log {k + 1}"
+            if name in wanted or (k == 0 and "" in wanted):
                 self._logs[name] = log = _read(data[start:end], where)
                 self._note(log, where, is_last=k == len(starts) - 1)
             else:
                 self._logs[name] = None
             told.append(f"{k + 1} ({(end - start) / 1000:.0f} kB)")
         if len(starts) > 1:
-            chosen = ", ".join(name or "1" for name, log in self._logs.items() if log)
+            chosen = ", ".join(name for name, log in self._logs.items() if log)
             self.notes.append(
                 f"{path.name} has {len(starts)} logs, one for each arming: {', '.join(told)}; "
                 f"imported is {chosen or 'none'}, --table NUMBER imports another"
             )
 
     def tables(self) -> list[str]:
-        return list(self._logs)
+        return ["", *self._logs]
 
     def columns(self, table: str) -> list[str]:
         # The accelerometer is always listed, so that `read` can say why there is none.
@@ -84,11 +84,13 @@ class BlackboxTables(FileTables):
 
     def read(self, table: str, names: list[str]) -> Array:
         log = self._log(table)
-        missing = [one for one in names if one not in log.names]
-        if missing or (set(names) & set(_axes(ACCELEROMETER)) and not _one_g(log.header)):
-            why = (
-                "its header has no acc_1G" if not _one_g(log.header) else "it was not recorded"
+        if len(log.rows) < FEWEST and len(self._logs) > 1:
+            raise LogFormatError(
+                f"log {table or 1} has {len(log.rows)} frames, at least {FEWEST} are needed; "
+                f"{self.notes[-1]}"
             )
+        wanted = [one for one in names if one in _axes(ACCELEROMETER)]
+        if wanted and (why := _no_accelerometer(log, wanted)):
             raise LogFormatError(
                 f"{self.path.name}: the log has no accelerometer ({why}), without which a flight "
                 "is not imported: switch it on in Betaflight (acc_hardware = AUTO, "
@@ -97,7 +99,7 @@ class BlackboxTables(FileTables):
         return np.stack([_column(log, one) for one in names], axis=1)
 
     def _log(self, table: str) -> Log:
-        found = self._logs[table]
+        found = self._logs[table or "1"]
         assert found is not None
         return found
 
@@ -132,6 +134,16 @@ def _column(log: Log, name: str) -> Array:
     if stem in ACCELEROMETER:
         return found / _one_g(log.header)
     return found
+
+
+def _no_accelerometer(log: Log, names: list[str]) -> str:
+    """Return why a log has no accelerometer; empty if it has one."""
+    if not _one_g(log.header):
+        return "acc_1G in its header is 0 or missing"
+    if not set(names) <= set(log.names):
+        return "the fields accSmooth are missing"
+    places = [log.names.index(one) for one in names]
+    return "" if log.rows[:, places].any() else "its values are all 0"
 
 
 def _one_g(header: Mapping[str, str]) -> int:

@@ -27,6 +27,8 @@ class Source(Protocol):
     """Time on the clock of its tables (s), level and text."""
     units: dict[str, str]
     """Units of columns as the file writes them, where it does."""
+    notes: list[str]
+    """What a user should know about the file, in sentences."""
 
     def tables(self) -> list[str]: ...
 
