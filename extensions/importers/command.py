@@ -41,7 +41,9 @@ class Import:
         from console.runs.adoption import described
         from extensions.importers.importing import NewRun, read_flight, shown
 
-        flight = read_flight(self.file, self.mapping, truth=self.truth, table=self.table, torn=self.torn)
+        flight = read_flight(
+            self.file, self.mapping, truth=self.truth, table=self.table, torn=self.torn
+        )
         flight.vehicle = self.name or flight.vehicle
         new = NewRun(flight, self.file)
         catalogue = Catalogue(open_data_folder(self.data))

@@ -46,13 +46,12 @@ def read_flight(
     """
     kind = format_of(path)
     if mapping is None:
-        kind = DEFAULTS.get(kind, kind)
-        if kind not in names():
+        mapping = DEFAULTS.get(kind, kind)
+        if mapping not in names():
             raise UsageError(
                 f"{path.name} is {kind}, whose columns can be anything: say with {EXAMPLE} which "
                 f"are what; there are {', '.join(names())} (docs/importing.md)"
             )
-        mapping = kind
     found = load_mapping(mapping)
     if truth is not None:
         found = _with_truth(found, truth, mapping)

@@ -1,14 +1,17 @@
 """Telemetry logs (`.tlog`) of QGroundControl, Mission Planner and MAVProxy: a table for each
 message of the first vehicle, its instance K as NAME#K; of vehicle S, where there are several, as
-S/NAME. Each record is the time of its arrival, µs since 1970 (big-endian), and a packet.
+S/NAME. After each restart of the vehicle new tables begin, NAME@2, NAME@3, …. Each record is the time of its arrival, µs since 1970 (big-endian), and a packet.
 
 The table IMU is made of HIGHRES_IMU, SCALED_IMU or RAW_IMU, the first one of these that the vehicle
-sent, in m/s² and rad/s, with `time_usec`.
+sent, in m/s² and rad/s, with `time_usec`. Messages that overtook others are put in order.
 """
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Collection, Iterator
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,11 @@ LOGGED = "logged"
 AUTOPILOT = 1  # component
 MILLI = 1e-3
 GRAVITY = 9.80665
+RESTART = 10_000_000
+"""us by which the vehicle's clock goes back at least when it was started anew."""
+TIMES = {"time_boot_ms": 1000.0, "time_usec": 1.0}
+"""Columns of the vehicle's clock, and their factors to us."""
+DATE = 1e15  # us; a larger `time_usec` is a date, not the time since the start
 IMU = "IMU"
 IMU_AXES = ["xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro"]
 SOURCES_OF_IMU = {
@@ -48,21 +56,27 @@ class TlogTables:
         self.epoch_ns: int | None = None
         self.torn = ""
         self.events: list[tuple[float, int, str]] = []
-        self.units: dict[str, str] = {}
+        self.units = {"time_boot_ms": "ms", "time_usec": "us", LOGGED: "s"}
         self.notes: list[str] = []
-        names = {one.rpartition("/")[2].partition("#")[0] for one in wanted}
+        names = {re.sub(r"^\d+/|[#@].*", "", one) for one in wanted} | {"SYSTEM_TIME"}
         if IMU in names:
             names |= SOURCES_OF_IMU.keys()
         self._columns: dict[str, list[str]] = {}
         self._rows: dict[str, list[list[float]]] = {}
         self._vehicle: int | None = None
+        self._starts = 1
+        starts = (one.partition("@")[2] for one in wanted)
+        self._wanted = max((int(one) for one in starts if one.isdecimal()), default=1)
+        self._latest = 0.0
         self._read(path.read_bytes(), names)
-        for source, (time, to_us, force, rate) in reversed(SOURCES_OF_IMU.items()):
-            if self._rows.get(source):
-                found = self._table(source, [time, *IMU_AXES])
-                found *= [to_us, *[force] * 3, *[rate] * 3]
-                self._columns[IMU] = ["time_usec", *IMU_AXES]
-                self._rows[IMU] = found.tolist()
+        self._put_in_order()
+        for start in range(1, self._starts + 1):
+            self._add_imu(f"@{start}" if start > 1 else "")
+        if self._starts > 1:
+            self.notes.append(
+                f"{path.name}: the vehicle was started {self._starts} times; tables of the second "
+                "start and later ones are called NAME@2, …: --table IMU@2 imports these"
+            )
 
     def tables(self) -> list[str]:
         return list(self._columns)
@@ -72,6 +86,28 @@ class TlogTables:
 
     def read(self, table: str, names: list[str]) -> Array:
         return self._table(table, names)
+
+    def _add_imu(self, suffix: str) -> None:
+        for source, (time, to_us, force, rate) in SOURCES_OF_IMU.items():
+            if self._rows.get(source + suffix):
+                found = self._table(source + suffix, [time, *IMU_AXES])
+                found *= [to_us, *[force] * 3, *[rate] * 3]
+                self._columns[IMU + suffix] = ["time_usec", *IMU_AXES]
+                self._rows[IMU + suffix] = found.tolist()
+                break
+
+    def _put_in_order(self) -> None:
+        late = 0
+        for name, rows in self._rows.items():
+            time = next((one for one in TIMES if one in self._columns[name]), None)
+            if time is not None:
+                place = self._columns[name].index(time)
+                late += sum(b[place] < a[place] for a, b in itertools.pairwise(rows))
+                rows.sort(key=itemgetter(place))
+        if late:
+            self.notes.append(
+                f"{self.path.name}: {late} messages arrived after later ones: put in order"
+            )
 
     def _table(self, table: str, names: list[str]) -> Array:
         places = [self._columns[table].index(one) for one in names]
@@ -114,11 +150,24 @@ class TlogTables:
         name = f"{message.msgname}#{instance}" if instance else str(message.msgname)
         if system != self._vehicle:
             name = f"{system}/{name}"
-        elif self.epoch_ns is None and "time_boot_ms" in values:
-            self.epoch_ns = arrival * 1000 - int(values["time_boot_ms"]) * 10**6
+        else:
+            self._note_time(values, arrival)
+            name += f"@{self._starts}" if self._starts > 1 else ""
         if not self._columns.get(name):
             self._columns[name] = [*values, LOGGED]
         self._rows.setdefault(name, []).append([*values.values(), 1e-6 * arrival])
+
+    def _note_time(self, values: dict[str, float], arrival: int) -> None:
+        """Note the date, and a restart of the vehicle, by the time in a message."""
+        known = [values[one] * scale for one, scale in TIMES.items() if one in values]
+        if not known or known[0] > DATE:
+            return
+        if known[0] < self._latest - RESTART:
+            self._starts += 1
+            self._latest = 0.0
+        if self.epoch_ns is None and self._starts == self._wanted:
+            self.epoch_ns = (arrival - int(known[0])) * 1000
+        self._latest = max(self._latest, known[0])
 
     def _packets(self, data: bytes) -> Iterator[tuple[int, bytes]]:
         """Yield times of arrival in us, and packets; pass over what is none."""
@@ -126,7 +175,7 @@ class TlogTables:
         while at + ARRIVAL < len(data):
             start = at + ARRIVAL
             end = start + _size(data, start)
-            if start < end and (end == len(data) or _begins(data, end)) and _begins(data, at):
+            if start < end <= len(data) and _begins(data, at) and _begins(data, end):
                 searches = False
                 yield int.from_bytes(data[at:start], "big"), data[start:end]
                 at = end

@@ -55,6 +55,7 @@ class BlackboxTables(FileTables):
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the file. Raises LogFormatError."""
         super().__init__(path)
+        self.units = {"time": "us"}
         data = path.read_bytes()
         starts = [one.start() for one in re.finditer(re.escape(MAGIC), data)]
         self._logs: dict[str, Log | None] = {}
@@ -266,9 +267,7 @@ def _others(header: Mapping[str, str]) -> frames.Numbers:
     return np.array(padded, np.int64)
 
 
-def _setting(
-    header: Mapping[str, str], names: list[str], fields: frames.Numbers
-) -> frames.Numbers:
+def _setting(header: Mapping[str, str], names: list[str], fields: frames.Numbers) -> frames.Numbers:
     """Return the numbers that decoding needs. Raises KeyError or ValueError."""
     part, _, of = header.get("P interval", "1/1").rpartition("/")
     setting = [

@@ -59,6 +59,7 @@ class DataFlashTables(FileTables):
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the log. Raises LogFormatError."""
         super().__init__(path)
+        self.units = {TIME: "us", OLD_TIME: "ms"}
         data = path.read_bytes()
         names = {one.partition("#")[0] for one in wanted} | {"FMTU", "MSG", "GPS"}
         kinds, places, others = self._walk(data, names)
