@@ -1,6 +1,8 @@
-"""Telemetry logs (`.tlog`) of QGroundControl, Mission Planner and MAVProxy: a table for each
-message of the first vehicle, its instance K as NAME#K; of vehicle S, where there are several, as
-S/NAME. After each restart of the vehicle new tables begin, NAME@2, NAME@3, …. Each record is the time of its arrival, µs since 1970 (big-endian), and a packet.
+"""Telemetry logs (`.tlog`) of QGroundControl, Mission Planner and MAVProxy.
+
+Each record is the time of its arrival, µs since 1970 (big-endian), and a packet. There is a table
+for each message of the first vehicle, its instance K as NAME#K; of vehicle S, where there are
+several, as S/NAME. After each restart of the vehicle new tables begin, NAME@2, NAME@3, …
 
 The table IMU is made of HIGHRES_IMU, SCALED_IMU or RAW_IMU, the first one of these that the vehicle
 sent, in m/s² and rad/s, with `time_usec`. Messages that overtook others are put in order.

@@ -242,7 +242,7 @@ def _smallest(encodings: Collection[int]) -> int:
     """Return the smallest size of a frame in bytes. Raises ValueError for an incomplete group."""
     size, left, before = 1, 0, -1
     for one in map(int, encodings):
-        if left and one != before and before != frames.TAG8_8SVB:
+        if left and before not in (one, frames.TAG8_8SVB):
             break
         if not left or one != before:
             left = frames.GROUPS.get(one, 1)

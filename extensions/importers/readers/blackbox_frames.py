@@ -43,19 +43,19 @@ SLACK = 1_000_000
 def _byte(data: Bytes, cursor: Numbers) -> int:
     place = cursor[0]
     cursor[0] = place + 1
-    return np.int64(data[place]) if place < len(data) else np.int64(0)
+    return int(np.int64(data[place])) if place < len(data) else 0
 
 
 @compiled(inner=True)
 def _unsigned(data: Bytes, cursor: Numbers) -> int:
-    value = np.int64(0)
+    value = 0
     for k in range(5):
         part = _byte(data, cursor)
         value |= (part & 0x7F) << (7 * k)
         if part < 0x80:
             return value & MASK
     cursor[1] = 1  # no number is longer
-    return np.int64(0)
+    return 0
 
 
 @compiled(inner=True)
@@ -73,7 +73,7 @@ def _extended(value: int, bits: int) -> int:
 
 @compiled(inner=True)
 def _little(data: Bytes, cursor: Numbers, size: int) -> int:
-    value = np.int64(0)
+    value = 0
     for k in range(size):
         value |= _byte(data, cursor) << (8 * k)
     return _extended(value, 8 * size)
@@ -113,10 +113,10 @@ def _three(data: Bytes, cursor: Numbers, variable: bool, out: Numbers) -> None:
 def _four(data: Bytes, cursor: Numbers, out: Numbers) -> None:
     """Read four numbers of 0, 4, 8 or 16 bits, which are written half byte by half byte."""
     head = _byte(data, cursor)
-    held, has_held = np.int64(0), False
+    held, has_held = 0, False
     for k in range(4):
         halves = (0, 1, 2, 4)[(head >> (2 * k)) & 3]
-        value = np.int64(0)
+        value = 0
         for _ in range(halves):
             if not has_held:
                 held = _byte(data, cursor)
@@ -192,7 +192,7 @@ def _fields(data: Bytes, cursor: Numbers, encodings: Numbers, group: Numbers, ou
 @compiled(inner=True)
 def _is_logged(iteration: int, setting: Numbers) -> bool:
     place = iteration % setting[I_INTERVAL] + setting[P_PART] - 1
-    return place % setting[P_OF] < setting[P_PART]
+    return bool(place % setting[P_OF] < setting[P_PART])
 
 
 @compiled(inner=True)
@@ -211,7 +211,7 @@ def _predicted(
     predictor: int, k: int, is_signed: bool, now: Numbers, past: Numbers, setting: Numbers
 ) -> int:
     """Return what a predictor expects for field k; `past` has the last two frames."""
-    last, before = past[0, k], past[1, k]
+    last, before = int(past[0, k]), int(past[1, k])
     if predictor == 1:
         return last
     if predictor == 2:
@@ -222,25 +222,25 @@ def _predicted(
             return (total & MASK) >> 1
         return -((-total) >> 1) if total < 0 else total >> 1
     if predictor == 4:
-        return setting[MIN_THROTTLE]
+        return int(setting[MIN_THROTTLE])
     if predictor == 5:
-        return now[setting[MOTOR0]]
+        return int(now[setting[MOTOR0]])
     if predictor == 6:
         return _next_iteration(last, setting)
     if predictor == 8:
-        return np.int64(1500)
+        return 1500
     if predictor == 9:
-        return setting[VBAT]
+        return int(setting[VBAT])
     if predictor == 11:
-        return setting[MIN_MOTOR]
-    return np.int64(0)
+        return int(setting[MIN_MOTOR])
+    return 0
 
 
 @compiled(inner=True)
 def _event(data: Bytes, cursor: Numbers, state: Numbers) -> None:
     """Read an event; the end of the log and a pause of it change the state."""
     kind = _byte(data, cursor)
-    if kind == 0 or kind == 15 or kind == 40:  # beep, disarmed, failure of the IMU
+    if kind in (0, 15, 40):  # beep, disarmed, failure of the IMU
         _unsigned(data, cursor)
     elif kind == 30:  # mode
         _unsigned(data, cursor)
@@ -273,7 +273,7 @@ def _follows(now: Numbers, setting: Numbers, state: Numbers) -> bool:
     if steps == 0 or steps > MASK >> 1 or time > MASK >> 1:
         return False
     if not state[SEARCHES]:
-        return time < LONGEST_STEP
+        return bool(time < LONGEST_STEP)
     past_steps = (state[LAST_ITERATION] - state[FIRST_ITERATION]) & MASK
     past_time = (state[LAST_TIME] - state[FIRST_TIME]) & MASK
     if now[setting[ITERATION]] % setting[I_INTERVAL]:
@@ -281,7 +281,7 @@ def _follows(now: Numbers, setting: Numbers, state: Numbers) -> bool:
     if past_steps == 0:
         return True
     usual = steps * (past_time / past_steps)
-    return 0.5 * usual <= time + 1 and time <= 2.0 * usual + SLACK
+    return bool(0.5 * usual <= time + 1 and time <= 2.0 * usual + SLACK)
 
 
 @compiled(inner=True)
@@ -313,7 +313,7 @@ def _main_frame(
 
 
 @compiled(inner=True)
-def _kept(now: Numbers, rows: Numbers, count: int, setting: Numbers, state: Numbers) -> int:
+def _kept(now: Numbers, count: int, setting: Numbers, state: Numbers) -> int:
     """Return the number of rows before this I frame: without those after the one before it if a
     frame is missing in between, because each of them is told by its difference to the one before.
     """
@@ -335,7 +335,7 @@ def decode(
     setting: Numbers,
     state: Numbers,
     past: Numbers,
-    rows: Numbers,
+    rows: npt.NDArray[np.int32],
 ) -> int:
     """Write the I and P frames of a log to `rows` until these are full; return their number.
 
@@ -359,7 +359,7 @@ def decode(
         if letter == INTRA or (letter == INTER and not state[SEARCHES]):
             good = _main_frame(data, cursor, fields, setting, state, past, now)
             if good and letter == INTRA:
-                count = _kept(now, rows, count, setting, state)
+                count = _kept(now, count, setting, state)
                 state[LAST_I], state[STARTED], state[SEARCHES] = count, 1, 0
                 past[1, :width] = now
             if good and state[STARTED]:

@@ -180,7 +180,7 @@ def _split(
     name: str, rows: npt.NDArray[np.void], field: str | None
 ) -> dict[str, npt.NDArray[np.void] | None]:
     """Return the tables of the instances of a kind."""
-    if field is None or not rows.dtype[field].kind in "iu":
+    if field is None or rows.dtype[field].kind not in "iu":
         return {name: rows}
     return {
         f"{name}#{one}" if one else name: rows[rows[field] == one]

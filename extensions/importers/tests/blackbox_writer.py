@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from extensions.importers.readers.blackbox import MAGIC
 
@@ -32,7 +33,7 @@ def header(
     names: Sequence[str],
     intra: Sequence[tuple[int, int]],
     inter: Sequence[tuple[int, int]] = (),
-    **lines: object,
+    **lines: Any,
 ) -> bytes:
     """Return a header; predictor and encoding of each field of I and of P frames.
 
@@ -63,7 +64,7 @@ def header(
     return out
 
 
-def flight_log(rows: Sequence[Sequence[int]], **lines: object) -> bytes:
+def flight_log(rows: Sequence[Sequence[int]], **lines: Any) -> bytes:
     """Return a log of rows of FLIGHT, whose first column counts from 0: an I frame and 31 P."""
     out = header(FLIGHT, [(0, 1), (0, 1), *[(0, 0)] * 6], **lines)
     for k, row in enumerate(rows):

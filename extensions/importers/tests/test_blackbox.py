@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -88,7 +89,7 @@ def test_each_encoding_byte_by_byte(
 
 def test_four_numbers_of_data_version_1(tmp_path: Path) -> None:
     names = ["a", "b", "c", "d"]
-    lines = {"Data version": 1}
+    lines: dict[str, Any] = {"Data version": 1}
     head = header(["loopIteration", "time", *names], [(0, 1), (0, 1), *[(0, 8)] * 4], **lines)
     log = opened(tmp_path, head + b"I\0\x64" + bytes.fromhex("e5f7803412") + END)
     assert log.read("", names).tolist() == [[7, -1, -128, 0x1234]]
@@ -98,7 +99,12 @@ def test_each_predictor(tmp_path: Path) -> None:
     names = ["a", "b", "c", "d", "e", "u", "motor[0]", "motor[1]"]
     intra = [(0, 1), (0, 1), *[(one, 0) for one in (0, 0, 0, 4, 9, 8, 11, 5)]]
     inter = [(6, 9), (2, 0), *[(one, 0) for one in (1, 2, 3, 1, 1, 3, 3, 3)]]
-    lines = {"P interval": "1/2", "minthrottle": 1070, "vbatref": 163, "motorOutput": "88,2047"}
+    lines: dict[str, Any] = {
+        "P interval": "1/2",
+        "minthrottle": 1070,
+        "vbatref": 163,
+        "motorOutput": "88,2047",
+    }
     frames = [
         b"I" + unsigned(0) + unsigned(1000),
         *map(signed, (10, 10, -6, 5, -3, 1, 12, -4)),
@@ -115,7 +121,11 @@ def test_each_predictor(tmp_path: Path) -> None:
 
 
 def test_slow_and_gps_frames_and_events_are_passed_over(tmp_path: Path) -> None:
-    lines = {"Field S encoding": "1,1,7,7,7", "Field G encoding": "1,0", "Field H encoding": "0"}
+    lines: dict[str, Any] = {
+        "Field S encoding": "1,1,7,7,7",
+        "Field G encoding": "1,0",
+        "Field H encoding": "0",
+    }
     between = b"S\x01\x02\x1bG\x05\x06H\x07E\x00\x09E\x1e\x01\x02E\x0f\x03"
     whole = flight_log(ROWS[:64], **lines)
     at = len(flight_log(ROWS[:1], **lines)) - len(END)
@@ -148,7 +158,7 @@ def test_a_log_that_is_cut_off(tmp_path: Path) -> None:
 
 def test_a_flight_is_what_it_was(tmp_path: Path) -> None:
     path = tmp_path / "flight.bfl"
-    lines = {"Log start datetime": "2024-05-06T07:08:09.000+00:00"}
+    lines: dict[str, Any] = {"Log start datetime": "2024-05-06T07:08:09.000+00:00"}
     path.write_bytes(flight_log(ROWS, **lines))
     found, flight = read_flight(path), make_flight()
     assert np.abs(found.imu.angular_velocity_b - flight.rate).max() < np.radians(0.51)
