@@ -42,7 +42,10 @@ EXTENSION = Extension(
         ),
     ),
     judged=(
-        Judged(Evidence.PEER, "pyulog, rosbags and the data sets that docs/importing.md names"),
+        Judged(
+            Evidence.PEER,
+            "pyulog, rosbags, logs of Betaflight 3 and data sets that docs/importing.md names",
+        ),
     ),
     docs="importing.md",
 )

@@ -28,7 +28,7 @@ EXTENSION = Extension(
             target=".tlog:TlogTables.opened",
         ),
     ),
-    judged=(Judged(Evidence.PEER, "MAVSDK 4 and pymavlink"),),
+    judged=(Judged(Evidence.PEER, "MAVSDK 4, pymavlink, telemetry logs of ArduPilot"),),
     libraries={"pymavlink": "`scripts/setup mavlink` or `pip install 'quadlab[mavlink]'`"},
     docs="extending/mavlink.md",
 )

@@ -124,6 +124,16 @@ def test_a_restart_of_the_vehicle_begins_new_tables(
     assert "no estimate" not in told
 
 
+def test_a_telemetry_of_four_hertz_is_not_taken_for_another_unit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = [flight(1, start_ms=BOOT_MS + 250 * k) for k in range(200)]
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(b"".join(one for part in parts for one in part))
+    assert main(["log", "import", str(path), "--data", str(tmp_path / "lab")]) == 0
+    assert "200 IMU samples" in capsys.readouterr().out
+
+
 def test_other_vehicles_and_unknown_messages_are_kept_apart(tmp_path: Path) -> None:
     [_, attitude, _] = messages(1)
     unknown = bytearray(record(attitude, ARRIVAL_US))
