@@ -27,8 +27,14 @@ from quadrotor.records import Array
 MAGIC = b"H Product:Blackbox flight data recorder by Nicholas Sherlock"
 LINE = re.compile(rb"H ([^:\n]{1,200}):([^\n]{0,4000})\n")
 GYROSCOPE, ACCELEROMETER = ("gyroADC", "gyroUnfilt"), ("accSmooth",)
-MOST_VALUES = 1 << 28
+MOST_BYTES = 400_000_000
+MOST_VALUES = 1 << 27
 """Largest number of values that a log can have by its length and its header."""
+LONGEST_INTERVAL = 4096
+"""Iterations between two I frames; firmware writes up to 1024."""
+FIRST_YEAR, LAST_YEAR = 2000, 2105
+RADIANS_BELOW = 1e-6
+"""A smaller scale of the gyroscope is in rad/us, as Baseflight wrote it."""
 DEGREES = 180.0 / np.pi
 
 
@@ -56,6 +62,8 @@ class BlackboxTables(FileTables):
         """Read the file. Raises LogFormatError."""
         super().__init__(path)
         self.units = {"time": "us"}
+        if path.stat().st_size > MOST_BYTES:
+            raise LogFormatError(f"{path.name} has more than {MOST_BYTES // 10**6} MB: cut it")
         data = path.read_bytes()
         starts = [one.start() for one in re.finditer(re.escape(MAGIC), data)]
         self._logs: dict[str, Log | None] = {}
@@ -149,15 +157,15 @@ def _no_accelerometer(log: Log, names: list[str]) -> str:
 
 def _one_g(header: Mapping[str, str]) -> int:
     """Return how many counts of the accelerometer are 1 g; 0 without one."""
-    return int(header.get("acc_1G", "0"))
+    return max(int(header.get("acc_1G", "0")), 0)
 
 
 def _degrees(header: Mapping[str, str]) -> float:
     """Return deg/s of a count of the gyroscope. Raises ValueError."""
     text = header.get("gyro_scale", header.get("gyro.scale", "0x3f800000"))
     (scale,) = struct.unpack(">f", int(text, 0).to_bytes(4, "big"))
-    if header.get("Firmware type", "Cleanflight") != "Cleanflight":
-        scale *= 1e6 * DEGREES  # Baseflight: rad/us
+    if abs(scale) < RADIANS_BELOW:
+        scale *= 1e6 * DEGREES
     return float(scale) / (10.0 if header.get("blackbox_high_resolution", "0") != "0" else 1.0)
 
 
@@ -168,6 +176,8 @@ def _epoch(log: Log) -> int | None:
     except ValueError:  # the year 0, without a clock
         return None
     start = start if start.tzinfo else start.replace(tzinfo=UTC)
+    if not FIRST_YEAR <= start.year <= LAST_YEAR:
+        return None
     first = int(log.rows[:1, log.names.index("time")].view(np.uint32)[0])
     return round(start.timestamp() * 1e6) * 1000 - first * 1000
 
@@ -197,7 +207,7 @@ def _read(data: bytes, where: str) -> Log:
     return Log(
         header,
         names,
-        rows[:count].copy(),
+        rows[:count],
         damages=int(state[frames.DAMAGED]) - int(state[frames.SEARCHES]),
         ended=bool(state[frames.ENDED]),
         left=len(rest),
@@ -283,6 +293,8 @@ def _setting(header: Mapping[str, str], names: list[str], fields: frames.Numbers
     ]
     if setting[frames.P_OF] == 0:  # I frames alone
         setting[frames.P_OF] = setting[frames.I_INTERVAL]
+    if setting[frames.I_INTERVAL] > LONGEST_INTERVAL:
+        raise ValueError(f"its I interval is {setting[frames.I_INTERVAL]}")
     if min(setting[frames.I_INTERVAL : frames.MIN_THROTTLE]) < 1:
         raise ValueError("its intervals are no numbers above 0")
     for row in (frames.I_PREDICTOR, frames.P_PREDICTOR):

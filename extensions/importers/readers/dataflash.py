@@ -8,6 +8,7 @@ GPL and therefore not used.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections import defaultdict
 from collections.abc import Collection
@@ -35,6 +36,7 @@ TEXTS = {"n": "S4", "N": "S16", "Z": "S64", "a": "V64"}
 TIME, OLD_TIME = "TimeUS", "TimeMS"
 """Columns of time in µs, and in ms as firmware until 2015 wrote it, from which TIME is made."""
 GPS_EPOCH, LEAP, WEEK = 315_964_800, 18, 604_800  # s: 1980-01-06 since 1970; until UTC, since 2017
+LAST_WEEK = 6600  # 2106
 INFO = 20  # level of rcl_interfaces/Log
 
 
@@ -93,7 +95,9 @@ class DataFlashTables(FileTables):
         for name in names:
             is_old = name == TIME and name not in letters
             stored = OLD_TIME if is_old else name
-            found = rows[stored].astype(np.float64) / NUMBERS[letters[stored]][1]
+            with np.errstate(invalid="ignore"):  # NaN of any kind
+                found = rows[stored].astype(np.float64)
+            found /= NUMBERS[letters[stored]][1]
             columns.append(1000.0 * found if is_old else found)
         return np.stack(columns, axis=1)
 
@@ -149,16 +153,18 @@ def _kind(data: bytes, at: int, name: str) -> tuple[int, Kind]:
     """Return number and description of the kind that an `FMT` describes. Raises LogFormatError."""
     number, size, *texts = FORMAT.unpack_from(data, at + 3)
     title, letters, fields = (one.split(b"\0")[0].decode("latin-1") for one in texts)
+    title = re.sub(r"\W", "?", title, flags=re.ASCII)
     columns = [one for one in fields.split(",") if one]
     known = [NUMBERS[one][0] if one in NUMBERS else TEXTS.get(one, "") for one in letters]
     layout = None
-    if all(known) and len(columns) == len(known) == len(set(columns)):
+    words = all(re.fullmatch(r"\w{1,16}", one, re.ASCII) for one in columns)
+    if words and all(known) and len(columns) == len(known) == len(set(columns)):
         layout = np.dtype([("", "V3"), *zip(columns, known, strict=True)])
     if layout is None or layout.itemsize != size:
         layout = np.dtype([("", f"V{max(size, 3)}")])  # a kind without columns
         columns, letters = [], ""
     if size < 3:
-        raise LogFormatError(f"{name}: messages {title!r} of {size} bytes cannot be")
+        raise LogFormatError(f"{name}: messages {title!r:.20} of {size} bytes cannot be")
     return number, Kind(title, size, dict(zip(columns, letters, strict=True)), layout)
 
 
@@ -192,7 +198,7 @@ def _epoch(rows: npt.NDArray[Any] | None) -> int | None:
     """Return the time at which the vehicle's clock was 0, ns, by GPS, if it had the date."""
     if rows is None or not {TIME, "GWk", "GMS"} <= set(rows.dtype.names or ()):
         return None
-    dated = rows[rows["GWk"] > 0]
+    dated = rows[(rows["GWk"] > 0) & (rows["GWk"] < LAST_WEEK) & (rows[TIME] < WEEK * 10**9)]
     if not len(dated):
         return None
     first = dated[0]

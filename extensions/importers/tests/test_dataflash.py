@@ -159,3 +159,17 @@ def test_noise_is_refused_in_a_line(tmp_path: Path) -> None:
         with pytest.raises(LogFormatError) as refused:
             read_flight(path)
         assert "\n" not in str(refused.value)
+
+
+def test_a_date_that_cannot_be_and_names_that_are_none(tmp_path: Path) -> None:
+    log = flight_of(60)
+    log.describe("\nIMU", "QI", "TimeUS,A\nB")
+    log.write("\nIMU", 1, 2)
+    path = tmp_path / "flight.bin"
+    path.write_bytes(
+        log.data.replace(struct.pack("<IH", 10**8, 2300), struct.pack("<IH", 5, 65535))
+    )
+    tables = DataFlashTables(path, {"IMU", "?IMU"})
+    assert tables.epoch_ns is None
+    assert "?IMU" in tables.tables()
+    assert tables.columns("?IMU") == []
