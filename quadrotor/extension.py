@@ -115,10 +115,18 @@ class Importer(Offer):
 
     Attributes:
         starts: the first bytes of such files, by which they are recognised.
+        pattern: a regular expression of how such files begin, where no bytes are the same in all
+            of them; asked after `starts` of all formats.
     """
 
     kind: ClassVar[str] = "importer"
-    starts: tuple[bytes, ...]
+    starts: tuple[bytes, ...] = ()
+    pattern: bytes = b""
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for a format that cannot be recognised."""
+        if not any(self.starts) and not self.pattern:
+            raise ValueError(f"the importer {self.name!r} needs starts or a pattern")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,11 +19,14 @@ class Import:
     clocks against gravity and motion (docs/importing.md)."""
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
-    """the recorded flight: ULog, a ROS bag, µSD of a Crazyflie, CSV, HDF5, NumPy"""
+    """the recorded flight: ULog, Betaflight's or ArduPilot's log, tlog, a ROS bag, µSD of a
+    Crazyflie, CSV, HDF5, NumPy"""
     mapping: Annotated[str | None, optional("NAME_OR_FILE")] = None
     """meaning of the columns: the name of a mapping that comes with quadlab, or a TOML file"""
     truth: File = None
     """file of the mapping's [truth], instead of the one that it names"""
+    table: Annotated[str | None, optional("TABLE")] = None
+    """table of the IMU, instead of the mapping's; of Betaflight's logs the number in the file"""
     name: Annotated[str | None, optional()] = None
     """name of the vehicle (default: the mapping's)"""
     torn: Flag = False
@@ -38,7 +41,9 @@ class Import:
         from console.runs.adoption import described
         from extensions.importers.importing import NewRun, read_flight, shown
 
-        flight = read_flight(self.file, self.mapping, truth=self.truth, torn=self.torn)
+        flight = read_flight(
+            self.file, self.mapping, truth=self.truth, table=self.table, torn=self.torn
+        )
         flight.vehicle = self.name or flight.vehicle
         new = NewRun(flight, self.file)
         catalogue = Catalogue(open_data_folder(self.data))

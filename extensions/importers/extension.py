@@ -28,11 +28,24 @@ EXTENSION = Extension(
             name="mcap", starts=(b"\x89MCAP0\r\n",), target=".readers.mcap_tables:McapTables.opened"
         ),
         Importer(
+            name="blackbox",
+            starts=(b"H Product:Blackbox flight data recorder by Nicholas Sherlock",),
+            target=".readers.blackbox:BlackboxTables.opened",
+        ),
+        Importer(
+            name="dataflash",
+            starts=(b"\xa3\x95\x80",),
+            target=".readers.dataflash:DataFlashTables.opened",
+        ),
+        Importer(
             name="rosbag", starts=(b"#ROSBAG V2",), target=".readers.ros_bags:BagTables.opened"
         ),
     ),
     judged=(
-        Judged(Evidence.PEER, "pyulog, rosbags and the data sets that docs/importing.md names"),
+        Judged(
+            Evidence.PEER,
+            "pyulog, rosbags, logs of Betaflight 3 and data sets that docs/importing.md names",
+        ),
     ),
     docs="importing.md",
 )

@@ -42,7 +42,9 @@ class Files:
         if path not in self._opened:
             if rows.file and not path.exists():
                 raise StorageError(f"{path}, which the mapping names, is not a file")
-            self._opened[path] = self._stack.enter_context(source_of(path, self._wanted))
+            source = self._stack.enter_context(source_of(path, self._wanted))
+            self._opened[path] = source
+            self.notes += source.notes
         return self._opened[path]
 
     def read(
@@ -52,7 +54,7 @@ class Files:
         source = self.source(rows)
         where = f"{source.path.name}, [{section}]"
         if rows.table not in source.tables():
-            tables = ", ".join(sorted(source.tables())[:20]) or "none"
+            tables = ", ".join(sorted(filter(None, source.tables()))[:20]) or "none"
             raise LogFormatError(f"{where}: there is no table {rows.table!r}; there are {tables}")
         known = source.columns(rows.table)
         if rows.time is not None:
@@ -65,10 +67,11 @@ class Files:
         self._check_whole(source)
         edges = np.cumsum([len(found) for found in names.values()])[:-1]
         parts = dict(zip(names, np.split(table, edges, axis=1), strict=True))
+        certain = False
         if rows.time is None:
             seconds = np.arange(len(table)) / (rows.rate or 1.0)
         else:
-            self._check_unit(source, names["time"][0], rows.time_unit, where)
+            certain = self._check_unit(source, names["time"][0], rows.time_unit, where)
             seconds = parts.pop("time")[:, 0]
         known_rows = np.isfinite(seconds) & np.isfinite(table).all(axis=1)
         if lost := int((~known_rows).sum()):
@@ -77,21 +80,31 @@ class Files:
         known_rows &= possible
         self.notes += notes
         unit = "s" if rows.time is None else rows.time_unit
-        seconds = self._rising(seconds, known_rows, unit, section, where)
+        seconds = self._rising(seconds, known_rows, unit, section, where, certain=certain)
         kept = self._kept
         return [seconds * rows.time_scale, *(one[known_rows][kept] for one in parts.values())]
 
-    def _check_unit(self, source: Source, name: str, stated: str, where: str) -> None:
-        """Raise LogFormatError where the file's header names another unit than the mapping."""
+    def _check_unit(self, source: Source, name: str, stated: str, where: str) -> bool:
+        """Return whether the file tells the unit of its time. Raises LogFormatError where it is
+        another one than the mapping's.
+        """
         written = source.units.get(name, "")
         if (told := unit_of(written)) and told != stated and told in TIME_UNITS:
             raise LogFormatError(
                 f"{where}: the header has {name!r} in {written}, the mapping in {stated}: write "
                 f'time_unit = "{told}", or correct the header'
             )
+        return told == stated
 
     def _rising(
-        self, stamps: Array, known: npt.NDArray[np.bool_], unit: str, section: str, where: str
+        self,
+        stamps: Array,
+        known: npt.NDArray[np.bool_],
+        unit: str,
+        section: str,
+        where: str,
+        *,
+        certain: bool,
     ) -> Array:
         """Return rising times in s without duplicates. Raises LogFormatError."""
         fewest = 1 if section == "battery" else FEWEST
@@ -101,7 +114,7 @@ class Files:
         seconds = stamps[known]
         if len(rows) > 1:
             rates = RATES_OF_IMU if section == "imu" else RATES
-            seconds, notes = judged_seconds(seconds, unit, rows, rates, where)
+            seconds, notes = judged_seconds(seconds, unit, rows, rates, where, certain=certain)
             self.notes += notes
         self._kept = np.concatenate([[True], np.diff(seconds) > 0.0])
         if same := int((~self._kept).sum()):

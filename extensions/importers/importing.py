@@ -20,35 +20,43 @@ from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError, UsageError, os_errors
 
 DEFAULT_VEHICLE = "imported"
-DEFAULTS = {"mcap": "rosbag"}
+DEFAULTS = {"mcap": "rosbag", "dataflash": "ardupilot", "tlog": "mavlink"}
 """Mappings of formats that have none of their own name."""
 EXAMPLE = "--mapping NAME_OR_FILE"
 
 
 def read_flight(
-    path: Path, mapping: str | None = None, *, truth: Path | None = None, torn: bool = False
+    path: Path,
+    mapping: str | None = None,
+    *,
+    truth: Path | None = None,
+    table: str | None = None,
+    torn: bool = False,
 ) -> ImportedFlight:
     """Read and check a recorded flight.
 
     Args:
         mapping: name or file; None: the format's default.
         truth: the file of its [truth], instead of the one that the mapping names.
+        table: the table of its [imu], and of sections with the same table, instead of the
+            mapping's.
         torn: whether a truncated file is read up to its end.
 
     Raises LogFormatError, StorageError or UsageError with what was found and what to try.
     """
     kind = format_of(path)
     if mapping is None:
-        kind = DEFAULTS.get(kind, kind)
-        if kind not in names():
+        mapping = DEFAULTS.get(kind, kind)
+        if mapping not in names():
             raise UsageError(
                 f"{path.name} is {kind}, whose columns can be anything: say with {EXAMPLE} which "
                 f"are what; there are {', '.join(names())} (docs/importing.md)"
             )
-        mapping = kind
     found = load_mapping(mapping)
     if truth is not None:
         found = _with_truth(found, truth, mapping)
+    if table is not None:
+        found = found.with_table(table)
     raw = read_raw(path, found, torn=torn)
     vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
     modified_ns = path.stat().st_mtime_ns

@@ -9,7 +9,7 @@ import difflib
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -114,6 +114,24 @@ class Mapping(Strict):
         rows: list[Rows | None] = [self.imu, self.battery, *tracks]
         rows += [one.attitude for one in tracks]
         return {one.table for one in rows if one}
+
+    def with_table(self, name: str) -> Self:
+        """Return the mapping with another table in [imu], and in sections with the same table.
+
+        A name that adds "@2" to that of [imu] adds it to those of all sections: they are tables of
+        one start of the vehicle.
+        """
+        found = self.model_copy(deep=True)
+        stem, at, number = name.partition("@")
+        tracks = [one for one in (found.truth, found.estimate) if one]
+        rows: list[Rows | None] = [found.battery, *tracks, *(one.attitude for one in tracks)]
+        for one in rows:
+            if one and not one.file and one.table == self.imu.table:
+                one.table = name
+            elif one and not one.file and at and stem == self.imu.table:
+                one.table += at + number
+        found.imu.table = name
+        return found
 
 
 def names() -> list[str]:

@@ -42,7 +42,13 @@ RATES = Rates((0.5, 10_000.0), 40_000.0)
 
 
 def judged_seconds(
-    stamps: Array, unit: str, rows: npt.NDArray[np.int64], rates: Rates, where: str
+    stamps: Array,
+    unit: str,
+    rows: npt.NDArray[np.int64],
+    rates: Rates,
+    where: str,
+    *,
+    certain: bool = False,
 ) -> tuple[Array, list[str]]:
     """Return stamps in s, and notes.
 
@@ -50,13 +56,15 @@ def judged_seconds(
         stamps: (N,), finite, N > 1, in `unit`.
         rows: (N,), their rows in the file, from 1.
         where: the file and the section of the mapping.
+        certain: whether the file itself tells the unit, so that no other one is thought of.
 
     Raises LogFormatError.
     """
     stamps, notes = _continued(stamps, rows, where)
     seconds = stamps * TIME_UNITS[unit]
     steps = np.diff(seconds)
-    fitting = [one for one in TIME_UNITS if one != unit and _fits(stamps * TIME_UNITS[one], rates)]
+    others = [one for one in TIME_UNITS if one != unit and not certain]
+    fitting = [one for one in others if _fits(stamps * TIME_UNITS[one], rates)]
     hint = f'write time_unit = "{fitting[0]}", which fits' if fitting else ""
     is_right = "is time the right column?"
     if back := np.flatnonzero(steps < 0.0).tolist():

@@ -31,6 +31,8 @@ from quadrotor.records import STATE, Array
 
 CALM = 0.15
 """m/s² rms below which acceleration is too small to judge by."""
+SLOW = 0.1
+"""s between samples of an IMU by which no acceleration of a multicopter can be told."""
 SLIGHT = (math.radians(0.2), math.radians(5.0))
 """Range of the angle, in rad, between the truth's and the IMU's body axes that is corrected: how
 marker frames are mounted."""
@@ -219,6 +221,9 @@ class Checked:
         own, flown = own[inner] - own[inner].mean(axis=0), flown[inner] - flown[inner].mean(axis=0)
         if len(own) < 100 or np.sqrt((own**2).sum(axis=1).mean()) < CALM:
             self._notes.append(f"[{raw.name}] too calm: its positions' world and unit not checked")
+            return
+        if np.median(np.diff(self._seconds)) > SLOW:
+            self._notes.append(f"[{raw.name}] IMU too slow: its positions' world not checked")
             return
         turn = best_turn(flown, own)
         share = math.sqrt(turn.explained)

@@ -1,6 +1,6 @@
 """The declaration of the extension `mavlink`."""
 
-from quadrotor.extension import Command, Evidence, Extension, Group, Judged
+from quadrotor.extension import Command, Evidence, Extension, Group, Importer, Judged
 
 EXTENSION = Extension(
     name="mavlink",
@@ -22,8 +22,13 @@ EXTENSION = Extension(
                 ),
             },
         ),
+        Importer(
+            name="tlog",
+            pattern=rb"\0[\x04-\x0f].{6}[\xfe\xfd]",  # time of arrival, us since 1970; a packet
+            target=".tlog:TlogTables.opened",
+        ),
     ),
-    judged=(Judged(Evidence.PEER, "MAVSDK 4 and pymavlink"),),
+    judged=(Judged(Evidence.PEER, "MAVSDK 4, pymavlink, telemetry logs of ArduPilot"),),
     libraries={"pymavlink": "`scripts/setup mavlink` or `pip install 'quadlab[mavlink]'`"},
     docs="extending/mavlink.md",
 )

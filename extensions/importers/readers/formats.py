@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -40,11 +41,17 @@ def format_of(path: Path) -> str:
         raise LogFormatError(f"{path.name} is empty")
     known = registry().offers(Importer, taken=(TEXT,))
     found = next((n for n, one in known.items() if head.startswith(one.offer.starts)), None)
+    if found is None:
+        found = next((n for n, one in known.items() if _begins(head, one.offer.pattern)), None)
     if found is None and b"\0" in head and not head.startswith(UTF16):
         raise LogFormatError(
             f"{path.name} has an unknown format; known are {', '.join((*known, TEXT))}"
         )
     return found or TEXT
+
+
+def _begins(head: bytes, pattern: bytes) -> bool:
+    return bool(pattern) and re.match(pattern, head, re.DOTALL) is not None
 
 
 def _is_packed(path: Path) -> bool:

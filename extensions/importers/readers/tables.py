@@ -27,6 +27,8 @@ class Source(Protocol):
     """Time on the clock of its tables (s), level and text."""
     units: dict[str, str]
     """Units of columns as the file writes them, where it does."""
+    notes: list[str]
+    """What a user should know about the file, in sentences."""
 
     def tables(self) -> list[str]: ...
 
@@ -45,6 +47,7 @@ class FileTables:
         self.epoch_ns: int | None = None
         self.torn = ""
         self.events: list[tuple[float, int, str]] = []
+        self.notes: list[str] = []
         self.units: dict[str, str] = {}
 
     @classmethod

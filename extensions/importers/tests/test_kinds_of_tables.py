@@ -13,10 +13,12 @@ from zstandard import ZstdCompressor
 
 from extensions.importers.flight import ImportedFlight
 from extensions.importers.importing import read_flight
+from extensions.importers.readers.formats import format_of
 from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.foreign_flight import make_flight
 from quadlab.__main__ import main
 from quadrotor.errors import LogFormatError
+from quadrotor.extension import Importer
 from quadrotor.records import Array
 
 FLIGHT = make_flight()
@@ -232,3 +234,14 @@ def test_a_run_of_quadlab_and_a_name_that_is_no_utf_8(
     for own in (log.parent, log):
         assert main(["log", "import", str(own)]) == 1
         assert "is a run of quadlab already" in capsys.readouterr().err
+
+
+def test_a_format_is_recognised_by_a_pattern_after_all_beginnings(tmp_path: Path) -> None:
+    path = tmp_path / "flight"
+    path.write_bytes((1_700_000_000_000_000).to_bytes(8, "big") + b"\xfd\x09\0\0")
+    assert format_of(path) == "tlog"
+    path.write_bytes((1_700_000_000_000_000).to_bytes(8, "big") + b"\xfc\x09\0\0")
+    with pytest.raises(LogFormatError, match="unknown format"):
+        format_of(path)
+    with pytest.raises(ValueError, match="needs starts or a pattern"):
+        Importer(name="none", target=".a:b")
