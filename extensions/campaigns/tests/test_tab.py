@@ -1,4 +1,4 @@
-"""Campaigns on the Fly tab: the list, the drawings of one campaign, and the commands of its rows."""
+"""Campaigns on the Fly tab: the list, the drawings of one, and the commands of its rows."""
 
 from __future__ import annotations
 
