@@ -72,7 +72,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if config.option.markexpr != "alone":
         return None
     below = collection_path.rglob("*.py") if collection_path.is_dir() else [collection_path]
-    return None if any("mark.alone" in file.read_text() for file in below) else True
+    sources = [one for one in below if one.suffix == ".py"]
+    return None if any("mark.alone" in one.read_text() for one in sources) else True
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -34,13 +34,18 @@ def fly_by_dask(work: Work, address: str) -> None:
     with _client(address) as client:
         _check_workers(client, address)
         running: dict[Future[Answer], Task] = {}
+        suspects: list[Task] = []
         ended = as_completed(loop=client.loop)
         fill(work, client, running, ended)
         while running:
             future = next(ended)
             task = running.pop(future)
-            _ended(work, task, future)
+            if not _is_done(work, task, future):
+                suspects.append(task)
             fill(work, client, running, ended)
+        for task in suspects:  # each alone: a scheduler also blames what waited at a worker's death
+            if not _is_done(work, task, submitted(work, client, task)):
+                work.given_up(task.indices[0])
 
 
 def fill(
@@ -49,27 +54,36 @@ def fill(
     """Give the workers tasks, some more than they have threads."""
     threads = max(1, sum(client.nthreads().values()))
     while len(running) < WAITING * threads and (task := work.take(WAITING * threads)) is not None:
-        future = client.submit(_by_value(), task, software(), work.limit, pure=False)
+        future = submitted(work, client, task)
         running[future] = task
         ended.add(future)
 
 
-def _ended(work: Work, task: Task, future: Future[Answer]) -> None:
+def submitted(work: Work, client: Client, task: Task) -> Future[Answer]:
+    """Return the future of a task that is given to the workers."""
+    return client.submit(_by_value(), task, software(), work.limit, pure=False)
+
+
+def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
+    """Take the outcomes of a task; return False for a single flight whose workers have died.
+
+    Raises LinkError, UsageError.
+    """
     from distributed.scheduler import KilledWorker
 
     try:
         refusal, outcomes = future.result()
     except KilledWorker:  # as often as the scheduler allows
-        if len(task.indices) > 1:
-            work.died(task)
-        else:
-            work.given_up(task.indices[0])
-        return
+        if len(task.indices) == 1:
+            return False
+        work.died(task)
+        return True
     except Exception as error:
         raise LinkError(f"a worker of Dask did not fly: {type(error).__name__}: {error}") from error
     if refusal:
         raise UsageError(refusal)
     work.finished(outcomes)
+    return True
 
 
 def _client(address: str) -> Client:

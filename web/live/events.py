@@ -56,14 +56,7 @@ def kept_lines(book: EventBook, history: ParameterHistory) -> list[Message]:
         for one in book.newest()
     ]
     changes = [
-        {
-            "type": "parameter",
-            "name": one.name,
-            "old": one.old,
-            "value": one.new,
-            "requester": one.requester,
-            "stamp": 1e-9 * one.stamp_ns,
-        }
+        parameter_change(one.name, one.old, one.new, one.requester, 1e-9 * one.stamp_ns)
         for one in reversed(history.changes(limit=KEPT))
     ]
     return lines + changes
@@ -138,6 +131,12 @@ class EventHub:
             yield queue
         finally:
             self._pages.discard(queue)
+
+
+def parameter_change(name: str, old: object, new: object, requester: str, stamp: float) -> Message:
+    """Return the message of a changed parameter; `stamp` in s, epoch."""
+    what = {"type": "parameter", "name": name, "old": old, "value": new, "requester": requester}
+    return {**what, "stamp": stamp, "text": f"{name}: {old} → {new}"}
 
 
 def event(

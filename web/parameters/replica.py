@@ -16,6 +16,7 @@ from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from vehicle_link.clock import wall_time
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import ParameterReplica, Snapshot
+from web.live.events import parameter_change
 
 LAYOUT = "station.bearings.layout"
 
@@ -71,18 +72,8 @@ class PageParameters(ParameterReplica):
         revision: int,
     ) -> None:
         for name, value in news.items():
-            self._publish(
-                {
-                    "type": "parameter",
-                    "name": name,
-                    "old": before[name],
-                    "value": value,
-                    "requester": requester,
-                    "revision": revision,
-                    "generation": self.generation,
-                    "stamp": wall_time(),
-                }
-            )
+            change = parameter_change(name, before[name], value, requester, wall_time())
+            self._publish({**change, "revision": revision, "generation": self.generation})
 
     def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
         """Return the values, checked and converted to their types.

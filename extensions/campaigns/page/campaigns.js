@@ -19,9 +19,10 @@ class Campaigns {
     this.shares = element("dl", { className: "shares" });
     const choice = (label) => element("select", { ariaLabel: label, onchange: () => this.read() });
     this.metric = choice("metric"); this.x = choice("factor across"); this.y = choice("factor down");
+    this.by = element("span", {}, "×");
     this.curve = element("div", { className: "drawing" });
     this.map = element("div", { className: "drawing" });
-    this.axes = element("div", { className: "axes" }, this.x, element("span", {}, "×"), this.y);
+    this.axes = element("div", { className: "axes" }, this.x, this.by, this.y);
     this.rows = element("ol", { className: "rows" });
     this.distribution = element("h2", {}, "Distribution");
     this.heading = element("h2", {}, "Medians");
@@ -81,7 +82,7 @@ class Campaigns {
     this.curve.replaceChildren(...(found.ecdf?.values.length ? [drawEcdf(found.ecdf, found.metric)] : []));
     this.distribution.hidden = this.metric.hidden = !found.metric;
     this.heading.hidden = this.axes.hidden = this.map.hidden = !found.heat;
-    this.y.hidden = this.axes.children[1].hidden = !found.y;
+    this.y.hidden = this.by.hidden = !found.y;
     this.map.replaceChildren(...(found.heat ? [drawHeat(found.heat)] : []));
     this.rows.replaceChildren(...found.list.map((row) => this.row(row)));
   }

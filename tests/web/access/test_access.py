@@ -107,6 +107,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "POST /api/experiments/accept": (OPERATOR, {}),
     "POST /api/experiments/reject": (OPERATOR, {}),
     "GET /api/calibrations": (VIEWER, None),
+    "GET /api/campaigns": (VIEWER, None),
+    "GET /api/campaigns/{name}": (VIEWER, None),
     "GET /api/beacons": (VIEWER, None),
     "GET /api/beacons/file": (VIEWER, None),
     "PUT /api/beacons": (OPERATOR, {"preset": "nothing"}),

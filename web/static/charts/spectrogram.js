@@ -123,7 +123,7 @@ const greatestOf = (density) => density.reduce((most, column) => Math.max(most, 
 
 function pictureOf(columns, greatest) {
   const picture = new ImageData(pixelsOf(columns, greatest), columns.length), { width, height } = picture, canvas = element("canvas", { width, height });
-  canvas.getContext("2d").putImageData(picture, 0, 0);
+  /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")).putImageData(picture, 0, 0);
   return canvas;
 }
 

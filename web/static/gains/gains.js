@@ -27,7 +27,7 @@ export class Gains extends Parameters {
     $("modified").addEventListener("change", () => this.filter());
     $("undo").addEventListener("click", () => this.undo());
     document.addEventListener("keydown", (event) => {
-      if (event.key !== "z" || event.shiftKey || !(event.ctrlKey || event.metaKey) || event.target.closest?.(TYPING) || $("undo").disabled) return;
+      if (event.key !== "z" || event.shiftKey || !(event.ctrlKey || event.metaKey) || /** @type {any} */ (event.target)?.closest?.(TYPING) || $("undo").disabled) return;
       event.preventDefault();
       this.undo();
     });
