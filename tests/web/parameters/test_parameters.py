@@ -191,6 +191,7 @@ def test_pages_hear_only_news_as_of_the_flights_clock(monkeypatch: pytest.Monkey
         "revision": 4,
         "generation": replica.generation,
         "stamp": 86_400.0,
+        "text": "gains.kp: 4.0 → 5.0",
     }
 
 
