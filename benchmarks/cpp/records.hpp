@@ -111,7 +111,7 @@ struct Onboard {
 struct Plant {
     double x[13], rotor_speeds[4], specific_force_b[3], disturbance_w[3], charge, voltage;
     Model model;
-    double thrust_efficiency, drag, stiffness, damping, friction, rest_depth, capacity, resistance;
+    double thrust_efficiency, drag, stiffness, damping, friction, rest_depth, floor_w[3], capacity, resistance;
     double battery_nominal, battery_exponent, battery_share;
     double air_w[3], wind_w[3], gust, gust_time, motor_gain[4], ground_effect, air_share;
     double gusts[5], rotor_drag_b[3], inflow_loss, rotor_turns[4];
