@@ -5,32 +5,21 @@ from __future__ import annotations
 import ipaddress
 import socket
 import tarfile
-import threading
-import time
-from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from console.link.known_vehicles import KnownVehicles
 from quadlab.__main__ import main
 from quadrotor.errors import StorageError, UsageError
-from quadrotor.records import TICK
 from tests.waiting import free_port
-from vehicle_link import topics
 from vehicle_link.security.authority import TlsFiles, check_certificate, ensure_certificates
 from vehicle_link.security.certificates import load_certificate
-from vehicle_link.serial.ids import THE_ONE
-from vehicle_link.telemetry import pack
-from vehicle_link.topics import TOPICS
 from vehicle_link.transport import quic_probe
-from vehicle_link.transport.node import Node
 from vehicle_link.transport.quic_probe import ProbeResult, own_networks, probe, probe_all
 from vehicle_link.transport.session import vehicle_session
-from vehicle_link.transport.time_sync import serve_time_sync
-from vehicle_link.transport.whoami import serve_whoami
 
 
 def _link(data: Path, *words: str) -> int:
@@ -128,47 +117,10 @@ def test_known_vehicles_survive_in_their_order(tmp_path: Path) -> None:
     assert known.resolved(words) == ["quad1=[fe80::1]:7000", "quad3=10.0.0.3", "10.0.0.4"]
 
 
-@pytest.fixture(scope="module")
-def tls(tmp_path_factory: pytest.TempPathFactory) -> TlsFiles:
-    return ensure_certificates(tmp_path_factory.mktemp("tls"))
-
-
-@pytest.fixture(scope="module")
-def vehicle(tls: TlsFiles) -> Iterator[int]:
-    """Yield the port of a vehicle that sends telemetry, of which every tenth packet is missing."""
-    port, closing = free_port(socket.SOCK_DGRAM), threading.Event()
-    session: Any = vehicle_session(port, tls, "127.0.0.1")
-    node = Node(session, "/quad5", "vehicle")
-    serve_time_sync(node, lambda: time.time_ns() + 3_600_000_000_000)  # an hour ahead
-    serve_whoami(node, "quad5", 3, THE_ONE)
-    telemetry = node.advertise(TOPICS["telemetry"])
-    beats = node.advertise(TOPICS["vehicle_heartbeat"])
-    holders: list[int] = [0]
-    node.subscribe(
-        "station_heartbeat",
-        TOPICS["station_heartbeat"].type_name,
-        lambda received: holders.append(topics.decode_heartbeat(received.payload).instance),
-    )
-
-    def run() -> None:
-        ticks, k = np.zeros(1, TICK), 0
-        while not closing.wait(0.01):
-            k += 1
-            ticks["imu"]["stamp_ns"] = time.time_ns()
-            if k % 10:
-                telemetry.put(pack(ticks, k))
-            beats.put(topics.encode_heartbeat(k, time.time_ns(), 3, holders[-1]))
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    yield port
-    closing.set()
-    thread.join()
-    session.close()
-
-
-def test_a_knock_tells_who_is_there(vehicle: int) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mute:
+def test_a_knock_tells_who_is_there(tmp_path: Path) -> None:
+    vehicle = free_port(socket.SOCK_DGRAM)
+    session: Any = vehicle_session(vehicle, ensure_certificates(tmp_path), "127.0.0.1")
+    with closing(session), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mute:
         mute.bind(("127.0.0.1", 0))
         places = [("127.0.0.1", vehicle), ("127.0.0.1", free_port(socket.SOCK_DGRAM))]
         assert list(probe_all(places).values()) == [ProbeResult.ANSWERS, ProbeResult.CLOSED]
