@@ -25,6 +25,7 @@ from quadrotor.errors import (
     UsageError,
 )
 from web import uplot
+from web.access.invitation_link import link_and_code
 from web.access.passwords import BusyError
 from web.access.requester import Admin, Asker, Operator
 from web.access.roles import Role, Session
@@ -181,15 +182,16 @@ def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
 
 def _add_invitations(app: FastAPI, context: VehicleContext) -> None:
     @app.post("/api/invitations")
-    def invite(body: InvitationBody, session: Operator) -> dict[str, str]:
-        """Make a sign-in link for one more browser.
+    def invite(body: InvitationBody, session: Operator) -> dict[str, Any]:
+        """Make a sign-in link for one more browser, with a picture of its QR code as a data URL.
 
-        Operators may invite viewers; admins may invite operators too.
+        Operators may invite viewers; admins may invite operators too. `here_only` says that the
+        link opens on this computer alone, because its page is served to no other.
         """
         role = Role(body.role)
         if role is not Role.VIEWER and not session.role.may(Role.ADMIN):
             raise HTTPException(403, f"{session.label} may invite viewers; ask an admin for more")
-        return {"url": f"{context.base_url}/?token={context.people.tokens.mint(role)}"}
+        return link_and_code(f"{context.base_url}/?token={context.people.tokens.mint(role)}")
 
 
 def _add_view(app: FastAPI, context: VehicleContext) -> None:

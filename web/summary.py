@@ -74,7 +74,7 @@ def tracking_summary(context: VehicleContext, trajectory: Message | None) -> Jso
     """Return the figures of the tracking error of the behavior that is flown, None without one."""
     if trajectory is None:
         return context.tracking.summary()
-    return context.tracking.summary(trajectory.get("laps"), float(trajectory["duration"]))
+    return context.tracking.summary(trajectory["laps"], trajectory["duration"] or 0.0)
 
 
 def preflight_summary(live: Live) -> JsonObject | None:

@@ -189,7 +189,7 @@ def flight_volume(f: Facts, p: PreflightParameters) -> Check:
     inside = x_min <= x <= x_max and y_min <= y <= y_max and z <= z_max
     wanted = f"x {x_min:g} to {x_max:g}, y {y_min:g} to {y_max:g}, z below {z_max:g} m"
     found = f"at {x:.2f}, {y:.2f}, {z:.2f} m"
-    advice = "carry the vehicle inside, or change the flight volume on the Set-up page"
+    advice = "carry the vehicle inside, or change the flight volume on the Settings page"
     if inside and (box := next((box for box in f.boxes if box.gap(f.position_w) < 0.0), None)):
         inside, found = False, f"{found}, in the keep-out box {box.name}"
         wanted, advice = "outside of it", "carry the vehicle out, or change behavior.keep_out"
@@ -243,7 +243,7 @@ def flight_loop(f: Facts, p: PreflightParameters) -> Check:
         return Check("flight loop", "unknown", _SILENT, wanted)
     missed = f"{100 * f.missed_share:.1f} % missed"
     if "not_real_time" in f.flags:
-        advice = "give the vehicle its real-time rights: see the Set-up page"
+        advice = "give the vehicle its real-time rights: see the Settings page"
         return Check("flight loop", "warn", f"not real time, {missed}", wanted, advice)
     state: State = "ok" if f.missed_share <= MISSED else "warn"
     return Check(

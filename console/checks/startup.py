@@ -152,7 +152,7 @@ class StartupChecks:
         bad = [f"{one.name} ({one.place})" for one in self.found if one.state in ("warn", "fail")]
         if bad:
             failing = any(one.state == "fail" for one in self.found)
-            line = f"start-up checks need attention: {', '.join(bad)}; see the Set-up page"
+            line = f"start-up checks need attention: {', '.join(bad)}; see the Settings page"
             self._outbox.say(WARN if failing else INFO, line)
         elif self._has_warned:
             self._outbox.say(INFO, "start-up checks: nothing needs attention any more")

@@ -33,7 +33,7 @@ class GyroscopeOptions(Parameters):
 
 
 class Gyroscope:
-    """The vehicle finds its drift; judged on the remaining drift afterwards."""
+    """Measures the gyroscope's bias at rest, then checks what is left."""
 
     name = "gyroscope"
 

@@ -129,7 +129,7 @@ class OnboardCameraSource(TagSource):
         self._left = self._reader.misfit(seen, self._beacons.places)
         doubt = (
             f"beacons are {self._left:.0f} pixels from their places in the layout, allowed "
-            f"{FAR_OFF:g}: survey them (Beacons tab), or calibrate the camera on Set-up"
+            f"{FAR_OFF:g}: survey them (Beacons tab), or calibrate the camera in Settings"
             if self._left > FAR_OFF
             else self._reader.doubt
         )

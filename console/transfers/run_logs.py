@@ -61,7 +61,7 @@ def completeness(found: Comparison) -> Completeness:
     elif not found.ticks:
         state, why = "unknown", "it has no ticks of the vehicle"
     elif not found.messages:
-        why = "no gaps; the vehicle logged nothing in the meantime"
+        why = "no gaps"
     why = "; ".join([why, *found.problems])
     return Completeness(state, found.filled, found.missing, found.total, why)
 

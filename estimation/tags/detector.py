@@ -136,7 +136,7 @@ def check_size(grey: Picture, lens: Intrinsics) -> None:
     if size != wanted:
         raise MeasurementError(
             f"a picture of {' x '.join(map(str, size))} pixels, but the intrinsics are of "
-            f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it on Set-up"
+            f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it in Settings"
         )
 
 

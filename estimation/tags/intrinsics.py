@@ -20,7 +20,7 @@ MODEL = "plumb_bob"
 """ROS's name of the model."""
 ABOUT = "calibration"
 """Key below which a file says how the intrinsics were found."""
-NEEDED = "calibrate the camera on Set-up, or give a camera_info YAML file"
+NEEDED = "calibrate the camera in Settings, or give a camera_info YAML file"
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,6 +133,6 @@ def fitting(
         left = f"{poses[0].residual:.1f} pixels are left" if poses else "there is no pose"
         raise MeasurementError(
             f"{what} do not fit where they are seen: {left}, allowed {allowed:g}; calibrate the "
-            "camera on Set-up, or correct their sizes and places"
+            "camera in Settings, or correct their sizes and places"
         )
     return poses

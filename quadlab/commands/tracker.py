@@ -63,7 +63,7 @@ class Tracker:
     cameras"""
     intrinsics: Files = ()
     """camera and onboard_camera: file of the intrinsics of each camera, in their order (default:
-    those accepted on the Set-up page, or by `quadlab camera`, in the data folder)"""
+    those accepted on the Settings page, or by `quadlab camera`, in the data folder)"""
     tags: File = None
     """camera and onboard_camera: TOML file with the tags and their places, or with the LEDs and how
     often they blink"""

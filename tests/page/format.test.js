@@ -1,7 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { bytes, digitsOf, duration, exact, fixed, NONE, seconds, words } from "../../web/static/core/format.js";
+import { bytes, clock, day, digitsOf, duration, exact, fixed, minute, moment, NONE, seconds, words } from "../../web/static/core/format.js";
+import { chooseZone } from "../../web/static/core/time_zone.js";
 
 test("what is not known is a dash", () => {
   for (const unknown of [null, undefined, NaN, Infinity]) {
@@ -34,4 +35,14 @@ test("exact values keep seven digits, other types their text", () => {
 
 test("names are words", () => {
   assert.deepEqual(["NEAR_HOVERING", "take_off"].map(words), ["near-hovering", "take off"]);
+});
+
+test("a time is written in the chosen zone, and says so in UTC", () => {
+  const at = Date.UTC(2026, 11, 31, 23, 59, 58, 120) / 1e3;
+  chooseZone("utc");
+  assert.deepEqual([clock(at), clock(at, 2), moment(at), minute(at), day(at)],
+    ["23:59:58Z", "23:59:58.12Z", "2026-12-31 23:59:58Z", "2026-12-31 23:59Z", "2026-12-31"]);
+  chooseZone("");
+  const local = new Date(2026, 0, 2, 3, 4, 5);
+  assert.deepEqual([clock(local), moment(local)], ["03:04:05", "2026-01-02 03:04:05"]);
 });

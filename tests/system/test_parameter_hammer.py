@@ -76,7 +76,7 @@ def test_two_people_hammer_one_slider_and_both_end_on_the_vehicles_value(
     before = lab.get("/api/parameters")["revision"]
     older = history(lab)
 
-    # No one has control: the first stroke takes it. Half-way it is handed over.
+    # Nobody in control: the first stroke takes it. Half-way it is handed over.
     for page, offset in ((anna, 0.1), (ben, 0.2)):
         page.evaluate(HAMMER, [SLIDER, offset])
     anna.wait_for_timeout(500 * SECONDS)

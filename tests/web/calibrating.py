@@ -34,7 +34,7 @@ PROPOSES = {
 NAMES = ("bearings", *PROPOSES, "my_hops", "my_slip.py")
 ABOUT = {
     "bearings": "Flies on bearings alone and back.",
-    "gyroscope": "The vehicle finds its drift; judged on the remaining drift afterwards.",
+    "gyroscope": "Measures the gyroscope's bias at rest, then checks what is left.",
     "accelerometer": "Matrix and bias of the accelerometer from poses held still.",
     "motor_bench": "Law of motor and propeller, torque ratio and time constant on a force sensor.",
     "mass": "Take-off on a low estimate, hover until it has converged, erratic flight, landing.",

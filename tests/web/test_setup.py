@@ -1,4 +1,4 @@
-"""Routes of the Set-up page, and the check list from the station to the page."""
+"""Routes of the Settings page, and the check list from the station to the page."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def gyroscope_record(found: GyroscopeFound) -> CalibrationRecord:
         quality=(
             Quality(name="standard error", value=error, unit=UNIT, limit=ERROR_MAX),
             Quality(
-                name="deviation of a sample", value=max(deviation), unit=UNIT, limit=deviation_max
+                name="noise per sample (1σ)", value=max(deviation), unit=UNIT, limit=deviation_max
             ),
         ),
         residuals=tuple(

@@ -1,6 +1,6 @@
 """The checks of the vehicle's own computer for the station: privileges, disk, certificate.
 
-Requested at the station's start and from the Set-up page. Refused while the vehicle is armed; while
+Requested at the station's start and from the Settings page. Refused while the vehicle is armed; while
 its flight loop is silent, and so may be flying, the disk is not accessed.
 """
 

@@ -28,6 +28,8 @@ WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
 EXTERNAL = "external"
 WITH_HEADING = ("follow_trajectory", "excite", EXTERNAL)
 """Behaviors that fly a plan; they are refused while the heading is unknown."""
+SPOKEN = {"excite": "step test"}
+"""Names of behaviors that events word otherwise."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -217,7 +219,9 @@ class CommandHandler:
             airborne=self.ground.airborne,
         )
         self.outbox.say(
-            f"{command.name.replace('_', ' ')} by {command.requester}", mailbox.INFO, EventKind.ACT
+            f"{SPOKEN.get(command.name, command.name.replace('_', ' '))} by {command.requester}",
+            mailbox.INFO,
+            EventKind.ACT,
         )
 
     def _emergency(self, command: mailbox.Emergency) -> None:

@@ -82,7 +82,10 @@ class TrajectoryMonitor:
         self._began_ns = None
 
     def summary(self) -> dict[str, Any] | None:
-        """Return the progress of the trajectory in flight, None if unknown or none."""
+        """Return the progress of the trajectory in flight, None if there is none that was started here.
+
+        Its duration is None where its path was not computed for a preview.
+        """
         status = self._live.current("status")
         if status is None or self._started is None:
             return None
@@ -93,11 +96,12 @@ class TrajectoryMonitor:
         stamp_ns = stamp_of(status)
         self._began_ns = self._began_ns or stamp_ns
         arguments, duration = self._started
-        if duration is None:
-            return None
-        elapsed = min(duration, 1e-9 * (stamp_ns - self._began_ns))
+        elapsed = 1e-9 * (stamp_ns - self._began_ns)
+        if duration is not None:
+            elapsed, duration = min(duration, elapsed), round(duration, 1)
         laps = arguments.get("laps")
-        return {"elapsed": round(elapsed, 1), "duration": round(duration, 1), "laps": laps}
+        figures = {"elapsed": round(elapsed, 1), "duration": duration, "laps": laps}
+        return {**figures, "name": arguments.get("trajectory")}
 
     def forget(self) -> None:
         """Take the preview away."""

@@ -1,1 +1,1 @@
-"""Set-up page: vehicles and users of this station, and its checks."""
+"""Settings page: vehicles and users of this station, and its checks."""

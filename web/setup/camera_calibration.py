@@ -1,4 +1,4 @@
-"""The guided calibration of a camera's intrinsics on the Set-up page.
+"""The guided calibration of a camera's intrinsics on the Settings page.
 
 One runs at a time, for all vehicles and pages: it opens a camera of this computer in a process of
 its own (`console.trackers.guided_calibration`), which a person at any page may finish or cancel.

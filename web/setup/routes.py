@@ -1,4 +1,4 @@
-"""Routes of the Set-up page: /setup and those below /api/setup.
+"""Routes of the Settings page: /setup and those below /api/setup.
 
 Parameters, beacons and users have their own routes, which the page uses as well.
 """

@@ -40,7 +40,7 @@ class TrackedBodyOptions(Parameters):
 
 
 class TrackerDelay(CalibrationFlight):
-    """Proposes the delay."""
+    """Finds the tracker's latency."""
 
     name = "tracker_delay"
 
@@ -114,7 +114,7 @@ class TrackerDelay(CalibrationFlight):
 
 
 class TrackerBody(TrackerDelay):
-    """Proposes place and axes of the tracked body."""
+    """Finds where the tracker's rigid body sits on the vehicle."""
 
     name = "tracker_body"
 

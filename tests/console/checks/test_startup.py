@@ -156,6 +156,6 @@ def test_what_needed_attention_and_no_longer_does_is_reported_once(
     monkeypatch.setattr(StartupChecks, "_check_station", tracker)
     station.live([*[ALONE] * WITHOUT_VEHICLE, *[READY] * WITHOUT_VEHICLE])
     assert station.said == [
-        "start-up checks need attention: tracker (station); see the Set-up page",
+        "start-up checks need attention: tracker (station); see the Settings page",
         "start-up checks: nothing needs attention any more",
     ]

@@ -96,7 +96,7 @@ def test_wrong_intrinsics_leave_a_residual_that_is_told(
         with pytest.raises(MeasurementError) as refused:
             tracker.take(PICTURE)
         told = str(refused.value)
-    assert "pixels are left, allowed 0.5; calibrate the camera on Set-up" in told
+    assert "pixels are left, allowed 0.5; calibrate the camera in Settings" in told
 
 
 def test_without_the_tags_of_the_world_the_camera_has_no_place() -> None:

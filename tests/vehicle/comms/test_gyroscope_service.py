@@ -35,7 +35,7 @@ def test_the_drift_is_found_anew_and_kept(wired: Any) -> None:
     assert found == pytest.approx(true, abs=0.3)  # 50 samples
     assert (record.name, record.requester, record.values) == ("gyroscope", "anna", {})
     assert record.conditions["samples"] == "50"
-    deviation = {one.name: one for one in record.quality}["deviation of a sample"]
+    deviation = {one.name: one for one in record.quality}["noise per sample (1σ)"]
     assert deviation.limit == pytest.approx(lab.stack.parameters.safety.gyro_deviation_max)
     assert wired.call("in_force") == [record]
     assert wired.call("history") == [], "nobody has accepted it yet"

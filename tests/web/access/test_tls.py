@@ -111,8 +111,9 @@ def test_the_same_host_without_tls_is_another_site(tls_site: Any) -> None:
 
 def test_invitations_are_links_of_https(tls_site: Any) -> None:
     with tls_site.sign_in() as client:
-        url = client.post("/api/invitations", json={"role": "viewer"}).json()["url"]
-    assert url.startswith(f"{tls_site.base}/?token=")
+        answer = client.post("/api/invitations", json={"role": "viewer"}).json()
+    assert answer["url"].startswith(f"{tls_site.base}/?token=")
+    assert (answer["here_only"], answer["picture"]) == (True, ""), "no telephone reaches loopback"
 
 
 def test_the_small_buffers_of_live_sockets_reach_below_tls() -> None:

@@ -85,9 +85,9 @@ def test_the_summary_tells_how_far_it_is_by_the_vehicles_clock(
     monitor.started(CIRCLE)
     assert monitor.summary() is None
     fly(live, "FOLLOW_TRAJECTORY", 1.0)
-    assert monitor.summary() == {"elapsed": 0.0, "duration": 19.0, "laps": 2}
+    assert monitor.summary() == {"elapsed": 0.0, "duration": 19.0, "laps": 2, "name": "circle"}
     fly(live, "FOLLOW_TRAJECTORY", 5.5)
-    assert monitor.summary() == {"elapsed": 4.5, "duration": 19.0, "laps": 2}
+    assert monitor.summary() == {"elapsed": 4.5, "duration": 19.0, "laps": 2, "name": "circle"}
     fly(live, "HOVER", 20.0)
     assert monitor.summary() is None
     fly(live, "FOLLOW_TRAJECTORY", 30.0)  # started by another program

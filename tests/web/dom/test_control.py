@@ -15,7 +15,7 @@ def page(kept_page: Any, flying: Any) -> Any:
 def test_the_page_says_who_has_control_and_asks_for_it(page: Any, look: Any, station: Any) -> None:
     me = page.inner_text("#who")
     station.control("")
-    look.text("#control", "No one has control")
+    look.text("#control", "Nobody in control")
     station.control(me)
     look.text("#control", "^you have control")
     station.control("anna")

@@ -187,7 +187,7 @@ def test_the_history_restores_and_a_flight_is_marked_and_taken_back(
     change(gains, {"gains.kp": 9.0})
     open_again(gains)  # every page knows what changed in this flight
     look.has_class(KP, "flown")
-    gains.click("#parameter-views >> text=Before flight")
+    gains.click("#parameter-views >> text=Changes since take-off")
     look.text(".diff h2", "Back to before this flight")
     look.text(".diff li .values", "9 → 4 1/s²")
     gains.click(".diff .apply")

@@ -122,7 +122,7 @@ export class Calibrate {
     if (!this.known.length) return "No calibrations received from the station.";
     if (this.chosen?.problem) return "This file cannot run; the reason is given above.";
     if (!status) return "No data from the vehicle.";
-    if (!(this.events.age("status") < FRESH)) return "The vehicle's status is out of date; a calibration needs the link.";
+    if (!(this.events.age("status") < FRESH)) return "No recent status from the vehicle. Try again in a moment.";
     if (this.ages.isOld(TOPIC)) return "No experiment status received from the station.";
     if (RUNNING.includes(experiment?.phase)) return `${labelOf(experiment.name)} is running${experiment.requester ? `, started by ${experiment.requester}` : ""}.`;
     if (holder && holder !== this.session.label) return `${holder} has control; ask for it to calibrate.`;

@@ -1,6 +1,6 @@
 // Calibrations in words, and their figures as people read them.
 
-import { fixed, moment, NONE, words } from "../core/format.js";
+import { day as dayOf, fixed, minute, NONE, words } from "../core/format.js";
 
 // What each is for and what it needs, beside what the station says of it.
 export const CALIBRATIONS = {
@@ -21,7 +21,7 @@ export const labelOf = (name) => CALIBRATIONS[EXPERIMENT_OF[name] ?? name]?.labe
 export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 export const RUNNING = ["flying", "finishing", "evaluating"];
-export const GOOD = ["✓", "within"], BEYOND = ["!", "beyond"];
+export const GOOD = ["✓", "within limit"], BEYOND = ["!", "beyond limit"];
 
 // Four digits that count: 1.308, 0.01540, 12.30, 48231.
 export function figure(value) {
@@ -47,16 +47,16 @@ export function compared(before, after, most = 7) {
 
 const shown = (value) => (typeof value === "number" ? figure(value) : value === undefined || value === null ? NONE : String(value));
 
-// "2026-11-21 12:03", by "anna"; the vehicle itself at its start.
-export const when = ({ stamp_ns: stamp }) => (stamp ? moment(new Date(stamp / 1e6)).slice(0, 16) : NONE);
+// "2026-11-21 12:03", by "anna"; the vehicle itself at power-up.
+export const when = ({ stamp_ns: stamp }) => (stamp ? minute(stamp / 1e9) : NONE);
 
 // "today 12:03", or "2026-11-20".
 export function day(record) {
   const [date, time] = when(record).split(" ");
-  return date === moment(new Date()).slice(0, 10) ? `today ${time}` : date;
+  return date === dayOf(new Date()) ? `today ${time}` : date;
 }
 
-export const who = ({ requester }) => (requester === "start" ? "at its start" : requester || NONE);
+export const who = ({ requester }) => (requester === "start" ? "at power-up" : requester || NONE);
 
 // "pose 3, m/s²" → ["pose 3", "m/s²"]
 export function labelAndUnit(name) {

@@ -34,7 +34,7 @@ function quality(figures) {
   if (!figures.length) return null;
   return element("table", { className: "quality" },
     element("caption", {}, "How good it is"),
-    tableHead("", "value", "at most", "", ""),
+    tableHead("", "value", "limit", "", ""),
     element("tbody", {}, ...figures.map(({ name, value, unit, limit, good }) => element("tr", { className: good ? "" : "beyond" }, element("th", { scope: "row" }, name),
       element("td", {}, figure(value)), element("td", {}, limit === null ? "" : exact(Number(limit.toPrecision(4)))), element("td", { className: "unit" }, unit), element("td", { className: "verdict" }, ...(limit === null ? [] : [sign(good)]))))));
 }

@@ -179,7 +179,7 @@ export class Chart {
         },
         ...units.map((unit, i) => ({
           ...line, ...(i ? { grid: { show: false } } : {}), scale: `y${i}`, side: i ? 1 : 3, size: 48, gap: 5,
-          label: unit || undefined, labelSize: 15, labelGap: 0,
+          label: this.axisTitle(unit) || undefined, labelSize: 15, labelGap: 0,
         })),
       ],
       series: [{}, ...this.lines.map(({ unit, stroke, dash, width = 1.4 }) => ({
@@ -188,6 +188,13 @@ export class Chart {
       }))],
       hooks: { drawClear: [(u) => this.drawMarks(u)], draw: [(u) => { this.drawEnds(u); this.moveLines(); }] },
     };
+  }
+
+  // "Tracking error [m]": what all lines of a unit have in common, else the unit.
+  axisTitle(unit) {
+    const groups = new Set(this.names.filter((name) => !this.isMerged(name) && this.signal(name).unit === unit).map((name) => this.signal(name).group)), [group] = groups;
+    if (groups.size !== 1 || !group || this.size().height < 90) return unit;
+    return `${group.charAt(0).toUpperCase()}${group.slice(1)}${unit ? ` [${unit}]` : ""}`;
   }
 
   // Never so small that uPlot finds no room for its axes.
@@ -250,20 +257,21 @@ export class Chart {
     ctx.restore();
   }
 
-  // How many samples are missing, at the bottom; those of neighbouring holes together.
+  // A mark at the bottom where samples are missing, and how many; those of neighbouring holes together.
   drawHoles({ ctx, bbox: { left, top, width, height }, scales: { x: { min, max } } }) {
-    const ratio = devicePixelRatio, apart = 44 * ratio, groups = [];
+    const ratio = devicePixelRatio, apart = 74 * ratio, groups = [];
+    ctx.fillStyle = paint("var(--amber)");
     for (const { t, count } of this.pieces[0]?.holes ?? []) {
       const x = left + (t - min) / (max - min) * width;
       if (t < min || t > max || !count) continue;
+      ctx.fillRect(x - ratio, top + height - 5 * ratio, 2 * ratio, 5 * ratio);
       const last = groups.at(-1);
       if (last && x - last.x < apart) last.count += count;
       else groups.push({ x, count });
     }
     ctx.textBaseline = "bottom";
     ctx.textAlign = "center";
-    ctx.fillStyle = paint("var(--amber)");
-    for (const { x, count } of groups) ctx.fillText(`−${count}`, x, top + height - 2 * ratio);
+    for (const { x, count } of groups) ctx.fillText(`${count} missing`, Math.max(left + apart / 2, x), top + height - 6 * ratio);
   }
 
   path(u, i) {

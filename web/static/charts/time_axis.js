@@ -2,6 +2,8 @@
 
 /** @import { History } from "./history.js" */
 
+import { partsOf, zoneMark } from "../core/time_zone.js";
+
 export const SHORTEST = 5, LONGEST = 600; // s
 const FRAMES = 0.12; // s without a frame that are nothing: three frames
 const FINEST = 0.2; // s, of a zoom into what is paused
@@ -153,9 +155,9 @@ export class TimeAxis extends Axis {
   // 14:03:27 by the vehicle's clock, with so many digits.
   /** @param {number} time @param {number} digits */
   clock(time, digits) {
-    const steps = 10 ** digits, count = Math.floor(time * steps + 1e-6);
-    const text = new Date((this.origin + count / steps) * 1e3 + 1e-3).toTimeString().slice(0, 8);
-    return digits ? `${text}.${String(count % steps).padStart(digits, "0")}` : text;
+    const steps = 10 ** digits, count = Math.floor(time * steps + 1e-6), [hour, ...rest] = partsOf(new Date((this.origin + count / steps) * 1e3 + 1e-3)).slice(3);
+    const text = [hour, ...rest].map((n) => String(n).padStart(2, "0")).join(":");
+    return `${digits ? `${text}.${String(count % steps).padStart(digits, "0")}` : text}${zoneMark()}`;
   }
 
   changed() {

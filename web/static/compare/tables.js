@@ -26,10 +26,10 @@ export function metricsTable(runs, reports) {
     const limits = [...new Set(reports.map((report) => report?.limits[name]).filter((limit) => limit !== undefined))];
     rows.push(element("tr", {}, element("th", { scope: "row" }, nameOf(name)), ...reports.map((report) => {
       const value = report?.metrics[name], limit = report?.limits[name];
-      return element("td", { className: value > limit ? "above" : "" }, value === undefined ? "–" : number(value));
-    }), element("td", {}, limits.map(number).join(" or ")), element("td", { className: "unit" }, unitOf(name))));
+      return element("td", { className: value > limit ? "above" : "" }, value === undefined ? "–" : number(value, name));
+    }), element("td", {}, limits.map((limit) => number(limit, name)).join(" or ")), element("td", { className: "unit" }, unitOf(name))));
   }
-  return frame("Metrics", table(heads(runs, "at most", ""), rows));
+  return frame("Metrics", table(heads(runs, "limit", ""), rows));
 }
 
 // By their values when the recordings began; those changed in flight say how often.

@@ -29,7 +29,7 @@ export class ControlStrip {
     this.left = null;
     const button = (label, action, title) => element("button", { className: "small", title, onclick: () => this.do(action) }, label);
     if (unknown) line.append("control: not known");
-    else if (!holder) line.append(this.mayCommand ? "No one has control; your first command takes it" : "No one has control");
+    else if (!holder) line.append(this.mayCommand ? "Nobody in control. Your first command takes it" : "Nobody in control");
     else if (holder === me) line.append(element("b", {}, "you have control"), button("Give up", "release", "let anyone take control"));
     else line.append(element("b", {}, `${holder} has control`));
     if (asking && holder === me) {

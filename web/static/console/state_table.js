@@ -1,4 +1,5 @@
-// The state table: vectors in x, y, z columns, each row with its age (static/core/ages.js greys it).
+// The state table: vectors in x, y, z columns, each row with its age (static/core/ages.js greys it), and below
+// them numbers, each with its name and unit.
 
 import { element, setText } from "../core/dom.js";
 import { fixed, seconds } from "../core/format.js";
@@ -14,17 +15,21 @@ const VECTORS = [
   ["truth", xyz("truth.position"), 3],
   ["torque", xyz("torque"), 3],
 ];
+/** @type {[label: string, signal: string, digits: number, unit: string][]} */
 const SCALARS = [
-  ["thrust, λ, mass", ["thrust", "scaling", "mass"], [2, 2, 3], "N, –, kg"],
-  ["innov., pose age", ["innovation.position", "innovation.attitude", "measurement.age"], [1, 2, 0], "mm, °, ms"],
-  ["used, ref., NIS", ["measurements.used", "measurements.refused", "nis"], [0, 0, 2], "meas., –"],
-  ["error to truth", ["truth.position_error", "truth.velocity_error", null], [1, 3, 0], "mm, m/s"],
+  ["thrust", "thrust", 2, "N"], ["mass", "mass", 3, "kg"], ["thrust scaling", "scaling", 2, ""],
+  ["innovation", "innovation.position", 1, "mm"], ["innovation", "innovation.attitude", 2, "°"], ["pose age", "measurement.age", 0, "ms"],
+  ["poses used", "measurements.used", 0, ""], ["refused", "measurements.refused", 0, ""], ["NIS", "nis", 2, ""],
+  ["error to truth", "truth.position_error", 1, "mm"], ["error to truth", "truth.velocity_error", 3, "m/s"],
 ];
+/** @type {[label: string, of: (tracking: any) => number | undefined][]} */
+const FLOWN = [["error rms", (one) => one.position_rms_m], ["error max", (one) => one.position_max_m], ["lap rms", (one) => one.lap?.position_rms_m]];
 
 export class StateTable {
   constructor(place, { telemetry, description, ages, events }) {
     const signals = new Map(description.signals.map((signal) => [signal.name, signal]));
     this.ages = ages;
+    /** @type {{ names: string[], digits: number[], cells: HTMLElement[], age: HTMLElement | null, topic: string }[]} */
     this.rows = [];
     const body = element("tbody");
     const row = (label, names, digits, unit) => {
@@ -37,20 +42,25 @@ export class StateTable {
       this.rows.push({ names, digits, cells, age, topic });
     };
     for (const [label, names, digits] of VECTORS) row(label, names, [digits, digits, digits], signals.get(names[0]).unit);
-    for (const [label, names, digits, unit] of SCALARS) row(label, names, digits, unit);
-    const figures = [0, 1, 2].map(() => element("td", {}, "–"));
-    const flown = element("tr", { title: "position error of the behavior that is flown, from every pose, and rms of the present lap: as its verdict computes them" },
-      element("td", {}, "rms, max, lap rms"), ...figures, element("td", { className: "unit" }, "mm"), element("td", { className: "age" }));
-    flown.dataset.topic = "state";
-    body.append(flown);
+    const numbers = element("dl", { className: "numbers" });
+    const number = (label, topic, unit, title = "") => {
+      const value = element("b", {}, "–"), line = element("div", { className: "stale", title }, element("dt", {}, label), element("dd", {}, value, element("span", { className: "unit" }, unit)));
+      line.dataset.topic = topic;
+      numbers.append(line);
+      return value;
+    };
+    const figures = FLOWN.map(([label]) => number(label, "state", "mm", "position error of the behavior that is flown, from every pose, as its verdict computes it"));
+    for (const [label, name, digits, unit] of SCALARS) {
+      const { topic } = signals.get(name);
+      this.rows.push({ names: [name], digits: [digits], cells: [number(label, topic, unit)], age: null, topic });
+    }
     events.on("summary", ({ tracking }) => {
       if (tracking === undefined) return;
-      const { position_rms_m: rms, position_max_m: most, lap } = tracking ?? {};
-      [rms, most, lap?.position_rms_m].forEach((value, i) => setText(figures[i], fixed(1e3 * value, 2)));
+      FLOWN.forEach(([, of], i) => setText(figures[i], fixed(tracking ? 1e3 * (of(tracking) ?? NaN) : NaN, 2)));
     });
     const head = element("tr", {}, element("th"), ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)), element("th"), element("th", {}, "age"));
-    place.append(element("table", {}, element("thead", {}, head), body));
-    telemetry.want("table", this.rows.flatMap((entry) => entry.names).filter(Boolean));
+    place.append(element("table", {}, element("thead", {}, head), body), numbers);
+    telemetry.want("table", this.rows.flatMap((entry) => entry.names));
     telemetry.addEventListener("frame", ({ detail }) => { this.frame = detail; });
     setInterval(() => this.draw(), 125);
   }
@@ -60,13 +70,12 @@ export class StateTable {
     for (const { names, digits, cells, age, topic } of this.rows) {
       const old = this.ages.age(topic);
       names.forEach((name, i) => {
-        if (!name) return;
         const value = this.frame.value[name], isKnown = Number.isFinite(value);
         if (isKnown) setText(cells[i], fixed(value, digits[i])); // else the last one stays, grey
         else if (cells[i].textContent === "") setText(cells[i], "–");
         cells[i].classList.toggle("stale", !isKnown); // also where another message is missing
       });
-      setText(age, Number.isFinite(old) ? (this.ages.isOld(topic) ? `○${coarse(old)}` : `${Math.round(old * 1e3)} ms`) : "–");
+      if (age) setText(age, Number.isFinite(old) ? (this.ages.isOld(topic) ? `○${coarse(old)}` : `${Math.round(old * 1e3)} ms`) : "–");
     }
   }
 }

@@ -7,9 +7,10 @@ import { bytes, duration, fixed, NONE, seconds, words } from "../core/format.js"
 import { onHold } from "../core/hold_button.js";
 import { armNote } from "../fly/preflight.js";
 import { controlOf, isAlone } from "../core/control_authority.js";
+import { BatteryLeft } from "./battery_left.js";
 import { consistencyOf } from "./consistency.js";
 import { Primary } from "./primary.js";
-import { flownOn, lineOf, oscillates, pillOf, restoreLabel } from "./vehicle_words.js";
+import { flownOn, lapOf, lineOf, oscillates, pillOf, restoreLabel } from "./vehicle_words.js";
 
 const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
 const isCut = (status) => status?.mode?.toLowerCase() === "cut";
@@ -22,6 +23,7 @@ const recorded = (station) =>
 
 export class StatusBar {
   height; error; // m, of the newest sample
+  batteryLeft = new BatteryLeft();
 
   constructor(events, fly, isOperator, { ages, channels, telemetry, gains, vehicle }) {
     this.events = events;
@@ -60,12 +62,12 @@ export class StatusBar {
     const { status, link, battery, station } = this.events.summary;
     this.drawState(status);
     this.drawControl(status);
-    this.set("behavior", status && (isAlone(status) ? "lands alone" : words(status.behavior)));
+    this.set("behavior", status && (isAlone(status) ? "lands alone" : lapOf(this.events.summary.trajectory) ?? words(status.behavior)));
     this.linkDrawn = link?.state;
     this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && (this.channels.isSilent || link.state !== "good"));
     this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
     this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
-    this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
+    this.drawBattery(status, battery);
     const refused = this.refused(status);
     this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz${refused}` : "none"), station?.tracker_rate < 10 || Boolean(refused));
     this.drawEstimate(status, this.events.summary.estimate);
@@ -75,6 +77,15 @@ export class StatusBar {
     $("arm").textContent = disarms ? "Disarm" : "Arm";
     if (this.isOperator) $("arm").disabled = $("disarm").disabled = !this.channels.hasStatus;
     if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to acknowledge the cut, or to stop the motors on the ground" : armNote(this.events.summary.preflight) || "hold for 0.8 s to start the motors";
+  }
+
+  // With the minutes until its warning, where the flight so far tells them.
+  drawBattery(status, battery) {
+    if (battery && this.fresh("battery")) this.batteryLeft.add(Math.floor(performance.now() / 1e3), battery.voltage, Boolean(status?.airborne));
+    const [warns, lands] = ["safety.battery_warning", "safety.battery_land"].map((name) => this.gains.value(name));
+    const minutes = this.batteryLeft.minutes(warns), left = minutes === null ? "" : ` · ${minutes < 1 ? "< 1" : Math.round(minutes)} min`;
+    this.set("battery", battery && `${fixed(battery.voltage, 1)} V${left}`, status?.flags?.some((flag) => /battery/i.test(flag)));
+    setIfChanged($("battery").parentElement, "title", `warning below ${fixed(warns, 1)} V, reaction below ${fixed(lands, 1)} V; minutes: until the warning, by the voltage of this flight`);
   }
 
   // What the last act of this flight changed and is not back yet.
@@ -104,8 +115,8 @@ export class StatusBar {
     setIfChanged($("pill"), "title", status ? `${words(status.mode)}, ${words(status.behavior)}, ${words(status.control_mode)}` : "");
     setText($("flown-on"), hasContact && status.airborne ? flownOn(seen) : "");
     setText($("in-words"), lineOf(seen));
-    setIfChanged($("progress"), "hidden", !trajectory);
-    if (trajectory) $("progress").style.width = `${100 * trajectory.elapsed / trajectory.duration}%`;
+    setIfChanged($("progress"), "hidden", !trajectory?.duration);
+    if (trajectory?.duration) $("progress").style.width = `${100 * trajectory.elapsed / trajectory.duration}%`;
     this.primary.show(status);
     this.drawRestore(hasContact ? status : null);
   }
@@ -155,7 +166,7 @@ export class StatusBar {
   // Of a simulation that waits. What is recorded makes room for it: nothing moves.
   drawPace(factor) {
     $("pace").hidden = !(factor && factor < SLOW);
-    this.set("factor", factor && `${fixed(100 * factor, 0)} %`);
+    this.set("factor", factor && `${fixed(factor, 2)}× real time`);
   }
 
   // The station's own figure while it speaks; longer once it is silent.

@@ -15,7 +15,7 @@ import { duration, exact, fixed, shortName, words } from "../core/format.js";
  * @property {number} [height] m
  * @property {number} [error] m, from estimate to reference
  * @property {string[]} [problems] what is not well beside the vehicle's flags
- * @property {{ elapsed: number, duration: number, laps: number | null } | null} [trajectory] the one under way, s
+ * @property {{ elapsed: number, duration: number | null, laps: number | null, name?: string } | null} [trajectory] the one under way, s
  * @property {{ name: string, old: any, now: any }[]} [changed] by the last act in this flight that can be restored
  */
 
@@ -27,6 +27,8 @@ const DOING = {
   follow_trajectory: "Flying a trajectory", velocity: "Flown by sticks", external: "Flown by external references",
   near_hovering: "Near-hovering", emergency_landing: "Coming down level", excite: "Flying a step test",
 };
+/** @type {Record<string, string>} */
+const TRAJECTORIES = { figure_eight: "Figure 8", circle: "Circle", waypoints: "Way-points", file: "Trajectory of a file" };
 const CALM = new Set(["on_bearings", "not_real_time", "oscillating"]); // flags that are told elsewhere
 const AXES = ["x", "y", "z", "roll", "pitch", "yaw"]; // of status.oscillation_axis
 
@@ -91,19 +93,21 @@ export const maySwitchOff = (status) => Boolean(status?.armed) && nextStep(statu
 
 /** @param {string[]} problems */
 function health(problems) {
-  if (!problems.length) return "all well";
+  if (!problems.length) return "no warnings";
   const more = problems.length - 1;
   return `${problems[0]}${more ? ` and ${more} more` : ""}`;
 }
 
-/** @param {Seen["trajectory"]} trajectory */
-function lapOf(trajectory) {
-  const { elapsed = 0, duration: lasts = 1, laps = null } = trajectory ?? {};
-  return laps ? `Flying lap ${Math.min(laps, 1 + Math.floor(laps * elapsed / lasts))} of ${laps}` : undefined;
+// "Figure 8, lap 2 of 3"; undefined of a trajectory that is not known.
+/** @param {Seen["trajectory"]} [trajectory] */
+export function lapOf(trajectory) {
+  const { elapsed = 0, duration: lasts = null, laps = null, name = "" } = trajectory ?? {};
+  const lap = laps && lasts ? `lap ${Math.min(laps, 1 + Math.floor(laps * elapsed / lasts))} of ${laps}` : "";
+  return [TRAJECTORIES[name], lap].filter(Boolean).join(", ") || undefined;
 }
 
 /** @param {Seen["trajectory"]} trajectory */
-const clockOf = (trajectory) => (trajectory ? `${duration(trajectory.elapsed)} of ${duration(trajectory.duration)}` : "");
+const clockOf = (trajectory) => (trajectory?.duration ? `${duration(trajectory.elapsed)} of ${duration(trajectory.duration)}` : "");
 
 // The line in words; "" while nothing is known, which another notice tells.
 /** @param {Seen} seen */

@@ -24,5 +24,11 @@ export const binary = async (path) => (await answer(path)).arrayBuffer();
 
 /** @param {string} path */
 export const get = (path) => request("GET", path);
+// "sent" at each command of this page to the vehicle.
+export const commands = new EventTarget();
+
 /** @param {string} name */
-export const command = (name, body = {}) => request("POST", `/api/commands/${name}`, body);
+export function command(name, body = {}) {
+  commands.dispatchEvent(new Event("sent"));
+  return request("POST", `/api/commands/${name}`, body);
+}

@@ -1,8 +1,13 @@
 // Numbers, times and sizes as people read them; "–" for what is not known.
 
+import { partsOf, zoneMark } from "./time_zone.js";
+
 export const NONE = "–";
 /** @type {(value: number | null | undefined) => value is number} */
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
+
+/** @param {number} n */
+const two = (n) => String(n).padStart(2, "0");
 
 /** @param {number | null | undefined} value @param {number} digits */
 export function fixed(value, digits) {
@@ -22,23 +27,28 @@ export function seconds(value) {
 export function duration(value) {
   if (!known(value)) return NONE;
   const whole = Math.floor(value), hours = Math.floor(whole / 3600);
-  const clock = [Math.floor(whole / 60) % 60, whole % 60].map((n) => String(n).padStart(2, "0")).join(":");
-  return hours ? `${hours}:${clock}` : clock;
+  const text = [Math.floor(whole / 60) % 60, whole % 60].map(two).join(":");
+  return hours ? `${hours}:${text}` : text;
 }
 
-// The time of a Date, or of s since 1970, by this computer's clock: "09:31:23", with its day before, or
-// with its day unless that is today.
+// The time of a Date, or of s since 1970, in the chosen zone: "09:31:23" or "08:31:23Z", with its day before,
+// or with its day unless that is today.
 /** @type {(at: Date | number) => Date} */
 const dateOf = (at) => (at instanceof Date ? at : new Date(at * 1e3));
 /** @type {(at: Date | number) => string} */
-export const clock = (at) => dateOf(at).toTimeString().slice(0, 8);
-/** @type {(at: Date | number) => string} */
-export function moment(at) {
-  const date = dateOf(at);
-  return `${[date.getFullYear(), date.getMonth() + 1, date.getDate()].map((n) => String(n).padStart(2, "0")).join("-")} ${clock(date)}`;
+export const day = (at) => { const [year, month, date] = partsOf(dateOf(at)); return [year, month + 1, date].map(two).join("-"); };
+/** @type {(at: Date | number, digits?: number) => string} */
+export function clock(at, digits = 0) {
+  const date = dateOf(at), share = digits ? `.${String(Math.floor(date.getMilliseconds() / 10 ** (3 - digits))).padStart(digits, "0")}` : "";
+  return `${partsOf(date).slice(3).map(two).join(":")}${share}${zoneMark()}`;
 }
 /** @type {(at: Date | number) => string} */
-export const timeOf = (at) => (dateOf(at).toDateString() === new Date().toDateString() ? clock(at) : moment(at));
+export const moment = (at) => `${day(at)} ${clock(at)}`;
+// To the minute.
+/** @type {(at: Date | number) => string} */
+export const minute = (at) => `${day(at)} ${partsOf(dateOf(at)).slice(3, 5).map(two).join(":")}${zoneMark()}`;
+/** @type {(at: Date | number) => string} */
+export const timeOf = (at) => (day(at) === day(new Date()) ? clock(at) : moment(at));
 
 // How long ago a time was, in s since 1970.
 /** @param {number | null | undefined} stamp */
@@ -48,7 +58,7 @@ export function ago(stamp) {
   if (age < 5) return "now";
   if (age < 120) return `${Math.round(age)} s ago`;
   if (age < 7200) return `${Math.round(age / 60)} min ago`;
-  return age < 48 * 3600 ? `${Math.round(age / 3600)} h ago` : new Date(stamp * 1e3).toISOString().slice(0, 10);
+  return age < 48 * 3600 ? `${Math.round(age / 3600)} h ago` : day(stamp);
 }
 
 /** @param {number | null | undefined} value */
@@ -77,7 +87,7 @@ export function exact(value) {
 export const shortName = (name) => name.slice(name.lastIndexOf(".") + 1);
 
 /** @param {string | null | undefined} name */
-export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replaceAll("_", " ") : NONE);
+export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replace(/^excite$/, "step test").replaceAll("_", " ") : NONE);
 
 // A refusal without the name of what was refused, where that stands beside it.
 /** @param {string} text */

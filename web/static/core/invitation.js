@@ -5,13 +5,15 @@ import { element } from "./dom.js";
 
 export class Invitation {
   constructor() {
+    this.reach = "";
     this.role = ""; // of the link that is shown
     this.isAsking = false;
     this.note = element("p", { role: "status" });
     this.link = element("input", { readOnly: true, hidden: true, ariaLabel: "one-time link", onfocus: () => this.link.select() });
+    this.picture = element("img", { alt: "QR code of the link", hidden: true });
     this.copy = element("button", { type: "button", onclick: () => this.copied() }, "Copy");
     this.another = element("button", { type: "button", title: "create another link; this one stays valid", onclick: () => this.make(this.role) }, "Another");
-    this.place = element("div", { className: "invitation", hidden: true }, this.note, this.link,
+    this.place = element("div", { className: "invitation", hidden: true }, this.note, this.link, this.picture,
       element("div", { className: "acts" }, this.copy, this.another, element("button", { type: "button", onclick: () => this.close() }, "Close")));
     this.place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.close(); });
   }
@@ -31,8 +33,11 @@ export class Invitation {
     this.place.hidden = false;
     this.note.textContent = "Requesting a link …";
     try {
-      this.link.value = (await request("POST", "/api/invitations", { role })).url;
-      this.note.textContent = `A link for one ${role}, for one use.`;
+      const { url, here_only: isHereOnly, picture } = await request("POST", "/api/invitations", { role });
+      this.link.value = url;
+      this.reach = isHereOnly ? " It opens on this computer only: start quadlab with --host for others." : "";
+      this.picture.src = picture;
+      this.picture.hidden = !picture;
       this.link.hidden = this.copy.disabled = this.another.disabled = false;
       await this.copied();
     } catch (error) { this.note.textContent = error.message; } finally { this.isAsking = false; }
@@ -41,7 +46,7 @@ export class Invitation {
   // Said only where it was: without https, browsers give no clipboard.
   async copied() {
     const isCopied = await (navigator.clipboard?.writeText(this.link.value) ?? Promise.reject(new Error("none"))).then(() => true, () => false);
-    this.note.textContent = `A link for one ${this.role}, for one use${isCopied ? "; copied to the clipboard" : ""}.`;
+    this.note.textContent = `A link for one ${this.role}, for one use${isCopied ? "; copied to the clipboard" : ""}.${this.reach}`;
     if (!isCopied) this.link.focus();
   }
 
@@ -52,6 +57,6 @@ export class Invitation {
 
   forget() {
     this.role = this.link.value = "";
-    this.link.hidden = this.copy.disabled = this.another.disabled = true;
+    this.link.hidden = this.picture.hidden = this.copy.disabled = this.another.disabled = true;
   }
 }

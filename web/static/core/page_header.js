@@ -8,7 +8,7 @@ import { icon } from "../icons/icons.js";
 import { Events } from "./sockets.js";
 import { addVehicleStrip } from "./vehicle_strip.js";
 
-const PAGES = [["/", "Fly"], ["/runs", "Runs"], ["/setup", "Set-up"]];
+const PAGES = [["/", "Fly"], ["/runs", "Runs"], ["/setup", "Settings"]];
 const FLEET = ["/fleet", "Fleet"];
 
 // session: of /api/session; here: the path of this page; events: of this page, if it has them.

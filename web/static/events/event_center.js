@@ -3,6 +3,7 @@
 
 import { element, optionsOf, setIfChanged, setText } from "../core/dom.js";
 import { clock, exact } from "../core/format.js";
+import { timeZone } from "../core/time_zone.js";
 import { icon } from "../icons/icons.js";
 
 const MOST = 500;
@@ -27,6 +28,7 @@ export class EventCenter {
     this.panel.addEventListener("beforetoggle", ({ newState }) => { if (newState === "open") this.place(); });
     this.panel.addEventListener("toggle", () => this.draw());
     addEventListener("resize", () => this.place());
+    timeZone.addEventListener("change", () => { for (const line of this.lines) setText(line.time, clock(line.stamp)); });
     before.before(this.bell, this.newest);
     document.body.append(this.panel);
     events.on("hello", ({ events: lines }) => {
@@ -66,7 +68,7 @@ export class EventCenter {
     for (const gone of this.lines.splice(MOST)) gone.item.remove();
     setText(line.time, clock(stamp));
     setText(line.said, text);
-    setText(line.times, line.count > 1 && !name ? `× ${line.count}` : "");
+    setText(line.times, line.count > 1 && !name ? `(${line.count} times)` : "");
     this.list.prepend(line.item);
   }
 

@@ -3,7 +3,7 @@
 import { get } from "../core/api.js";
 import { begin, followConnection } from "../core/connection.js";
 import { $ } from "../core/dom.js";
-import { addLandAll } from "./land.js";
+import { LandAll } from "./land.js";
 import { FleetPlot } from "./plot.js";
 import { FleetTable } from "./table.js";
 import { head } from "../core/page_header.js";
@@ -14,7 +14,7 @@ async function start() {
   head(session, "/fleet", null, { emergency: false, strip: false });
   $("vehicle").textContent = `${session.vehicles.length} vehicle${session.vehicles.length > 1 ? "s" : ""}`;
   document.title = "Fleet · quadlab";
-  const land = addLandAll($("head-controls"));
+  const land = new LandAll($("head-controls"), session.role !== "viewer");
   const table = new FleetTable($("table"), session.vehicles), plot = new FleetPlot($("plot"), session.vehicles);
   const socket = new Socket("/ws/fleet?plot=1");
   let vehicles = [], received = -Infinity;
@@ -33,7 +33,7 @@ async function start() {
     const silence = (performance.now() - received) / 1e3;
     if (silence > 0.8) table.show(vehicles.map((one) => ({ ...one, age: one.age === null ? null : one.age + silence })));
   }, 500);
-  followConnection(socket, "; Land all still tries");
+  followConnection(socket, "; Emergency land all still tries");
 }
 
 begin(start);

@@ -12,6 +12,8 @@ const UNKNOWN = 10_000; // ms from the press: what is not shown by then is not k
 const GOOD = 4000, BAD = 60_000; // ms a notice stays at most
 const READ = 3000; // ms bad news stays at least
 const TICK = 100; // ms
+/** @type {Record<string, string>} */
+const DONE = { arm: "Armed", disarm: "Disarmed" }; // what has happened when the answer comes
 const NOBODY = 503, NO_ANSWER = 504; // statuses of the API
 
 // Whether an error leaves it open what became of a command.
@@ -52,7 +54,7 @@ export class CommandNotice {
       return false;
     }
     if (this.asked === asked) {
-      if (label) this.say(`${label}: accepted`);
+      if (label) this.say(DONE[label] ?? `${label}: accepted`);
       else this.clear();
       this.asked = null;
     }

@@ -11,7 +11,7 @@ import { TimeLine } from "./timeline.js";
 const VIEWS = [
   ["timeline", "History", "every change: who, when, old and new value; each can be restored"],
   ["presets", "Presets", "named sets of values"],
-  ["flight", "Before flight", "back to the values at the start of this flight, or of the last one"],
+  ["flight", "Changes since take-off", "back to the values at the start of this flight, or of the last one"],
   ["files", "File", "save and load values"],
 ];
 
@@ -79,7 +79,7 @@ export class ParameterPanel {
       this.show({
         title: flight.is_over ? "Back to before the last flight" : "Back to before this flight",
         note: began && `It began at ${began}. Beacons stay where they are.`,
-        empty: flight.start === null ? "The vehicle has not been armed yet." : "Nothing differs from its value at the start.", ...flight,
+        empty: flight.start === null ? "The vehicle has not been armed yet." : "All parameters are as they were at take-off.", ...flight,
       });
     } catch (error) {
       this.place.replaceChildren(element("div", { className: "reason", role: "status" }, error.message));

@@ -161,7 +161,7 @@ export class GainRow {
     this.place.classList.toggle("changed", this.isModified);
     this.place.classList.toggle("flown", this.isChangedInFlight);
     if (this.isChangedInFlight) {
-      this.flightMark.title = `changed in this flight; back to ${exact(this.flightValue)}, as it was at its start`;
+      this.flightMark.title = `changed in this flight; back to ${exact(this.flightValue)}, as it was at take-off`;
       this.flightMark.ariaLabel = `${this.description.name}: ${this.flightMark.title}`;
     }
     this.drawReason();

@@ -12,7 +12,7 @@ const TOPIC = "link_status";
 const SIGNS = { good: "●", degraded: "◐", lost: "○" };
 const SAMPLE = 200; // ms
 const SLOW = 0.15, FRAMES = 20; // s, Hz: of this page's own link
-const PATHS = { datagram: "datagrams outside the link", quic: "the link itself" };
+const PATHS = { datagram: "UDP", quic: "the link itself" };
 const GREY = 0.3; // s, deadline of what telemetry shows
 
 export class LinkPanel {
@@ -119,14 +119,14 @@ export class LinkPanel {
 const spoken = (seconds) => (seconds < 60 ? `${fixed(seconds, seconds < 10 ? 1 : 0)} s` : duration(seconds));
 
 function outages({ outages: count, outage_last: last, outage_longest: longest, outage_total: total }) {
-  if (!count) return "No outage of 0.2 s or more since the first contact with the vehicle.";
+  if (!count) return "No outage longer than 0.2 s since the first contact with the vehicle.";
   if (count === 1) return `1 outage since the first contact with the vehicle: ${spoken(last)}.`;
   return `${count} outages since the first contact with the vehicle: the last ${spoken(last)}, the longest ${spoken(longest)}, together ${spoken(total)}.`;
 }
 
 // Where the vehicle is, as whom it lets the station in, and how telemetry comes.
 function way({ address, access, path, reopened }) {
-  const parts = [address && `connected to ${address}`, access && `admitted as ${access}`, path && `telemetry by ${PATHS[path] ?? path}`, reopened && `reopened ${reopened === 1 ? "once" : `${reopened} times`}, because nothing was received`].filter(Boolean);
+  const parts = [address && `connected to ${address}`, access && `signed in as ${access}`, path && `telemetry by ${PATHS[path] ?? path}`, reopened && `reopened ${reopened === 1 ? "once" : `${reopened} times`}, because nothing was received`].filter(Boolean);
   const text = parts.join(", ");
   return text && `${text[0].toUpperCase()}${text.slice(1)}.`;
 }

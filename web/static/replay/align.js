@@ -16,7 +16,7 @@ export class Alignment extends EventTarget {
     this.hand = 0; // s the second run was moved to the right by hand
     const [lead, other] = runs;
     const second = element("select", { ariaLabel: "second run, laid over the first", onchange: () => choose(second.value) },
-      element("option", { value: "" }, "no second run"), ...choices.map((id) => element("option", { value: id, selected: id === other?.id }, id)));
+      element("option", { value: "" }, "Compare with: none"), ...choices.map((id) => element("option", { value: id, selected: id === other?.id }, id)));
     place.append(element("b", {}, lead.id));
     if (other || choices.length) place.append(element("span", { className: "note" }, "and"), second);
     if (!other) return;

@@ -1,6 +1,7 @@
 // Buttons and keys that move the play-head, and the times it stands at.
 
 import { element, setIfChanged, setText } from "../core/dom.js";
+import { clock as clockOf } from "../core/format.js";
 import { icon } from "../icons/icons.js";
 import { onKey } from "../core/keys.js";
 import { SPEEDS, stamp } from "./play_head.js";
@@ -69,7 +70,7 @@ export class Transport {
     const wall = start / 1e9 + clock.t;
     setText(this.run, stamp(clock.t));
     setText(this.flight, since === undefined ? "–" : stamp(clock.t - since));
-    setText(this.wall, wall > EPOCH ? clockTime(wall) : "–");
+    setText(this.wall, wall > EPOCH ? clockOf(wall, 3) : "–");
     const ways = /** @type {[HTMLElement, number, string][]} */ ([[this.forth, 1, "play"], [this.back, -1, "backwards"]]);
     for (const [button, direction, name] of ways) {
       const playing = clock.playing && clock.direction === direction;
@@ -86,7 +87,3 @@ export class Transport {
   }
 }
 
-function clockTime(seconds) {
-  const date = new Date(seconds * 1e3);
-  return `${date.toTimeString().slice(0, 8)}.${String(Math.floor((seconds % 1) * 1e3)).padStart(3, "0")}`;
-}

@@ -40,7 +40,7 @@ export class RunDetail {
     if (!run) { this.run = undefined; this.notes.show(null); return; }
     const isOther = run.id !== this.run?.id, several = chosen.length > 1;
     this.run = run;
-    this.title.textContent = several ? `${chosen.length} runs chosen` : startOf(run);
+    this.title.textContent = several ? `${chosen.length} runs selected` : startOf(run);
     const [text, , why] = state(run);
     this.facts.textContent = several ? chosen.map((one) => one.id).slice(0, 3).join(", ") + (chosen.length > 3 ? ", …" : "")
       : [run.id, run.operator, experiment(run), run.problem || run.recovered || !run.complete ? `${text}: ${why}` : ""].filter(Boolean).join(" · ");

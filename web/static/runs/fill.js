@@ -37,7 +37,7 @@ export class RunFill {
   constructor(page, events) {
     this.page = page;
     this.line = element("p", { className: "ticks" });
-    this.fill = element("button", { className: "link", title: "compare with the vehicle's own log and fetch what is missing", onclick: () => this.ask("") }, "Compare again");
+    this.fill = element("button", { className: "link", title: "compare with the vehicle's own log and fetch what is missing", onclick: () => this.ask("") }, "Check against onboard log");
     this.cancel = element("button", { className: "link", onclick: () => this.ask("/cancel") }, "Cancel");
     this.progress = new Progress("filling the run");
     this.place = element("section", { className: "fill", ariaLabel: "the vehicle's own log" }, this.line, this.progress.place, element("span", {}, this.fill, this.cancel));
@@ -60,7 +60,7 @@ export class RunFill {
     if (isUnderWay) this.progress.show(transfer);
     this.cancel.hidden = !isUnderWay || !this.page.isOperator;
     this.fill.hidden = isUnderWay || !this.page.isOperator || !run.complete;
-    this.fill.textContent = run.completeness ? "Compare again" : "Compare with the vehicle's log";
+    this.fill.textContent = run.completeness ? "Check against onboard log" : "Check against onboard log";
   }
 
   ask(what) {

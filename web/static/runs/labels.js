@@ -1,8 +1,8 @@
 // Runs in words, and a search in the words of the API.
 
 import { duration, moment, words } from "../core/format.js";
+import { startOfDay } from "../core/time_zone.js";
 
-const DAY = 864e5; // ms
 const DATE = /^(\d{4})(?:-(\d{2})(?:-(\d{2}))?)?$/;
 
 export const startOf = (run) => moment(run.start_ns / 1e9);
@@ -24,7 +24,7 @@ export function state(run) {
 export const lasted = (run) => (run.complete || run.duration ? duration(run.duration) : "–");
 export const experiment = (run) => (run.report ? `${words(run.experiment)}: ${run.verdict ? words(run.verdict) : "?"}` : "");
 
-// Query of /api/runs/search: dates (2026, 2026-01, 2026-01-31, first..last) are of this browser's clock.
+// Query of /api/runs/search: dates (2026, 2026-01, 2026-01-31, first..last) are of the chosen zone.
 export function query(text, tag, vehicle = "") {
   const given = new URLSearchParams(), rest = [];
   for (const word of text.trim().split(/\s+/).filter(Boolean)) {
@@ -49,8 +49,6 @@ export function spanOf(word) {
 function bounds(word) {
   const [, year, month, date] = DATE.exec(word) ?? [];
   if (!year || Number(year) < 2000 || Number(year) > 2200 || Number(month) > 12 || Number(date) > 31) return null;
-  const at = (y, m, d) => new Date(y, m, d).getTime();
   const y = Number(year), m = month ? Number(month) - 1 : 0, d = date ? Number(date) : 1;
-  const end = date ? new Date(at(y, m, d) + 1.5 * DAY).setHours(0, 0, 0, 0) : month ? at(y, m + 1, 1) : at(y + 1, 0, 1);
-  return [at(y, m, d), end];
+  return [startOfDay(y, m, d), date ? startOfDay(y, m, d + 1) : month ? startOfDay(y, m + 1, 1) : startOfDay(y + 1, 0, 1)];
 }

@@ -2,7 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { element, setIfChanged } from "../core/dom.js";
-import { moment } from "../core/format.js";
+import { clock, moment } from "../core/format.js";
 
 const PAUSE = 1500; // ms without typing after which it is saved
 
@@ -16,7 +16,7 @@ export class RunNotes {
     this.text = element("textarea", { ariaLabel: "notes", rows: 4, maxLength: 10000, placeholder: page.isOperator ? "Notes (saved automatically)" : "No notes", readOnly: !page.isOperator });
     this.status = element("p", { className: "said", role: "status" });
     this.earlier = element("ol", { className: "earlier" });
-    this.history = element("details", {}, element("summary", {}, "Earlier texts"), this.earlier);
+    this.history = element("details", {}, element("summary", {}, "Previous versions"), this.earlier);
     this.place = element("section", { className: "notes" }, element("h3", {}, "Notes"), this.text, this.status, this.history);
     this.text.addEventListener("input", () => this.typed());
     this.text.addEventListener("change", () => this.save());
@@ -87,7 +87,7 @@ export class RunNotes {
     if (!isAll) return;
     if (!replaced) { this.said(by.author, by.stamp, "Saved"); return; }
     const { notes, author, stamp } = replaced;
-    this.say(element("span", {}, `Saved. It replaced what ${author || "someone"} wrote${stamp ? ` at ${moment(stamp).slice(11)}` : ""}: “${notes.slice(0, 200)}” `,
+    this.say(element("span", {}, `Saved. It replaced what ${author || "someone"} wrote${stamp ? ` at ${clock(stamp)}` : ""}: “${notes.slice(0, 200)}” `,
       element("button", { className: "link", onclick: () => this.put(notes) }, "Restore that")), true);
     if (this.history.open) this.loadHistory();
   }

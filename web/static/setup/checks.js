@@ -3,7 +3,7 @@
 import { get, request } from "../core/api.js";
 import { badge, checkList, count } from "../core/check_list.js";
 import { element } from "../core/dom.js";
-import { moment } from "../core/format.js";
+import { clock } from "../core/format.js";
 
 const AGAIN = 2000; // ms, while the station has not looked yet
 const PLACES = [["station", "Station"], ["vehicle", "Vehicle"], ["page", "Page"], ["browser", "This browser"]];
@@ -28,7 +28,7 @@ export class CheckSection {
     try {
       const { checked, checks } = await ask();
       this.show([...checks, ...browserChecks()]);
-      this.when.textContent = checked ? `checked at ${moment(checked).slice(11)}` : "the station has not run its checks yet";
+      this.when.textContent = checked ? `checked at ${clock(checked)}` : "the station has not run its checks yet";
       if (!checked) this.timer = setTimeout(() => this.run(() => get("/api/setup/checks")), AGAIN);
     } catch (error) {
       this.when.textContent = error.message;

@@ -1,4 +1,4 @@
-// Some parameters as fields on the Set-up page: confirmed values, and drafts until they are applied.
+// Some parameters as fields on the Settings page: confirmed values, and drafts until they are applied.
 
 import { element, showNote } from "../core/dom.js";
 import { exact, parseNumber } from "../core/format.js";

@@ -1,4 +1,4 @@
-// The Set-up page: what this station has, who may use it, and whether all is as it should be.
+// The Settings page: what this station has, who may use it, and whether all is as it should be.
 
 import { get } from "../core/api.js";
 import { begin, followConnection } from "../core/connection.js";

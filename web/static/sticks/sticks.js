@@ -101,8 +101,9 @@ export class Sticks {
 
   // {raw, axes, held, centred} of pad, keys and fingers together.
   read(now, dt) {
-    const { touch } = this, keys = this.keys.step(dt), sum = (...all) => all[0].map((_, i) => Math.max(-1, Math.min(1, all.reduce((total, one) => total + one[i], 0))));
-    const others = { held: this.keys.deadMan || touch.deadMan, centred: !this.keys.moving && [keys, touch.axes].flat().every((value) => value === 0) };
+    const { touch } = this, sum = (...all) => all[0].map((_, i) => Math.max(-1, Math.min(1, all.reduce((total, one) => total + one[i], 0))));
+    this.keys.step(dt);
+    const others = { held: this.keys.deadMan || touch.deadMan, centred: this.keys.centred && touch.axes.every((value) => value === 0) };
     const pad = this.readPad(now, others), counts = pad && !this.padWaits;
     if (this.editing) this.landSeen = true; // pressed to be chosen: must be released first
     else if (pad) this.watchEmergency(pad);
@@ -132,7 +133,7 @@ export class Sticks {
     const now = performance.now(), gap = now - this.ticked;
     this.ticked = now;
     if (gap > STALLED && this.on) this.drop("stalled");
-    const { axes, held, centred } = this.read(now, Math.min(gap, 100) / 1e3);
+    const { axes, held, centred } = this.read(now, Math.min(gap, 100) / 1e3), wasOn = this.on;
     if (!this.link && (held || this.pad)) this.connect();
     if (!held) {
       if (this.on) this.link.send(CENTRE, false);
@@ -143,8 +144,8 @@ export class Sticks {
       this.begin(centred);
     }
     if (this.on) {
-      this.sent = axes;
-      this.link.send(axes, true);
+      this.sent = wasOn ? axes : CENTRE; // a press begins at zero
+      this.link.send(this.sent, true);
     }
   }
 
@@ -152,9 +153,10 @@ export class Sticks {
   begin(centred) {
     const why = this.editing ? "close the set-up of the pad first"
       : document.hidden || !document.hasFocus() ? "this page does not have focus: click on it first"
-      : !centred ? "centre all sticks and keys, then press again" : "";
+      : !centred ? (this.keys.moving ? "release all keys, hold Shift, then steer" : "centre all sticks, then press again") : "";
     if (why) { this.refuse(why); return; }
     this.on = true;
+    this.keys.restart();
     this.dropped = "";
     // The other side wants to see a release after each silence. We saw one; a page that stood
     // still with the button held did not, and so stays without sticks.

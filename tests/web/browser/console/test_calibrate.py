@@ -95,7 +95,7 @@ def asked(bench: Any, action: str) -> list[Any]:
 def test_a_calibration_is_chosen_and_started_by_a_hold(
     tab: Any, see: Any, bench: Any, until: Any, calibrating: Any
 ) -> None:
-    see.text(f"{ROWS} >> nth=0", r"^Gyroscope.*at its start✓within$")
+    see.text(f"{ROWS} >> nth=0", r"^Gyroscope.*at power-up✓within limit$")
     see.text(f"{ROWS} >> nth=2", "^Motor benchnever$")
     see.text(f"{ROWS} >> nth=1", "anna!changed$")  # the vehicle has other values by then
     tab.check(".calibrations input[value=accelerometer]")
@@ -156,18 +156,20 @@ def test_a_result_stands_beside_what_was_and_is_in_force_once_accepted(
     bench.status = calibrating.ended("accelerometer", calibrating.accelerometer())
     see.text(".outcome .head b", "^Accelerometer: passed$")
     see.text(f"{FOUND} >> nth=0", r"^xx1\.00001\.0042\+0\.42 %$")
-    see.text(".outcome .quality tbody tr >> nth=0", r"^residual, rms0\.018000\.05m/s²✓within$")
+    see.text(
+        ".outcome .quality tbody tr >> nth=0", r"^residual, rms0\.018000\.05m/s²✓within limit$"
+    )
     assert tab.locator(".outcome .residuals li").count() == 12
     see.has_class("#open-calibrate", "waits")
     tab.click(".outcome button:text-is('Accept')")
     see.text(".outcome .said", "^✓ Accepted. It is in force")
     see.text(".outcome caption >> nth=0", "^Values before and after$")
     see.text(f"{FOUND} >> nth=0", r"^xx1\.00001\.0042\+0\.42 %$")
-    see.text(f"{ROWS} >> nth=1", "^Accelerometertoday .*within$")
+    see.text(f"{ROWS} >> nth=1", "^Accelerometertoday .*within limit$")
     assert bench.station.store.get("imu.accelerometer_xx") == 1.0042
     bench.status = calibrating.ended("motor_bench", calibrating.motor(), elapsed=300.0)
     see.text(".outcome .warnings", "found from force alone")
-    see.text(".outcome .quality tr.beyond", "beyond$")
+    see.text(".outcome .quality tr.beyond", "beyond limit$")
     tab.wait_for_selector(".fit canvas")
     assert tab.is_visible(".outcome button:text-is('Accept anyway')")
     bench.station.requests.clear()

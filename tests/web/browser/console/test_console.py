@@ -27,7 +27,7 @@ def test_a_simulation_that_is_slowed_says_so_and_moves_nothing(
     seen.text("#doing", "^FLYING")
     shown.wait_for_selector("#pace", state="hidden")  # a real vehicle
     station.real_time_factor = 0.99
-    seen.text("#factor", "^99 %$")
+    seen.text("#factor", "^0.99× real time$")
     assert shown.is_hidden("#pace")
 
     def places() -> list[Any]:
@@ -36,7 +36,7 @@ def test_a_simulation_that_is_slowed_says_so_and_moves_nothing(
 
     before = places()
     station.real_time_factor = 0.634
-    seen.text("#factor", "^63 %$")
+    seen.text("#factor", "^0.63× real time$")
     shown.wait_for_selector("#pace", state="visible")
     assert places() == pytest.approx(before, abs=2.0)
     seen.has_no_class("#factor", "warn|alarm")

@@ -69,6 +69,26 @@ def test_keys_work_on_keyboards_that_write_no_latin_letters(
     assert moving == [True, False]
 
 
+TOGETHER = """async (wait) => { const { StickKeys } = await import('/static/sticks/keyboard.js');
+  const sticks = new StickKeys();
+  const press = (key, code) => document.dispatchEvent(
+    new KeyboardEvent('keydown', { key, code, bubbles: true }));
+  press('w', 'KeyW');
+  if (wait) await new Promise((resolve) => setTimeout(resolve, wait));
+  sticks.step(0.1);
+  press('Shift', 'ShiftLeft');
+  const counts = sticks.centred;
+  sticks.restart();
+  return [counts, sticks.step(0.1)[0]]; }"""
+
+
+@pytest.mark.parametrize(("wait", "counts"), [(0, True), (400, False)])
+def test_a_key_pressed_with_shift_steers_from_zero_and_one_held_for_long_does_not(
+    still: Any, wait: int, counts: bool
+) -> None:
+    assert still.evaluate(TOGETHER, wait) == [counts, pytest.approx(0.2)]
+
+
 def test_the_emergency_page_works_without_its_events(
     site: Any, fresh: Any, station: Any, look_at: Any
 ) -> None:

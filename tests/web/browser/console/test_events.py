@@ -23,7 +23,7 @@ def test_a_line_that_comes_again_is_counted_and_the_bell_counts_what_was_not_see
     page.keyboard.press("Escape")
     look.text("#bell", "^$")
     happen(station, ("info", "first"), ("warn", "gust"), ("info", "last"), ("warn", "gust"))
-    look.text(f"{ITEMS} >> nth=0", "gust× 2$")
+    look.text(f"{ITEMS} >> nth=0", r"gust\(2 times\)$")
     look.text(f"{ITEMS} >> nth=1", "last$")
     look.text("#bell", "^3$")
     assert page.get_attribute("#bell", "data-tone") == "warn"

@@ -98,7 +98,7 @@ def test_the_verdict_has_its_figures_and_leads_to_the_report(
         metric_limits=[0.025, float("nan")],
     )
     seen.text("#experiment .verdict", "^bearings: failed")
-    seen.text("#experiment .figures .above", r"^position rms0\.040\.025m$")
+    seen.text("#experiment .figures .above", r"^position rms4025mm$")
     assert section.locator("#experiment .above").count() == 1
     with section.context.expect_page() as opened:
         section.click("#experiment .links a >> nth=0")

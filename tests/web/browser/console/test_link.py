@@ -94,7 +94,7 @@ def test_the_link_tab_tells_figures_state_outages_and_the_loop_on_board(
     link(state_duration=151.0)
     look.text("#tab-link .state", "^● good$")
     look.text("#tab-link .link-state", "for 02:31")
-    look.text("#tab-link p >> nth=0", "No outage of 0.2 s")
+    look.text("#tab-link p >> nth=0", "No outage longer than 0.2 s")
     look.text("#tab-link .strip:has-text('Round trip') output >> nth=0", r"^3\.1 ms$")
     look.text("#tab-link .strip:has-text('Loss') output", r"^1\.5 %$")
     link(
@@ -120,8 +120,7 @@ def test_the_link_tab_tells_figures_state_outages_and_the_loop_on_board(
     look.text("#tab-link .problem", "^⚠ Not commanded from here: this station's certificate")
     look.text(
         "#tab-link .way",
-        "^Connected to 10.0.0.2:7447, admitted as observer, telemetry by "
-        "datagrams outside the link, reopened 2 times",
+        "^Connected to 10.0.0.2:7447, signed in as observer, telemetry by UDP, reopened 2 times",
     )
     # The flight loop on board: only growth is marked.
     look.text("#tab-link .bin .count >> nth=0", "^91k$")

@@ -74,9 +74,14 @@ def test_the_fleet_view_shows_all_and_lands_all(fleet_site: Any, page: Any, look
     look.text("tbody tr:nth-child(1)", "quad1.*flying.*hover.*good.*15.6 V.*1.20 m")
     look.text("tbody tr:nth-child(2)", "quad2.*motors off.*ready.*0.00 m")
     page.locator("#land-all").click()
+    look.text("#land-all-state", "✓ quad1 landing")
+    look.hold(
+        "#emergency-land-all",
+        lambda: any(service == "emergency" for service, _ in fleet_site.stations[0].requests),
+    )
     look.text("#land-all-state", "of 1 landing · 1 with motors off")
     fleet_site.stations[0].said = {"mode": "emergency_land", "behavior": "land"}
     look.text("#land-all-state", "✓ 1 of 1 landing · 1 with motors off")
     look.text("tbody tr:nth-child(1) .emergency", "landing ✓ after")
     asked = [[service for service, _ in one.requests] for one in fleet_site.stations]
-    assert asked == [["emergency"], []]
+    assert asked == [["start_behavior", "emergency"], []]

@@ -317,7 +317,7 @@ def test_tags_are_added_suggested_and_removed_for_all_that_are_chosen(
     runs_page.wait_for_selector("#known-tags option[value='Wind']", state="attached")
     runs_page.click("#run-0 .mark input")
     runs_page.click("#run-2 .mark input")
-    sees.text("#detail h2", "^2 runs chosen$")
+    sees.text("#detail h2", "^2 runs selected$")
     runs_page.fill("#detail .tag-row input", "wind")
     runs_page.keyboard.press("Enter")
     sees.text("#run-2 .tags", "^Wind$")
@@ -436,7 +436,7 @@ def test_a_run_shows_what_it_lacks_and_how_far_filling_it_is(
     for row, words in enumerate(("3.2 s missing", restored, "complete", "closed")):
         sees.text(f"#run-{row} .state", f"^{words}$")
     sees.text("#detail .fill .ticks", "^Ticks: 3.2 s missing of 61.0 s: .* was overwritten.$")
-    page.click("#detail .fill button >> text=Compare again")
+    page.click("#detail .fill button >> text=Check against onboard log")
     until(lambda: lab.station.requests and lab.station.requests[-1][0] == "transfer")
     assert (lab.station.requests[-1][1].action, lab.station.requests[-1][1].name) == (
         "backfill",

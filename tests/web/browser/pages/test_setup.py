@@ -1,4 +1,4 @@
-"""Set-up page and pre-flight check list on the Fly tab, in Chromium."""
+"""Settings page and pre-flight check list on the Fly tab, in Chromium."""
 
 from __future__ import annotations
 
