@@ -1,4 +1,4 @@
-"""Rotations: quaternions (w, x, y, z) body to world, SO(3) exp and log, hat and vee.
+"""Rotations: quaternions (w, x, y, z) body to world, SO(3) exp and log, hat.
 
 Compiled functions on small arrays, written without array expressions (numba compiles those
 an order of magnitude more slowly). Arguments: vectors (3,), quaternions (4,), matrices (3, 3),
@@ -26,16 +26,6 @@ def hat(v: Array) -> Array:
     out[0, 1], out[0, 2] = -v[2], v[1]
     out[1, 0], out[1, 2] = v[2], -v[0]
     out[2, 0], out[2, 1] = -v[1], v[0]
-    return out
-
-
-@compiled
-def vee(S: Array) -> Array:
-    """Return the vector of the skew part of S: vee(hat(v)) = v."""
-    out = np.empty(3)
-    out[0] = 0.5 * (S[2, 1] - S[1, 2])
-    out[1] = 0.5 * (S[0, 2] - S[2, 0])
-    out[2] = 0.5 * (S[1, 0] - S[0, 1])
     return out
 
 

@@ -182,7 +182,7 @@ def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
 
 def _add_invitations(app: FastAPI, context: VehicleContext) -> None:
     @app.post("/api/invitations")
-    def invite(body: InvitationBody, session: Operator) -> dict[str, Any]:
+    def invite(body: InvitationBody, session: Operator) -> dict[str, str | bool]:
         """Make a sign-in link for one more browser, with a picture of its QR code as a data URL.
 
         Operators may invite viewers; admins may invite operators too. `here_only` says that the

@@ -58,13 +58,11 @@ class ParameterHistoryWriter:
         with self._lock:
             instance, newest, known = self._newest.get(name, (0, 0, change.old))
             if instance == change.instance and newest < revision - 1 and known != change.old:
-                self._write_later(
-                    name, known, change.old, NOT_RECEIVED, received_ns, sent_ns, revision - 1
-                )
+                at = received_ns, sent_ns, revision - 1
+                self._write_later(name, known, change.old, NOT_RECEIVED, at)
             if change.old != change.new:
-                self._write_later(
-                    name, change.old, change.new, change.requester, received_ns, sent_ns, revision
-                )
+                at = received_ns, sent_ns, revision
+                self._write_later(name, change.old, change.new, change.requester, at)
             if instance != change.instance or revision > newest:
                 self._newest[name] = change.instance, revision, change.new
 
@@ -113,7 +111,7 @@ class ParameterHistoryWriter:
                 self._put(partial(self._history.learn, unknown))
             for name, value in values.items():
                 if (old := before.get(name, value)) != value:
-                    self._write_later(name, old, value, why, now_ns, now_ns, revision)
+                    self._write_later(name, old, value, why, (now_ns, now_ns, revision))
                     self._newest[name] = instance, revision, value
 
     def _write_later(
@@ -122,10 +120,14 @@ class ParameterHistoryWriter:
         old: ParameterValue,
         new: ParameterValue,
         requester: str,
-        stamp_ns: int,
-        sent_ns: int,
-        revision: int,
+        at: tuple[int, int, int],
     ) -> None:
+        """Store a change in the worker's thread.
+
+        Args:
+            at: when it was received and sent, ns, and the revision of the values with it.
+        """
+        stamp_ns, sent_ns, revision = at
         change = RecordedChange(
             name=name,
             old=old,

@@ -120,17 +120,17 @@ def read_run(path: Path) -> RunLog:
         problems.insert(0, f"{log.damaged_chunks} damaged pieces of the file were skipped")
     metadata = log.metadata.get(RUN_METADATA, {})
     return RunLog(
-        path,
-        found.space.strip("/") or metadata.get("vehicle", ""),
-        metadata,
-        log.metadata.get(RECOVERED_METADATA, {}),
-        log.attachments,
-        found.start_ns,
-        found.duration,
-        found.topics,
-        sorted(lines, key=lambda line: line.time),
-        problems,
-        changes,
+        path=path,
+        vehicle=found.space.strip("/") or metadata.get("vehicle", ""),
+        run=metadata,
+        recovered=log.metadata.get(RECOVERED_METADATA, {}),
+        attachments=log.attachments,
+        start_ns=found.start_ns,
+        duration=found.duration,
+        topics=found.topics,
+        lines=sorted(lines, key=lambda line: line.time),
+        problems=problems,
+        changes=changes,
     )
 
 

@@ -38,14 +38,6 @@ GROUP = "quadlab.trajectories"
 """Group of entry points by which installed packages offer modules with a trajectory."""
 
 
-def load_folder(folder: Path) -> tuple[dict[str, Polynomial], list[str]]:
-    """Return name -> trajectory, and one line for each refused file; see `files_of`, `load_files`.
-
-    Raises StorageError when the folder cannot be read.
-    """
-    return load_files(files_of(folder))
-
-
 def files_of(folder: Path) -> list[tuple[str, Path]]:
     """Return name (without ending) and path of the .csv and .py files whose name starts with a
     letter or digit, but not of those of subfolders. Raises StorageError.

@@ -52,16 +52,16 @@ def motion(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Fin
     yield from _forces(found)
     turning = [float(np.degrees(np.abs(one.turning_b).max())) for one in found]
     yield from _of(
-        "gyroscope_off",
-        found,
-        turning,
-        GYROSCOPE,
-        lambda most, _: (
+        kind="gyroscope_off",
+        found=found,
+        values=turning,
+        limit=GYROSCOPE,
+        claim=lambda most, _: (
             f"The gyroscope turned {most:.1f}°/s faster or slower than the poses: its "
             "bias has changed, or its scale is wrong."
         ),
-        ("imu/angular_velocity.x", "imu/angular_velocity.y", "imu/angular_velocity.z"),
-        ("rate of the gyroscope besides that of the poses", "°/s"),
+        signals=("imu/angular_velocity.x", "imu/angular_velocity.y", "imu/angular_velocity.z"),
+        evidence=("rate of the gyroscope besides that of the poses", "°/s"),
     )
 
 
@@ -83,13 +83,13 @@ def _accelerometer(found: Sequence[Window]) -> Iterator[Finding]:
         )
 
     yield from _of(
-        "accelerometer_off",
-        found,
-        off,
-        ACCELEROMETER,
-        claim,
-        axes("imu/linear_acceleration"),
-        ("acceleration read besides that of poses and motors", "m/s²"),
+        kind="accelerometer_off",
+        found=found,
+        values=off,
+        limit=ACCELEROMETER,
+        claim=claim,
+        signals=axes("imu/linear_acceleration"),
+        evidence=("acceleration read besides that of poses and motors", "m/s²"),
     )
 
 
@@ -109,16 +109,16 @@ def _tracker(found: Sequence[Window]) -> Iterator[Finding]:
         for one in found
     ]
     yield from _of(
-        "tracker_tilted",
-        found,
-        level,
-        TILTED,
-        lambda most, _: (
+        kind="tracker_tilted",
+        found=found,
+        values=level,
+        limit=TILTED,
+        claim=lambda most, _: (
             f"The tracker's vertical was {np.degrees(most / GRAVITY):.1f}° off: IMU and "
             "motors agree with each other and not with its poses."
         ),
-        axes("imu/linear_acceleration"),
-        ("horizontal acceleration that neither IMU nor motors have", "m/s²"),
+        signals=axes("imu/linear_acceleration"),
+        evidence=("horizontal acceleration that neither IMU nor motors have", "m/s²"),
     )
     trusted = [
         one.spread > MOVING
@@ -128,34 +128,34 @@ def _tracker(found: Sequence[Window]) -> Iterator[Finding]:
     ]
     scale = [one.imu.scale if ok else 0.0 for one, ok in zip(found, trusted, strict=True)]
     yield from _of(
-        "tracker_scale",
-        found,
-        np.abs(scale),
-        SCALE,
-        lambda _, one: (
+        kind="tracker_scale",
+        found=found,
+        values=np.abs(scale),
+        limit=SCALE,
+        claim=lambda _, one: (
             f"The tracker's distances were {100 * one.imu.scale:+.1f} % off against the "
             "accelerometer: its calibration has a wrong length, or the accelerometer a wrong scale "
             "on x and y."
         ),
-        tuple(f"tracker_pose/{name}" for name in TRACKED),
-        ("scale of the poses minus 1", ""),
+        signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
+        evidence=("scale of the poses minus 1", ""),
     )
     delay = [
         one.imu.delay if ok and abs(one.imu.scale) < SCALE else 0.0
         for one, ok in zip(found, trusted, strict=True)
     ]
     yield from _of(
-        "tracker_stamps",
-        found,
-        np.abs(delay),
-        DELAY,
-        lambda _, one: (
+        kind="tracker_stamps",
+        found=found,
+        values=np.abs(delay),
+        limit=DELAY,
+        claim=lambda _, one: (
             f"The poses were of a time {1e3 * abs(one.imu.delay):.0f} ms "
             f"{'before' if one.imu.delay > 0.0 else 'after'} their stamps: the tracker's delay is "
             "another than its stamps say."
         ),
-        tuple(f"tracker_pose/{name}" for name in TRACKED),
-        ("time of the stamps minus that of the motion", "s"),
+        signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
+        evidence=("time of the stamps minus that of the motion", "s"),
     )
 
 
@@ -169,38 +169,38 @@ def _forces(found: Sequence[Window]) -> Iterator[Finding]:
     up = np.array([_own(one[2:], two[2:]) for one, two in zip(lacking, felt, strict=True)])
     aside = [_own(one[:2], two[:2]) for one, two in zip(lacking, felt, strict=True)]
     yield from _of(
-        "thrust_off",
-        known,
-        up,
-        THRUST,
-        lambda _, one: _thrust_claim(-float(lacking[known.index(one), 2])),
-        ("thrust", "mass"),
-        ("acceleration that the thrust lacks or has too much", "m/s²"),
+        kind="thrust_off",
+        found=known,
+        values=up,
+        limit=THRUST,
+        claim=lambda _, one: _thrust_claim(-float(lacking[known.index(one), 2])),
+        signals=("thrust", "mass"),
+        evidence=("acceleration that the thrust lacks or has too much", "m/s²"),
     )
     yield from _of(
-        "outside_force",
-        known,
-        aside,
-        SIDEWAYS,
-        lambda most, _: (
+        kind="outside_force",
+        found=known,
+        values=aside,
+        limit=SIDEWAYS,
+        claim=lambda most, _: (
             f"A sideways force of {most:.1f} m/s² times the mass acted besides the "
             "thrust: wind, a wall or a cable; or the thrust is not along z_B."
         ),
-        axes("disturbance"),
-        ("horizontal acceleration besides thrust", "m/s²"),
+        signals=axes("disturbance"),
+        evidence=("horizontal acceleration besides thrust", "m/s²"),
     )
     drags = [one.motors.drag if one.motors and one.spread > MOVING else 0.0 for one in known]
     yield from _of(
-        "drag_off",
-        known,
-        np.abs(drags),
-        DRAG,
-        lambda most, _: (
+        kind="drag_off",
+        found=known,
+        values=np.abs(drags),
+        limit=DRAG,
+        claim=lambda most, _: (
             f"A force of {most:.2f}/s times mass and velocity acted against the motion "
             "besides the drag of the model (`model.drag`)."
         ),
-        axes("state.velocity"),
-        ("force over mass and velocity", "1/s"),
+        signals=axes("state.velocity"),
+        evidence=("force over mass and velocity", "1/s"),
     )
 
 
@@ -232,19 +232,19 @@ def centre(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
         torque = np.median(mean[inside, 1:], axis=0)
         x, y = np.round(1e3 * torque[::-1] / np.median(mean[inside, 0])).astype(int)
         yield Finding(
-            "centre_off",
-            most / CENTRE,
-            start,
-            end,
-            f"A steady torque held the vehicle level: its centre of mass is about {-x:+d} mm along "
-            f"x_B and {y:+d} mm along y_B from the rotors' middle, or two motors are weaker than "
-            "the others.",
-            ("torque.x", "torque.y"),
-            "mean torque over thrust",
-            "m",
-            CENTRE,
-            time,
-            lever,
+            kind="centre_off",
+            weight=most / CENTRE,
+            start=start,
+            end=end,
+            claim=f"A steady torque held the vehicle level: its centre of mass is about {-x:+d} mm "
+            f"along x_B and {y:+d} mm along y_B from the rotors' middle, or two motors are weaker "
+            "than the others.",
+            signals=("torque.x", "torque.y"),
+            label="mean torque over thrust",
+            unit="m",
+            limit=CENTRE,
+            time=time,
+            values=lever,
         )
 
 

@@ -132,18 +132,18 @@ def imu_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
         return
     where = np.flatnonzero(lost > 0.0)
     yield Finding(
-        "imu_gaps",
-        share / MISSING,
-        float(time[where[0]]),
-        float(time[where[-1] + 1]),
-        f"{100 * share:.1f} % of the IMU's samples are missing, {len(where)} times, at most "
+        kind="imu_gaps",
+        weight=share / MISSING,
+        start=float(time[where[0]]),
+        end=float(time[where[-1] + 1]),
+        claim=f"{100 * share:.1f} % of the IMU's samples are missing, {len(where)} times, at most "
         f"{1e3 * steps[where].max():.0f} ms: check the board's link and its rate.",
-        ("imu/linear_acceleration.z",),
-        "time between two samples",
-        "s",
-        1.5 * usual,
-        time[1:],
-        steps,
+        signals=("imu/linear_acceleration.z",),
+        label="time between two samples",
+        unit="s",
+        limit=1.5 * usual,
+        time=time[1:],
+        values=steps,
     )
 
 
@@ -182,18 +182,18 @@ def barometer_off(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
         steps = np.abs(np.diff(moved))
         how = "at once" if steps.max() > 0.6 * abs(most) else "steadily"
         yield Finding(
-            "barometer_off",
-            abs(most) / BAROMETER,
-            start,
-            end,
-            f"The barometric height left the estimated one by {most:+.1f} m, {how}: a door, the "
-            "weather, a leaking port, or wind over it.",
-            ("pressure/fluid_pressure",),
-            "barometric height minus the estimated one, since the start",
-            "m",
-            BAROMETER,
-            starts + 0.5,
-            moved,
+            kind="barometer_off",
+            weight=abs(most) / BAROMETER,
+            start=start,
+            end=end,
+            claim=f"The barometric height left the estimated one by {most:+.1f} m, {how}: a door, "
+            "the weather, a leaking port, or wind over it.",
+            signals=("pressure/fluid_pressure",),
+            label="barometric height minus the estimated one, since the start",
+            unit="m",
+            limit=BAROMETER,
+            time=starts + 0.5,
+            values=moved,
         )
 
 

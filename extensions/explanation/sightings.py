@@ -134,19 +134,19 @@ def _moved_apart(topics: Topics, spans: Spans) -> Iterator[Finding]:
     for start, end in longest(starts, away, APART, 2):
         most = float(away[(starts >= start) & (starts < end)].max())
         yield Finding(
-            "tracker_against_bearings",
-            most / APART,
-            start,
-            end,
-            f"The tracker's poses and those of the bearings moved {most:.2f} m apart, and the "
-            "bearings agree with each other: the tracker's origin drifts, its scale or its axes "
-            "are wrong, or all beacons were moved together.",
-            tuple(f"tracker_pose/{name}" for name in TRACKED),
-            "distance between the two poses",
-            "m",
-            APART,
-            starts,
-            away,
+            kind="tracker_against_bearings",
+            weight=most / APART,
+            start=start,
+            end=end,
+            claim=f"The tracker's poses and those of the bearings moved {most:.2f} m apart, and "
+            "the bearings agree with each other: the tracker's origin drifts, its scale or its "
+            "axes are wrong, or all beacons were moved together.",
+            signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
+            label="distance between the two poses",
+            unit="m",
+            limit=APART,
+            time=starts,
+            values=away,
         )
 
 

@@ -60,19 +60,19 @@ def tracker_moved(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
         inside = (seen.time >= start) & (seen.time < end)
         metres, degrees = float(np.median(away[inside])), float(np.median(turn[inside]))
         yield Finding(
-            "tracker_moved",
-            float(np.median(size[inside])),
-            start,
-            end,
-            f"All poses were {metres:.2f} m and {degrees:.0f}° away from the estimate for "
+            kind="tracker_moved",
+            weight=float(np.median(size[inside])),
+            start=start,
+            end=end,
+            claim=f"All poses were {metres:.2f} m and {degrees:.0f}° away from the estimate for "
             f"{end - start:.0f} s: the tracker's origin or axes have changed, it gives another "
             "body this name, or the estimate is wrong.",
-            tuple(f"tracker_pose/{name}" for name in TRACKED),
-            "distance of the poses over its limit",
-            "",
-            1.0,
-            seen.time,
-            size,
+            signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
+            label="distance of the poses over its limit",
+            unit="",
+            limit=1.0,
+            time=seen.time,
+            values=size,
         )
 
 

@@ -185,7 +185,17 @@ class Telemetry:
     def _version(self) -> MAVLink_message | None:
         unknown = [0] * 8
         return mavlink.MAVLink_autopilot_version_message(
-            CAPABILITIES, 0, 0, 0, 0, unknown, unknown, unknown, 0, 0, 0
+            capabilities=CAPABILITIES,
+            flight_sw_version=0,
+            middleware_sw_version=0,
+            os_sw_version=0,
+            board_version=0,
+            flight_custom_version=unknown,
+            middleware_custom_version=unknown,
+            os_custom_version=unknown,
+            vendor_id=0,
+            product_id=0,
+            uid=0,
         )
 
     def _of_motion(

@@ -194,7 +194,16 @@ def bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     off = rotation_vectors_between(estimate.quaternion_wb[rows], truth.quaternion_wb[rows])
 
     def draw(figure: Figure) -> None:
-        state_estimation(figure, time, position, (angles, estimated), error, off, (), truth.name)
+        state_estimation(
+            figure=figure,
+            time=time,
+            position=position,
+            angles=(angles, estimated),
+            position_error=error,
+            turn=off,
+            judged=(),
+            truth=truth.name,
+        )
 
     return [
         Picture(

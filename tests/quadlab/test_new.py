@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from console.experiments.user_file import load
-from control.trajectories.library import load_folder
+from control.trajectories.library import files_of, load_files
 from estimation import registry
 from quadlab.__main__ import main
 from quadrotor.checkout import ROOT
@@ -68,7 +68,7 @@ def test_a_new_experiment_and_a_new_trajectory_are_found_where_they_are_written(
     for kind in ("experiment", "trajectory"):
         assert main(["new", kind, "mine", "--out", str(tmp_path / kind)]) == 0
     assert load(tmp_path / "experiment" / "mine.py").name == "mine"
-    trajectories, refused = load_folder(tmp_path / "trajectory")
+    trajectories, refused = load_files(files_of(tmp_path / "trajectory"))
     assert (list(trajectories), refused) == (["mine"], [])
 
 

@@ -1,7 +1,7 @@
 """The checks of the vehicle's own computer for the station: privileges, disk, certificate.
 
-Requested at the station's start and from the Settings page. Refused while the vehicle is armed; while
-its flight loop is silent, and so may be flying, the disk is not accessed.
+Requested at the station's start and from the Settings page. Refused while the vehicle is armed;
+while its flight loop is silent, and so may be flying, the disk is not accessed.
 """
 
 from __future__ import annotations

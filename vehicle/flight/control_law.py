@@ -132,7 +132,15 @@ class ControlLaw:
     ) -> None:
         """Update the disturbance observer; see `control.disturbance_observer.observe_one`."""
         found = self.controller.disturbance
-        self.observer.step(state, actuators, self.model, flying, carried, dt, found)
+        self.observer.step(
+            state=state,
+            actuators=actuators,
+            model=self.model,
+            flying=flying,
+            carried=carried,
+            dt=dt,
+            out=found,
+        )
 
     def throttle(self, thrust: float) -> float:
         """Return the mean motor reference of a thrust (N), as a share (0 to 1) of its range."""

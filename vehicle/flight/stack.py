@@ -101,9 +101,9 @@ class FlightStack:
         airborne = self.ground.airborne
         self.navigation.step(tick.imu, since, tick.state, tick.estimate)
         if self.own_sensors.externals:
-            flying, now_ns = modes.mode in FLYING, tick.stamp_ns
+            flying, now_ns, navigation = modes.mode in FLYING, tick.stamp_ns, self.navigation
             self.own_sensors.step(
-                now_ns, since, tick.imu, tick.state, sample.pressure, flying, self.navigation
+                now_ns, since, tick.imu, tick.state, sample.pressure, flying, navigation=navigation
             )
             self._changes.check_sensors()
         self._changes.check_estimators()

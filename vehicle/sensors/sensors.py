@@ -87,7 +87,8 @@ class OwnSensors:
     ) -> None:
         """Apply their readings to all running filters that take them; called in each tick."""
         for one in self.externals:
-            one.step(stamp_ns, dt, imu, state, pressure, flying, navigation.running.everything())
+            filters = navigation.running.everything()
+            one.step(stamp_ns, dt, imu, state, pressure, flying, estimators=filters)
 
     def judged(self) -> list[Record]:
         """Return the readings of the newest tick, JUDGED_READING (1,) each, for the log."""

@@ -4,14 +4,12 @@ the .msg files document it; nested fields inherit units.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import Nodetype
 
-from vehicle_link.messages.records import Message
 from vehicle_link.messages.store import stored_name, typestore
 
 Path = tuple[str | int, ...]
@@ -34,19 +32,6 @@ def numbers(type_name: str, members: int) -> list[Number]:
         members: number of members of an array without a fixed length.
     """
     return list(_walk(stored_name(type_name), members, (), ()))
-
-
-def number_at(message: Message, path: Path) -> float:
-    """Return the number at a path; NaN where an array is too short."""
-    value: Any = message
-    for step in path:
-        if not isinstance(step, int):
-            value = getattr(value, step)
-        elif step < len(value):
-            value = value[step]
-        else:
-            return math.nan
-    return float(value)
 
 
 def _walk(

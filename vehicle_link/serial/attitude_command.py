@@ -7,7 +7,6 @@ z up). Thrust is a fraction of the weight, so that 1 hovers whatever the mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import msgspec
 
@@ -54,21 +53,5 @@ class AttitudeCommand(msgspec.Struct, frozen=True):
         )
 
 
-def decode_attitude_command(counts: Sequence[int]) -> AttitudeCommand:
-    """Decode four command bytes (0…255) of the near-hovering mode, within its limits."""
-    pitch, roll, yaw_rate, thrust = counts
-    return AttitudeCommand(
-        roll=_from_byte(roll) / ANGLE_COUNTS,
-        pitch=_from_byte(pitch) / ANGLE_COUNTS,
-        yaw_rate=_from_byte(yaw_rate) / YAW_RATE_COUNTS,
-        thrust_share=min(max(thrust, THRUST_MIN), THRUST_MAX) / HOVER_THRUST,
-    )
-
-
 def _signed(counts: float) -> int:
     return min(max(round(counts), -SIGNED_MAX), SIGNED_MAX)
-
-
-def _from_byte(byte: int) -> int:
-    """Decode an int8; -128, which is never sent, counts as -127."""
-    return max(byte - 256 if byte > SIGNED_MAX else byte, -SIGNED_MAX)

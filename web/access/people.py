@@ -107,6 +107,14 @@ def open_people(
         tokens=tokens,
         cookie=SessionCookie(base_url),
         hashing=hashing,
-        sign_in=SignIn(tokens, accounts, sessions, hashing, say, on_link, limiter),
+        sign_in=SignIn(
+            tokens=tokens,
+            accounts=accounts,
+            sessions=sessions,
+            hashing=hashing,
+            say=say,
+            on_link=on_link,
+            limiter=limiter,
+        ),
         sockets=OpenSockets(sessions),
     )

@@ -82,7 +82,7 @@ class TrajectoryMonitor:
         self._began_ns = None
 
     def summary(self) -> dict[str, Any] | None:
-        """Return the progress of the trajectory in flight, None if there is none that was started here.
+        """Return the progress of the trajectory in flight, None without one that was started here.
 
         Its duration is None where its path was not computed for a preview.
         """

@@ -68,7 +68,9 @@ async def walk(
         try:
             more, revision = await call(at(k), requester)
         except QuadlabError as error:
-            await _back(call, at, start, k - 1, requester, pause, error)
+            await _back(
+                call, at, start, reached=k - 1, requester=requester, pause=pause, error=error
+            )
             raise
         applied = {**applied, **more}
     return applied, revision

@@ -202,7 +202,9 @@ def _read(data: bytes, where: str) -> Log:
     rows = np.empty((most, len(names)), np.int32)
     state = np.zeros(frames.STATES, np.int64)
     past = np.zeros((3, max(8, len(names), others.shape[1]) + 8), np.int64)
-    count = frames.decode(body, fields, others, setting, state, past, rows)
+    count = frames.decode(
+        data=body, fields=fields, others=others, setting=setting, state=state, past=past, rows=rows
+    )
     rest = data[at + int(state[frames.WHOLE_TO]) :]
     return Log(
         header,

@@ -10,7 +10,7 @@ import pytest
 from control.trajectories.csv_file import COLUMNS, DERIVATIVES, load_csv
 from control.trajectories.feasibility import examine
 from control.trajectories.figure_eight import FigureEight
-from control.trajectories.library import load_folder, load_trajectory
+from control.trajectories.library import files_of, load_files, load_trajectory
 from control.trajectories.limits import Limits
 from control.trajectories.python_file import load_python
 from control.trajectories.trajectory import Trajectory, sample_many, stretches_of
@@ -226,7 +226,7 @@ def test_a_folder_gives_what_loads_and_says_what_does_not(tmp_path: Path) -> Non
     (tmp_path / "rises.csv").write_text(GOOD)
     (tmp_path / "_helper.py").write_text("raise ValueError")
     (tmp_path / "notes.txt").write_text("no trajectory")
-    loaded, refused = load_folder(tmp_path)
+    loaded, refused = load_files(files_of(tmp_path))
     assert sorted(loaded) == ["good", "rises"]
     assert refused == [
         "bad.csv, line 1: column y, z, yaw is missing; give t, x, y, z, yaw, and of the "
@@ -234,7 +234,7 @@ def test_a_folder_gives_what_loads_and_says_what_does_not(tmp_path: Path) -> Non
         "rises.py: there is another file called rises",
     ]
     with pytest.raises(StorageError, match="cannot be read"):
-        load_folder(tmp_path / "none")
+        files_of(tmp_path / "none")
 
 
 def test_files_of_no_kind_and_files_that_cannot_be_read_are_said(tmp_path: Path) -> None:
@@ -277,6 +277,6 @@ def test_a_long_file_is_looked_at_in_flight_as_closely_as_at_its_loading(
 
 
 def test_the_examples_load() -> None:
-    loaded, refused = load_folder(EXAMPLES)
+    loaded, refused = load_files(files_of(EXAMPLES))
     assert refused == []
     assert set(loaded) == {"clover", "spiral"}

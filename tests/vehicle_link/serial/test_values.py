@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given
@@ -14,12 +15,17 @@ from quadrotor.errors import OutOfBoundsError
 from vehicle.simulator.firmware.firmware import LIMITS, WRITABLE
 from vehicle_link.serial import commands
 from vehicle_link.serial.attitude_command import (
+    ANGLE_COUNTS,
     ANGLE_MAX,
+    HOVER_THRUST,
+    SIGNED_MAX,
+    THRUST_MAX,
+    THRUST_MIN,
     THRUST_SHARE_MAX,
     THRUST_SHARE_MIN,
+    YAW_RATE_COUNTS,
     YAW_RATE_MAX,
     AttitudeCommand,
-    decode_attitude_command,
 )
 from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import Id
@@ -109,6 +115,22 @@ def test_the_bytes_of_a_command() -> None:
     assert hover.encode() == (0, 0, 0, 110)
     some = AttitudeCommand(math.radians(-5), math.radians(10), math.radians(-30), 1.2)
     assert some.encode() == (40, 256 - 20, 256 - 30, 132)
+
+
+def decode_attitude_command(counts: Sequence[int]) -> AttitudeCommand:
+    """Decode four command bytes (0…255) of the near-hovering mode, within its limits."""
+    pitch, roll, yaw_rate, thrust = counts
+    return AttitudeCommand(
+        roll=_from_byte(roll) / ANGLE_COUNTS,
+        pitch=_from_byte(pitch) / ANGLE_COUNTS,
+        yaw_rate=_from_byte(yaw_rate) / YAW_RATE_COUNTS,
+        thrust_share=min(max(thrust, THRUST_MIN), THRUST_MAX) / HOVER_THRUST,
+    )
+
+
+def _from_byte(byte: int) -> int:
+    """Decode an int8; -128, which is never sent, counts as -127."""
+    return max(byte - 256 if byte > SIGNED_MAX else byte, -SIGNED_MAX)
 
 
 def test_a_command_saturates_at_what_its_bytes_carry() -> None:

@@ -17,9 +17,10 @@ TOKEN = "?token=0123456789abcdefABCDEF_-0123"
 def test_the_qr_code_of_a_link_is_the_link(base: str) -> None:
     found = link_and_code(base + TOKEN)
     assert (found["url"], found["here_only"]) == (base + TOKEN, False)
-    kind, _, content = found["picture"].partition(",")
+    kind, _, content = str(found["picture"]).partition(",")
     assert kind == "data:image/png;base64"
     picture = cv2.imdecode(np.frombuffer(base64.b64decode(content), np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None
     assert cv2.QRCodeDetectorAruco().detectAndDecode(picture)[0] == base + TOKEN
 
 

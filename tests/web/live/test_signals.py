@@ -12,7 +12,8 @@ from console.exchange.subscriptions import RECORDED_AS_RECEIVED
 from console.link.outbox import RECORDED
 from tests.support.live_signals import Received, ticks_of
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.messages.units import number_at, numbers
+from vehicle_link.messages.records import Message
+from vehicle_link.messages.units import Path, numbers
 from vehicle_link.topics import TICK_TOPICS, TOPICS
 from web.latest import STALE
 from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described
@@ -44,6 +45,19 @@ def filled(type_name: str) -> Any:
             old = getattr(place, last)
             setattr(place, last, type(old)(i + 1.5))
     return message
+
+
+def number_at(message: Message, path: Path) -> float:
+    """Return the number at a path; NaN where an array is too short."""
+    value: Any = message
+    for step in path:
+        if not isinstance(step, int):
+            value = getattr(value, step)
+        elif step < len(value):
+            value = value[step]
+        else:
+            return math.nan
+    return float(value)
 
 
 @pytest.mark.parametrize("topic", sorted(WITH_NUMBERS - TICK_TOPICS.keys()))

@@ -3,7 +3,7 @@
 import { get, request } from "../core/api.js";
 import { $, element, showNote } from "../core/dom.js";
 import { ago } from "../core/format.js";
-import { Invitation } from "../core/invitation.js";
+import { Invitation } from "../setup/invitation.js";
 import { endButton, roleSelect } from "../setup/users.js";
 
 export class People {

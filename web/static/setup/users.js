@@ -2,7 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { element, optionsOf, showNote, tableHead } from "../core/dom.js";
-import { Invitation } from "../core/invitation.js";
+import { Invitation } from "./invitation.js";
 import { ago } from "../core/format.js";
 
 const ROLES = ["viewer", "operator", "admin"];

@@ -1,7 +1,7 @@
 // A one-time sign-in link for one more browser: made one at a time, shown until it is closed.
 
-import { request } from "./api.js";
-import { element } from "./dom.js";
+import { request } from "../core/api.js";
+import { element } from "../core/dom.js";
 
 export class Invitation {
   constructor() {

@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import "./browser.js";
+import "../browser.js";
 
-const { Events, Telemetry } = await import("../../web/static/core/sockets.js");
+const { Events, Telemetry } = await import("../../../web/static/core/sockets.js");
 
 class FakeSocket {
   static OPEN = 1;

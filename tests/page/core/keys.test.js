@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import "./browser.js";
+import "../browser.js";
 
-const { characterOf, onKey } = await import("../../web/static/core/keys.js");
+const { characterOf, onKey } = await import("../../../web/static/core/keys.js");
 
 test("keys are understood on keyboards that write no Latin letters", () => {
   const cases = [

@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import "./browser.js";
+import "../browser.js";
 
-const { Ages } = await import("../../web/static/core/ages.js");
+const { Ages } = await import("../../../web/static/core/ages.js");
 
 class Place {
   constructor(topic, title) {

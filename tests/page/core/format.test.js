@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { bytes, clock, day, digitsOf, duration, exact, fixed, minute, moment, NONE, seconds, words } from "../../web/static/core/format.js";
-import { chooseZone } from "../../web/static/core/time_zone.js";
+import { bytes, clock, day, digitsOf, duration, exact, fixed, minute, moment, NONE, seconds, words } from "../../../web/static/core/format.js";
+import { chooseZone } from "../../../web/static/core/time_zone.js";
 
 test("what is not known is a dash", () => {
   for (const unknown of [null, undefined, NaN, Infinity]) {
