@@ -193,7 +193,7 @@ export class Chart {
   // "Tracking error [m]": what all lines of a unit have in common, else the unit.
   axisTitle(unit) {
     const groups = new Set(this.names.filter((name) => !this.isMerged(name) && this.signal(name).unit === unit).map((name) => this.signal(name).group)), [group] = groups;
-    if (groups.size !== 1 || !group || this.size().height < 90) return unit;
+    if (groups.size !== 1 || !group) return unit;
     return `${group.charAt(0).toUpperCase()}${group.slice(1)}${unit ? ` [${unit}]` : ""}`;
   }
 

@@ -27,7 +27,7 @@ export class RunDetail {
     this.marks = element("ol", { className: "marks" });
     this.single = element("div", {}, this.fill.place, this.report.place, this.sharing.place, element("h3", {}, "Tags"), element("div", { className: "tag-row" }, this.tags, this.tagInput, this.known), this.notes.place, element("h3", {}, "Marks"), this.marks);
     this.nothing = element("p", { className: "empty" }, "Choose a run to see its details.");
-    this.content = element("div", {}, this.title, this.facts, this.links, this.single);
+    this.content = element("div", { hidden: true }, this.title, this.facts, this.links, this.single);
     place.append(this.nothing, this.content);
     events.on("mark", ({ run_id: run }) => { if (run === this.run?.id) this.loadMarks(); });
   }

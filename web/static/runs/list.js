@@ -25,6 +25,7 @@ export class RunList extends EventTarget {
     this.asked = new Set();
     this.generation = 0;
     this.problem = "";
+    this.isRead = false; // whether the first answer is there
     this.rows = new Map(); // index → [run, node]
     const cells = COLUMNS.map(([text, name]) => element("th", { scope: "col", className: name }, text || element("span", { className: "unseen" }, "chosen")));
     this.above = element("tr", { ariaHidden: "true" }); this.below = element("tr", { ariaHidden: "true" });
@@ -76,6 +77,7 @@ export class RunList extends EventTarget {
       this.problem = error.message;
       this.runs = []; this.total = 0;
     }
+    this.isRead = true;
     this.draw();
     this.tell("loaded");
   }
@@ -113,7 +115,7 @@ export class RunList extends EventTarget {
 
   draw() {
     this.empty.hidden = this.total > 0;
-    this.empty.textContent = this.problem || this.nothing();
+    this.empty.textContent = this.problem || (this.isRead ? this.nothing() : "Reading the list of runs …");
     this.table.setAttribute("aria-rowcount", String(this.total + 1));
     const height = this.frame.clientHeight || 600;
     const first = Math.max(0, Math.floor(this.frame.scrollTop / ROW) - BEYOND);

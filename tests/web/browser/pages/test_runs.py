@@ -163,6 +163,19 @@ def test_the_search_finds_words_tags_and_dates(runs: Catalogue, runs_page: Any, 
     sees.text("#list .empty", "No runs match")
 
 
+def test_a_list_whose_answer_is_not_there_yet_is_not_called_empty(
+    runs_page: Any, sees: Any
+) -> None:
+    asked: list[Any] = []
+    runs_page.route("**/api/runs/search**", lambda route: asked.append(route))
+    runs_page.reload()
+    sees.text("#list .empty", "^Reading the list of runs")
+    assert runs_page.is_hidden("#detail h3 >> nth=0")
+    assert asked
+    runs_page.unroute("**/api/runs/search**")  # goes on with what waits
+    sees.text("#list tbody", r"\d{4}-\d\d-\d\d")
+
+
 def test_a_list_without_any_run_says_how_the_first_is_made(
     runs: Catalogue, runs_page: Any, sees: Any
 ) -> None:
