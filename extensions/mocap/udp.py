@@ -19,6 +19,8 @@ from vehicle_link.clock import monotonic_ns
 LARGEST = 65535
 MARKER, RIGID = 5, 9
 """Number of fields of a line."""
+LARGEST_NS = 2**63 - 1
+"""Largest stamp: that of an int64, in the year 2262 if it counts from 1970."""
 
 
 class UdpSource:
@@ -75,10 +77,12 @@ def parse(data: bytes, received_ns: int) -> Frame:
             if len(fields) not in (MARKER, RIGID) or not fields[1]:
                 raise ValueError(line)
             stamp_ns = round(1e9 * float(fields[0])) if fields[0] else None
+            if stamp_ns is not None and abs(stamp_ns) > LARGEST_NS:
+                raise OverflowError(line)
             numbers = np.array(fields[2:], np.float64)
         except (ValueError, OverflowError):
             raise MeasurementError(
-                f"an invalid line: {line[:80]!r}; send stamp,name,x,y,z[,qw,qx,qy,qz]"
+                f"an invalid line: {line[:80]!r}; send stamp,name,x,y,z[,qw,qx,qy,qz], the stamp in s"
             ) from None
         bodies.append(Body(fields[1], numbers[:3], numbers[3:] if len(numbers) > 3 else None))
     return Frame(stamp_ns, received_ns, tuple(bodies))
