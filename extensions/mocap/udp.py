@@ -82,7 +82,8 @@ def parse(data: bytes, received_ns: int) -> Frame:
             numbers = np.array(fields[2:], np.float64)
         except (ValueError, OverflowError):
             raise MeasurementError(
-                f"an invalid line: {line[:80]!r}; send stamp,name,x,y,z[,qw,qx,qy,qz], the stamp in s"
+                f"an invalid line: {line[:80]!r}; send stamp,name,x,y,z[,qw,qx,qy,qz], with the "
+                "stamp in s"
             ) from None
         bodies.append(Body(fields[1], numbers[:3], numbers[3:] if len(numbers) > 3 else None))
     return Frame(stamp_ns, received_ns, tuple(bodies))

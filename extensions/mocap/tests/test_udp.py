@@ -23,7 +23,7 @@ def test_lines_are_the_bodies_of_one_frame_with_the_stamp_of_any_clock() -> None
     "stamp", ["1e30", "-1e30", f"{(LARGEST_NS + 2**11) / 1e9!r}", "inf", "nan", "noon"]
 )
 def test_a_stamp_that_no_clock_has_is_refused(stamp: str) -> None:
-    with pytest.raises(MeasurementError, match="an invalid line: .*the stamp in s"):
+    with pytest.raises(MeasurementError, match=r"an invalid line: .* the stamp in s"):
         parse(f"{stamp},quad1,1,2,3,1,0,0,0".encode(), 7)
 
 
