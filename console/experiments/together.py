@@ -28,7 +28,7 @@ class Company(Protocol):
     """The vehicles that fly together, as one of them meets them.
 
     Attributes:
-        names: of all. index: of this one, from 0.
+        names: of all. index: of this one, from 0. seed: of this one's noise.
     """
 
     @property
@@ -36,6 +36,13 @@ class Company(Protocol):
 
     @property
     def index(self) -> int: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    def attitude(self) -> tuple[float, float, float, float]:
+        """Return this vehicle's own estimate of its attitude, w, x, y, z, body to world."""
+        ...
 
     def neighbour(self, index: int) -> Neighbour:
         """Return a vehicle, this one too, as it was at the last meeting."""

@@ -77,6 +77,8 @@ class SimulatedFlight(SimulatedGuide):
         self._neighbours = neighbours
         if neighbours is not None:
             neighbours.event = lambda line: self.stack.say(line, mailbox.WARN)
+            own = self.stack.state["quaternion_wb"][0]
+            neighbours.attitude = lambda: tuple(own.tolist())
         self._board = kind.connect(
             simulated.ports, options, parameters.simulator.imu_rate, lambda: simulated.stamp_ns
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from console.experiments.together import Neighbour
 from quadlab.simulated.downwash import downward_push, jet_speed
 from quadlab.simulated.flight_log import FlightLog
-from quadlab.simulated.meeting import MAIL_MAX, Meeting, Row
+from quadlab.simulated.meeting import MAIL_MAX, Meeting, Quadruple, Row
 from quadrotor.rigid_body import rotor_thrust
 from vehicle.simulator.air import ROTOR_RADIUS
 from vehicle.simulator.parameters import SimulatorParameters
@@ -42,6 +42,7 @@ class Neighbours:
         separations: smallest distance (m) so far from each of the others, by name.
         collisions: so far.
         log: adds a message to this vehicle's log.
+        attitude: returns the vehicle's own estimate of its attitude.
         event: called with a line for each collision.
     """
 
@@ -58,6 +59,7 @@ class Neighbours:
         self.separations = {name: math.inf for k, name in enumerate(names) if k != index}
         self.collisions: list[Collision] = []
         self.event: Callable[[str], None] = lambda line: None
+        self.attitude: Callable[[], Quadruple] = lambda: (1.0, 0.0, 0.0, 0.0)
         self.log = log.message
         self._mail = b""
         self._after_meeting: list[Callable[[int], None]] = []
@@ -68,6 +70,11 @@ class Neighbours:
         self._quaternion_wb = simulated.truth["quaternion_wb"][0]
         self._next_ns, self._push = 0, 0.0
         self._touched_ns: dict[int, int] = {}
+
+    @property
+    def seed(self) -> int:
+        """Return the seed of this vehicle."""
+        return self._simulated.parameters.seed
 
     def neighbour(self, index: int) -> Neighbour:
         """Return a vehicle, this one too, as it was at the last meeting."""

@@ -34,6 +34,7 @@ from vehicle_link.jobs import how_it_ended
 
 if TYPE_CHECKING:
     from console.evaluation.result import Result
+    from console.experiments.client import Experiment
 
 PROGRAM = "quadlab.simulated.member"
 SEED_STEP = 10_000_019
@@ -102,10 +103,11 @@ def fly_together(
     check_seed(seed)
     plugins = plugins or data_folder(None) / PLUGINS
     offer_plugins(plugins)
-    own_words = _words_of(experiment, fleet.names, seed, words, board)
+    first = chosen(experiment)
+    own_words = _words_of(first, experiment, fleet.names, seed, words, board)
     folder = _new_folder(
         open_data_folder(out or open_data_folder(None) / "flights", "--out"),
-        f"{chosen(experiment).name}_seed{seed}_x{count}",
+        f"{first.name}_seed{seed}_x{count}",
     )
     load_kernels()
     logs = {name: folder / f"{name}.mcap" for name in fleet.names}
@@ -122,18 +124,24 @@ def fly_together(
         board=board,
         true_state=true_state,
     )
-    return _merged(experiment, folder, logs, _flown(order, vehicles))
+    return _merged(first, folder, logs, _flown(order, vehicles))
 
 
 def _words_of(
-    experiment: str, names: Sequence[str], seed: int, words: Sequence[str], board: str
+    first: Experiment,
+    experiment: str,
+    names: Sequence[str],
+    seed: int,
+    words: Sequence[str],
+    board: str,
 ) -> dict[str, list[str]]:
     """Return the words for each vehicle, its start among them. Raises QuadlabError."""
     from console.experiments.together import Together
     from vehicle.boards.kind import find_kind
 
     others = [word for word in words if not _names_vehicle(word, names)]
-    first = chosen(experiment)
+    kind = find_kind(board)
+    flight_parameters(first, kind, seed, others)  # sets its options
     places: Sequence[tuple[float, float]] = ()
     if isinstance(first, Together):
         if not first.vehicles_min <= len(names) <= first.vehicles_max:
@@ -149,7 +157,7 @@ def _words_of(
         where = [f"simulator.start_x={x!r}", f"simulator.start_y={y!r}"]
         found[name] = [*where, *others, *own]
         flown = chosen(experiment, name)
-        parameters = flight_parameters(flown, find_kind(board), seed_of(seed, k), found[name])
+        parameters = flight_parameters(flown, kind, seed_of(seed, k), found[name])
         flown.check()
         simulator = parameters.simulator
         own_place = name, simulator.start_x, simulator.start_y, radius_of(simulator)
@@ -228,7 +236,7 @@ def _answer(data: bytes, process: forked.Process) -> Answers:
 
 
 def _merged(
-    experiment: str, folder: Path, logs: dict[str, Path], flown: Sequence[Answers]
+    first: Experiment, folder: Path, logs: dict[str, Path], flown: Sequence[Answers]
 ) -> FlownTogether:
     """Judge all vehicles together: each has to pass, and none may touch another."""
     from console.evaluation.result import Result
@@ -240,7 +248,6 @@ def _merged(
         name: Result(one.verdict, one.metrics, one.limits, one.reason)
         for name, one in answers.items()
     }
-    first = chosen(experiment)
     joint = first.judge(logs, results) if isinstance(first, Together) else worst(results)
     apart = [distance for one in answers.values() for distance in one.separations.values()]
     touches: dict[frozenset[str], str] = {}
