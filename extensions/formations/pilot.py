@@ -114,9 +114,12 @@ class Pilot:
             and edge[0] not in self._out
             and edge[1] in fresh[edge[0]].bearings_y
         )
-        self.eigenvalue = self._shape.eigenvalue(edges, frozenset(fresh))
+        # A vehicle whose bearings are left out is led by those of the others and its yaw alone.
+        trusted = frozenset(fresh).difference(self._out)
+        among = frozenset(edge for edge in edges if edge[1] in trusted)
+        self.eigenvalue = self._shape.eigenvalue(among, trusted)
         self.least = min(self.least, self.eigenvalue) if self.is_flying else self.least
-        if not self._hold_together(edges, frozenset(fresh)):
+        if not self._hold_together(among, trusted):
             self.velocity_y, self.yaw_rate = np.zeros(3), 0.0
             return
         own = self._own

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from extensions.formations.mathematics.realisation import contradicting_edges, realise
+from extensions.formations.mathematics.realisation import realise
 from extensions.formations.mathematics.rigidity import (
     bearings,
     is_rigid,
@@ -83,10 +83,12 @@ def shape_of(text: str, count: int) -> Shape:
         edges, wanted = _parsed(text, count)
         places, yaws, residual = realise(wanted, edges, count)
         if residual > AGREEMENT:
-            wrong = contradicting_edges(wanted, edges, count)
+            off = np.linalg.norm(bearings(places, yaws, edges) - wanted, axis=1)
+            k = int(off.argmax())
             raise UsageError(
                 f"experiment.desired: the bearings contradict each other by "
-                f"{math.degrees(residual):.1f} deg rms; they agree without {_named(wrong)}"
+                f"{math.degrees(residual):.1f} deg rms; worst is {_named((edges[k],))}, by "
+                f"{math.degrees(float(off[k])):.0f} deg: leave it out, or correct it"
             )
         if not is_rigid(places, yaws, edges):
             lacking = missing_edges(places, yaws, edges)
