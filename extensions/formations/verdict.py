@@ -62,7 +62,8 @@ def judge(
         metrics["steered_bearing_rms_deg"] = _rms(errors[times >= windows.held])
         limits["steered_bearing_rms_deg"] = STEERED
     metrics["start_bearing_rms_deg"] = _rms(errors[:1])
-    metrics["converged_s"] = _converged(times, errors) - windows.begun
+    if (converged := _converged(times, errors)) is not None:
+        metrics["converged_s"] = converged - windows.begun
     i, j = np.triu_indices(len(names), 1)
     apart = np.linalg.norm(places[:, i] - places[:, j], axis=2)
     metrics["separation_lack_m"] = max(0.0, SEPARATION - float(apart.min()))
@@ -117,11 +118,12 @@ def _rms(errors: Array) -> float:
     return math.sqrt(float((errors**2).mean())) if errors.size else math.nan
 
 
-def _converged(times: Array, errors: Array) -> float:
-    """Return the time after which the rms first stays below twice the steady limit for 1 s."""
+def _converged(times: Array, errors: Array) -> float | None:
+    """Return the time after which the rms first stays below twice the steady limit for 1 s, if
+    it does."""
     good = np.sqrt((errors**2).mean(axis=1)) <= 2.0 * STEADY
     count = round(RATE)
     for k in range(len(good) - count):
         if good[k : k + count].all():
             return float(times[k])
-    return math.inf
+    return None

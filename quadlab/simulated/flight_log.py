@@ -171,8 +171,8 @@ class FlightLog:
         for (topic, type_name, size), messages in self._others.items():
             payloads, log_ns, source_ns = zip(*messages, strict=True)
             raw = np.frombuffer(b"".join(payloads), f"V{size}")
-            stamps = np.array(source_ns), np.array(log_ns)
-            batches.append(self._batch(topic, raw, *stamps, type_name=type_name))
+            at_source, arrived = np.array(source_ns), np.array(log_ns)
+            batches.append(self._batch(topic, raw, at_source, arrived, type_name))
         if self._truths:
             truths = np.frombuffer(b"".join(self._truths), STATE)
             stamps = np.array(self._truth_stamps)
