@@ -17,6 +17,8 @@ SHARE = 0.03
 """Weight of a new pair of bearings in the mean."""
 LIMIT = 0.1
 """Length of the mean sum of two bearings that should be opposite, above which they are not."""
+TOGETHER_NS = 300_000_000
+"""Largest difference of the stamps of two bearings that are compared."""
 PAIRS_MIN = 60
 """Pairs of bearings before a mean counts."""
 
@@ -33,6 +35,8 @@ class Suspicion:
         mine = newest[k]
         for j, theirs in newest.items():
             if j == k or j not in mine.bearings_y or k not in theirs.bearings_y:
+                continue
+            if abs(mine.stamp_ns - theirs.stamp_ns) > TOGETHER_NS:  # one of them is silent
                 continue
             pair = min(j, k), max(j, k)
             total = _in_world(mine, j) + _in_world(theirs, k)

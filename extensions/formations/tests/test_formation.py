@@ -10,7 +10,7 @@ import pytest
 from extensions.formations.messages import Message
 from extensions.formations.options import FormationOptions
 from extensions.formations.shape import shape_of
-from extensions.formations.suspicion import LIMIT, PAIRS_MIN, Suspicion
+from extensions.formations.suspicion import LIMIT, PAIRS_MIN, TOGETHER_NS, Suspicion
 from extensions.formations.tests.flock import Flock
 from quadlab.__main__ import main
 
@@ -111,3 +111,16 @@ def test_of_two_vehicles_that_contradict_each_other_none_is_suspected() -> None:
         for _ in range(2 * PAIRS_MIN):
             suspicion.note(0, {0: message(1, turned), 1: message(0, math.pi)})
         assert suspicion.worst() is None
+
+
+def test_the_last_bearings_of_a_silent_vehicle_are_not_compared() -> None:
+    for age_ns, suspect in ((0, 2), (10 * TOGETHER_NS, None)):
+        suspicion = Suspicion()
+        turned = (math.cos(0.3), math.sin(0.3), 0.0)
+        silent = Message(-age_ns, 0.0, 0.0, {0: turned, 1: turned})
+        for _ in range(2 * PAIRS_MIN):
+            first = Message(0, 0.0, 0.0, {1: (1.0, 0.0, 0.0), 2: (-1.0, 0.0, 0.0)})
+            second = Message(0, 0.0, 0.0, {0: (-1.0, 0.0, 0.0), 2: (-1.0, 0.0, 0.0)})
+            for k in (0, 1):
+                suspicion.note(k, {0: first, 1: second, 2: silent})
+        assert suspicion.worst() == suspect
