@@ -102,7 +102,8 @@ class BearingEmulator:
 
     def _take(self, stamp_ns: int, position_w: Triple, quaternion_wb: Quadruple) -> None:
         layout, active = self._present_layout(), self._active(stamp_ns)
-        p, places = moved(self.parameters, active), [*layout.places]
+        p = moved(self.parameters, active)
+        places = self._places(stamp_ns, position_w)
         frame_draws = Draws(p.seed, stamp_ns)
         late = p.delay + p.jitter * (1.0 - frame_draws.uniform())
         ids = _identities([id for id, _ in places], p.swap, frame_draws)
@@ -154,6 +155,10 @@ class BearingEmulator:
         bearings_b = np.array(seen, np.float64).reshape(-1, 3)
         frame = BearingMeasurement(own_ns, ids_seen, bearings_b, sigma, layout.beacons)
         self._line.put(stamp_ns + round(late * SECOND_NS), frame)
+
+    def _places(self, stamp_ns: int, position_w: Triple) -> list[tuple[int, Triple]]:
+        """Return id and place of what is seen from `position_w`; the beacons stand still."""
+        return [*self._present_layout().places]
 
     def _active(self, stamp_ns: int) -> Sequence[Active]:
         """Return the faults that are on."""

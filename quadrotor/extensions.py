@@ -30,6 +30,7 @@ BUILT_IN = (
     "explanation",
     "export",
     "fmu",
+    "formations",
     "foxglove",
     "identification",
     "importers",

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from console.experiments.catalogue import experiments
 from quadlab.option_types import File, Flag, Folder, Settings
 from quadlab.settings import beacon_words
+from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
     from console.experiments.client import Experiment, Result
+    from quadlab.simulated.together import FlownTogether
     from quadrotor.calibration_record import CalibrationRecord
 
 EXPERIMENT = (
@@ -35,6 +38,9 @@ class Fly:
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1
     """seed of all simulated noise; the same seed gives the same messages"""
+    vehicles: Annotated[int, tyro.conf.arg(metavar="N")] = 1
+    """vehicles that fly it at the same time, 1 to 8: quad1, quad2, …; each has its own log in one
+    folder"""
     board: str = "mikrokopter"
     """the vehicle's board: mikrokopter; betaflight, whose real firmware flies (scripts/betaflight
     builds it); crazyflie, a simulated one"""
@@ -55,6 +61,8 @@ class Fly:
     """print verdict, log and metrics as one line of JSON at the end"""
 
     def run(self) -> int:
+        if self.vehicles != 1:
+            return self._fly_together()
         from console.plots import require_matplotlib
         from console.reports.writer import report_writer
         from quadlab.simulated.experiment import chosen, fly
@@ -81,11 +89,7 @@ class Fly:
             reason = aborted or result.reason
             words = result.verdict.replace("_", " ")
             print(f"{experiment.name}: {words}{f' ({reason})' if reason else ''}")
-        width = max(map(len, result.metrics), default=0)
-        for name, value in result.metrics.items():
-            limit = result.limits.get(name)
-            bound = f"   (at most {limit:g})" if limit is not None else ""
-            print(f"  {name:{width}} {value:10.5g}{bound}")
+        _print_metrics(result.metrics, result.limits)
         print(f"  flown {flown:.1f} s in {wall:.2f} s: {flown / wall:.1f} times real time")
         for stage, seconds in sorted(flight.clock.seconds.items(), key=lambda s: -s[1]):
             a_tick = seconds / flown / rate * 1e6
@@ -120,6 +124,58 @@ class Fly:
                 report["proposal"] = proposal_json(proposal, store)
             print(json.dumps(report))
         return STATUS[result.verdict]
+
+    def _fly_together(self) -> int:
+        from quadlab.simulated.together import fly_together
+
+        if self.report:
+            raise UsageError(
+                "--report is of one vehicle: quadlab log report LOG writes that of each log"
+            )
+        done = fly_together(
+            self.experiment,
+            self.vehicles,
+            seed=self.seed,
+            words=[*beacon_words(self.beacons), *self.set],
+            out=self.out,
+            plugins=self.plugins,
+            board=self.board,
+            true_state=self.true_state,
+        )
+        if self.json:
+            print(json.dumps(_together_json(self.experiment, done)))
+            return STATUS[done.verdict]
+        reason = f" ({done.reason})" if done.reason else ""
+        print(f"{self.experiment} x {self.vehicles}: {done.verdict.replace('_', ' ')}{reason}")
+        _print_metrics(done.metrics, done.limits)
+        for name, answer in done.answers.items():
+            print(f"  {name}: {answer.verdict.replace('_', ' ')}, log {done.logs[name]}")
+        speed = done.flown / done.wall
+        print(f"  flown {done.flown:.1f} s in {done.wall:.2f} s: {speed:.1f} times real time")
+        return STATUS[done.verdict]
+
+
+def _together_json(experiment: str, done: FlownTogether) -> dict[str, Any]:
+    flown = {"flown_s": done.flown, "wall_s": done.wall, "processor_s": done.processor}
+    return {
+        "experiment": experiment,
+        "verdict": done.verdict,
+        "reason": done.reason,
+        "folder": str(done.folder),
+        "metrics": done.metrics | flown | {"speed": done.flown / done.wall},
+        "vehicles": {
+            name: {"log": str(done.logs[name]), **asdict(answer)}
+            for name, answer in done.answers.items()
+        },
+    }
+
+
+def _print_metrics(metrics: Mapping[str, float], limits: Mapping[str, float]) -> None:
+    width = max(map(len, metrics), default=0)
+    for name, value in metrics.items():
+        limit = limits.get(name)
+        bound = f"   (at most {limit:g})" if limit is not None else ""
+        print(f"  {name:{width}} {value:10.5g}{bound}")
 
 
 def write_report(

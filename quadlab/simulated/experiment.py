@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import atexit
 import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from quadlab.data_folder import data_folder, open_data_folder
 from quadlab.settings import parse_settings
+from quadlab.vehicle_names import THE_VEHICLE
 from quadrotor.errors import QuadlabError, UsageError
 
 if TYPE_CHECKING:
     from console.experiments.client import Experiment, Result
     from console.experiments.readings import Progress
     from quadlab.simulated.flight import SimulatedFlight
+    from quadlab.simulated.member import Member
     from quadlab.simulated.parameters import FlightParameters
     from quadrotor.calibration_record import CalibrationRecord
     from quadrotor.parameters import Parameters
     from vehicle.boards.kind import Kind
+    from vehicle.flight.kernels import BackgroundParts
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 LARGEST_SEED = 2**31 - 1 - 2_000_003
@@ -54,6 +59,7 @@ def fly(
     board: str = "mikrokopter",
     true_state: bool = False,
     print_instructions: bool = False,
+    member: Member | None = None,
 ) -> Flown:
     """Fly an experiment on the simulated vehicle and judge its log.
 
@@ -61,7 +67,8 @@ def fly(
         seed: seed of all noise. words: NAME=VALUE of parameters. out: folder of the log; None:
             flights in the data folder. plugins: folder of users' laws and estimators. true_state:
             whether the controller gets the true state. print_instructions: whether instructions of
-            a guided procedure are printed.
+            a guided procedure are printed. member: the vehicle's place among several that fly
+            together.
 
     Raises QuadlabError; after the start, its message includes the path of the log.
     """
@@ -71,37 +78,37 @@ def fly(
     from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
     from vehicle.estimators.offer import offer_plugins
-    from vehicle.flight.kernels import prepare
     from vehicle.processes.parent import PLUGINS
-    from vehicle_link.messages import typestore
 
-    if not 0 <= seed <= LARGEST_SEED:
-        raise UsageError(f"--seed {seed}: allowed 0 to {LARGEST_SEED}")
+    check_seed(seed)
     kind = find_kind(board)
     plugins = plugins or data_folder(None) / PLUGINS
     offer_plugins(plugins)
     parameters = flight_parameters(experiment, kind, seed, words)
     with errors_with_line(experiment):
         experiment.check()
-    folder = out or open_data_folder(None) / "flights"
-    path = _new_log(open_data_folder(folder, "--out"), f"{experiment.name}_seed{seed}")
+    if member is None:
+        alone(experiment)
+        folder = open_data_folder(out or open_data_folder(None) / "flights", "--out")
+        path, vehicle = _new_log(folder, f"{experiment.name}_seed{seed}"), THE_VEHICLE
+    else:
+        path, vehicle = member.log, member.name
     simulated = _simulated_vehicle(parameters, board)
     facts = {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board}
-    log = FlightLog(path, "quad1", ParameterStore(parameters), facts)
+    log = FlightLog(path, vehicle, ParameterStore(parameters), facts)
+    neighbours = member.neighbours(simulated, log) if member is not None else None
     estimator = TrueState(simulated) if true_state else None
-    # Load or compile everything that is needed, so that the figures are those of flying alone.
-    _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
-    typestore()
-    flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
+    load_kernels()
+    flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind, neighbours)
     if print_instructions:
         flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()
     try:
-        aborted = _flown(experiment, flight)
+        aborted = (member.fly if member is not None else _flown)(experiment, flight)
     except QuadlabError as error:
         raise kept(error, path) from error
     finally:
-        for part in (log, later, flight.stack, simulated):
+        for part in (log, flight.stack, simulated):
             part.close()
     wall, processor = time.perf_counter() - began, time.process_time() - processor
     result, proposal = judged(experiment, path, aborted)
@@ -114,6 +121,39 @@ def fly(
         wall=wall,
         processor=processor,
     )
+
+
+def check_seed(seed: int) -> None:
+    """Raise UsageError for a seed that is not possible."""
+    if not 0 <= seed <= LARGEST_SEED:
+        raise UsageError(f"--seed {seed}: allowed 0 to {LARGEST_SEED}")
+
+
+def alone(experiment: Experiment) -> None:
+    """Raise UsageError for an experiment that one vehicle alone cannot fly."""
+    from console.experiments.together import Together
+
+    if isinstance(experiment, Together):
+        raise UsageError(
+            f"{experiment.name} is flown by several vehicles together; add --vehicles "
+            f"{experiment.vehicles_min}, or more"
+        )
+
+
+@lru_cache(maxsize=1)
+def load_kernels() -> BackgroundParts:
+    """Load or compile everything that is needed, so that the figures are those of flying alone.
+
+    A copy of a process that has loaded it has it, too. What still compiles is returned: it has to
+    stay referred to, as a copy must not close its files.
+    """
+    from vehicle.flight.kernels import prepare
+    from vehicle_link.messages import typestore
+
+    _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
+    atexit.register(later.close)
+    typestore()
+    return later
 
 
 def flight_parameters(
@@ -156,23 +196,23 @@ def _flown(experiment: Experiment, flight: SimulatedFlight) -> str:
     return ""
 
 
-def chosen(name: str) -> Experiment:
+def chosen(name: str, vehicle: str = THE_VEHICLE) -> Experiment:
     """Return a built-in experiment, or one from a file. Raises UsageError or StorageError."""
     from console.experiments.catalogue import experiments, find
     from console.experiments.user_file import GROUP, is_file, load
     from quadrotor.packaged_files import packaged_files
 
     if is_file(name):
-        return load(Path(name))
+        return load(Path(name), vehicle)
     if name not in experiments():
         packaged = packaged_files(GROUP)
         if name in packaged:
-            return load(packaged[name])
+            return load(packaged[name], vehicle)
         raise UsageError(
             f"unknown experiment {name!r}; known are {', '.join((*experiments(), *packaged))}, and "
             "your own files: quadlab fly FILE.py"
         )
-    return find(name)
+    return find(name, vehicle)
 
 
 def judged(

@@ -20,6 +20,7 @@ from estimation.convergence import Convergence
 from estimation.estimator import Estimator
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.guide import REQUESTER, SimulatedGuide
+from quadlab.simulated.neighbours import Neighbours
 from quadlab.simulated.onboard_camera import OnboardCamera
 from quadlab.simulated.outside_cameras import OutsideCameras
 from quadlab.simulated.parameters import FlightParameters
@@ -54,6 +55,7 @@ class SimulatedFlight(SimulatedGuide):
         estimator: a plugin that replaces the vehicle's own.
         plugins: folder of users' control laws and estimators.
         kind: of its board, whose options are `parameters.board` if it has any.
+        neighbours: the other vehicles that fly at the same time.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class SimulatedFlight(SimulatedGuide):
         estimator: Estimator | None = None,
         plugins: Path | None = None,
         kind: Kind = KIND,
+        neighbours: Neighbours | None = None,
     ) -> None:
         super().__init__(parameters, simulated, log)
         self.parameters, options = parameters, getattr(parameters, "board", None)
@@ -71,6 +74,11 @@ class SimulatedFlight(SimulatedGuide):
             parameters, estimator=estimator, plugins=plugins, board=kind.traits_with(options)
         )
         self.clock = StageClock()
+        self._neighbours = neighbours
+        if neighbours is not None:
+            neighbours.event = lambda line: self.stack.say(line, mailbox.WARN)
+            own = self.stack.state["quaternion_wb"][0]
+            neighbours.attitude = lambda: tuple(own.tolist())
         self._board = kind.connect(
             simulated.ports, options, parameters.simulator.imu_rate, lambda: simulated.stamp_ns
         )
@@ -164,6 +172,8 @@ class SimulatedFlight(SimulatedGuide):
         stack, board, log = self.stack, self._board, self._log
         lap = self.clock.begin()
         self._simulated.step()
+        if self._neighbours is not None:
+            self._neighbours.step()
         self._after_step()
         lap("simulated robot")
         samples = board.receive()

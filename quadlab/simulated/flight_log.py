@@ -70,7 +70,7 @@ class FlightLog:
         self._truth_stamps: list[int] = []
         self._poses: list[tuple[int, Array, Array]] = []
         self._pose_arrivals: list[int] = []
-        self._others: dict[tuple[str, int], list[tuple[bytes, int, int]]] = {}
+        self._others: dict[tuple[str, str, int], list[tuple[bytes, int, int]]] = {}
         self._now_ns = 0
         # The comms process's publisher decides which slow topic is due; nothing is sent.
         self._publisher = Publisher(None, self, self, vehicle, estimator=lambda: self._estimator)
@@ -91,7 +91,7 @@ class FlightLog:
         self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
     ) -> None:
         """Log any other message; `topic` without namespace."""
-        key = topic, len(payload)
+        key = topic, type_name, len(payload)
         self._others.setdefault(key, []).append((payload, log_ns, source_ns))
 
     def event(self, event: mailbox.Event) -> None:
@@ -168,10 +168,11 @@ class FlightLog:
                 self._batch("imu", topics.imu_messages(ticks, self._vehicle), stamps),
                 self._batch("actuators", topics.actuator_messages(ticks, self._vehicle), stamps),
             ]
-        for (topic, size), messages in self._others.items():
+        for (topic, type_name, size), messages in self._others.items():
             payloads, log_ns, source_ns = zip(*messages, strict=True)
             raw = np.frombuffer(b"".join(payloads), f"V{size}")
-            batches.append(self._batch(topic, raw, np.array(source_ns), np.array(log_ns)))
+            at_source, arrived = np.array(source_ns), np.array(log_ns)
+            batches.append(self._batch(topic, raw, at_source, arrived, type_name))
         if self._truths:
             truths = np.frombuffer(b"".join(self._truths), STATE)
             stamps = np.array(self._truth_stamps)
@@ -203,10 +204,15 @@ class FlightLog:
         self._now_ns = stamps[-1]
 
     def _batch(
-        self, topic: str, payloads: Records, stamps: Stamps, log_ns: Stamps | None = None
+        self,
+        topic: str,
+        payloads: Records,
+        stamps: Stamps,
+        log_ns: Stamps | None = None,
+        type_name: str = "",
     ) -> Batch:
         """Return messages with their source stamps, logged at `log_ns`, by default at these."""
-        type_name = topics.TOPICS[topic].type_name
+        type_name = type_name or topics.TOPICS[topic].type_name
         arrivals = stamps if log_ns is None else log_ns
         name = full_name(f"/{self._vehicle}", topic)
         return Batch(name, type_name, payloads, arrivals, stamps)

@@ -72,6 +72,7 @@ class SimulatedVehicle:
         self._wires = new_wires(ports, parameters)
         self._commands: deque[tuple[int, Command]] = deque([(0, self.firmware.command)])
         self._plant = new_plant(parameters)
+        self._blown_w = np.zeros(3)
         self._holder = new_holder()
         self._held = self._holder["held"]  # a view
         configure_holder(self._holder, self._plant, parameters)
@@ -225,6 +226,12 @@ class SimulatedVehicle:
         """Apply this force (N, world axes) to the vehicle from now on; zeros end it."""
         self._plant["disturbance_w"] = force_w
 
+    def blow_on(self, force_w: Sequence[float]) -> None:
+        """Add the force (N, world axes) of other vehicles' air from now on; zeros end it."""
+        new_w = np.array(force_w)
+        self._plant["disturbance_w"] += new_w - self._blown_w
+        self._blown_w = new_w
+
     def configure(self, parameters: SimulatorParameters) -> None:
         """Set new true values in flight, a payload for instance.
 
@@ -245,6 +252,7 @@ class SimulatedVehicle:
         """Set the true values of plant, sensors, lines and board."""
         self.acting = parameters = truth.parameters
         configure_plant(self._plant, parameters)
+        self._plant["disturbance_w"] += self._blown_w
         if parameters.battery_charge != self._charged:
             self._charged = parameters.battery_charge
             self.charge_battery(self._charged)

@@ -1,0 +1,190 @@
+"""The program on board of each vehicle of a formation: from bearings and messages to sticks.
+
+It uses the vehicle's own bearings, its own estimate of its attitude, and the others' messages. It
+never sees a position of anybody.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bearing_sim.sampling import Draws, pair
+from console.experiments.together import Company
+from extensions.formations.mathematics.law import Gains, formation_velocity
+from extensions.formations.mathematics.steering import NullMotion, steering_pace, steering_velocity
+from extensions.formations.messages import Inbox, Message
+from extensions.formations.options import FormationOptions
+from extensions.formations.relative_bearings import RelativeBearings
+from extensions.formations.shape import Edge, Shape
+from extensions.formations.suspicion import Suspicion
+from quadrotor.plain_rotations import Triple, rows_of
+from quadrotor.records import Array
+from vehicle_link.topics import encode_bearings
+
+FRESH, SILENT = 0.5, 1.0
+"""Ages, s, up to which bearings and messages are used, and above which a vehicle is silent."""
+SPEED, YAW_RATE = 0.7, 0.6
+"""Limits of the law, m/s and rad/s."""
+DISTANCE_SIGMA = 0.05
+"""m, noise of the one measured distance."""
+SECOND = 1_000_000_000
+
+
+class Pilot:
+    """The program on board.
+
+    Attributes:
+        command: the null motion that is commanded, in the yaw frame of the first vehicle.
+        velocity_y, yaw_rate: what it wants to fly, m/s and rad/s.
+        eigenvalue: of the formation by the edges in use; least: the smallest so far.
+        is_flying: whether it steers, and so tells what it misses.
+    """
+
+    def __init__(self, company: Company, options: FormationOptions, shape: Shape) -> None:
+        self._company, self._shape, self._options = company, shape, options
+        self._own = company.index
+        parameters = options.bearings.model_copy()
+        parameters.seed = (options.bearings.seed + company.seed) % (2**31 - 1)
+        self._sensor = RelativeBearings(parameters, company, options.occlusion)
+        self._inbox = Inbox(company, options.messages)
+        self._newest: dict[int, Message] = {}
+        self._suspicion, self._out = Suspicion(), set[int]()
+        self._silent: set[int] = set()
+        sigma = math.radians(options.bearings.sigma)
+        self._gains = Gains(options.gain, 1.0, SPEED, YAW_RATE, sigma)
+        self._was_rigid = True
+        self.command, self.is_flying, self.mute = NullMotion(), False, False
+        self.velocity_y: Array = np.zeros(3)
+        self.yaw_rate = self.eigenvalue = 0.0
+        self.least = math.inf
+        company.at_meetings(self._met)
+
+    def _met(self, now_ns: int) -> None:
+        self._sensor.look()
+        for k, message in self._inbox.arrived(now_ns):
+            self._newest[k] = message
+            self._suspicion.note(k, self._newest)
+        for frame in self._sensor.due(now_ns):
+            ids = frame.beacon_ids.tolist()
+            payload = encode_bearings(
+                frame.stamp_ns, ids, frame.bearings_b, frame.sigma, self._company.names[self._own]
+            )
+            kind = "quadlab_msgs/BearingArray"
+            self._company.log("neighbour_bearings", kind, payload, frame.stamp_ns, now_ns)
+            self._see(frame.stamp_ns, dict(zip(ids, frame.bearings_b.tolist(), strict=True)))
+            self._decide(now_ns)
+
+    def _see(self, stamp_ns: int, bearings_b: dict[int, Triple]) -> None:
+        """Turn a frame to the yaw frame, and broadcast it."""
+        rows = rows_of(self._company.attitude())
+        yaw = math.atan2(rows[1][0], rows[0][0])
+        c, s = math.cos(yaw), math.sin(yaw)
+        found: dict[int, Triple] = {}
+        for number, bearing in bearings_b.items():
+            x, y, z = (sum(a * b for a, b in zip(row, bearing, strict=True)) for row in rows)
+            found[number - 1] = (c * x + s * y, c * y - s * x, z)
+        message = Message(stamp_ns, yaw, self._distance(stamp_ns), found)
+        self._newest[self._own] = message
+        if not self.mute:
+            self._company.broadcast(message.encode())
+
+    def _distance(self, stamp_ns: int) -> float:
+        """Return the distance that the first vehicle measures to the second, for the scale."""
+        if self._own:
+            return 0.0
+        here, there = (np.array(self._company.neighbour(k).position_w) for k in (0, 1))
+        noise = pair(Draws(self._company.seed, 1, stamp_ns), math.inf)[0]
+        return float(np.linalg.norm(there - here)) + DISTANCE_SIGMA * noise
+
+    def _decide(self, now_ns: int) -> None:
+        fresh = {
+            k: one
+            for k, one in self._newest.items()
+            if now_ns - one.stamp_ns <= FRESH * SECOND or k == self._own
+        }
+        if self.is_flying:
+            self._tell(now_ns)
+        edges = frozenset(
+            edge
+            for edge in self._shape.desired
+            if edge[0] in fresh
+            and edge[1] in fresh
+            and edge[0] not in self._out
+            and edge[1] in fresh[edge[0]].bearings_y
+        )
+        # A vehicle whose bearings are left out is led by those of the others and its yaw alone.
+        trusted = frozenset(fresh).difference(self._out)
+        among = frozenset(edge for edge in edges if edge[1] in trusted)
+        self.eigenvalue = self._shape.eigenvalue(among, trusted)
+        self.least = min(self.least, self.eigenvalue) if self.is_flying else self.least
+        if not self._hold_together(among, trusted):
+            self.velocity_y, self.yaw_rate = np.zeros(3), 0.0
+            return
+        own = self._own
+        mine = fresh[own]
+        seen = {j: mine.bearings_y[j] for i, j in edges if i == own}
+        seen_by = {
+            i: (fresh[i].bearings_y[own], math.remainder(mine.yaw - fresh[i].yaw, 2.0 * math.pi))
+            for i, j in edges
+            if j == own
+        }
+        desired = {edge: self._shape.desired[edge] for edge in edges}
+        velocity_y, yaw_rate = formation_velocity(own, seen, seen_by, desired, self._gains)
+        moved_y, turned = self._steered(fresh)
+        self.velocity_y, self.yaw_rate = velocity_y + moved_y, yaw_rate + turned
+
+    def _steered(self, fresh: dict[int, Message]) -> tuple[Array, float]:
+        first = fresh.get(0)
+        if first is None or not first.distance:
+            return np.zeros(3), 0.0
+        places, yaws = self._shape.places, self._shape.yaws
+        scale = first.distance / float(np.linalg.norm(places[1] - places[0]))
+        c, s = math.cos(yaws[self._own]), math.sin(yaws[self._own])
+        x, y, z = scale * places[self._own]
+        place_y = (c * x + s * y, c * y - s * x, z)
+        pace = steering_pace(self.eigenvalue, self._options.eigenvalue_min)
+        yaw = fresh[self._own].yaw - first.yaw
+        return steering_velocity(self.command, place_y, yaw, pace)
+
+    def _hold_together(self, edges: frozenset[Edge], vehicles: frozenset[int]) -> bool:
+        """Return whether the edges in use make the formation rigid; tell when this changes."""
+        is_rigid = self.eigenvalue > 0.0
+        if self.is_flying and is_rigid != self._was_rigid:
+            if is_rigid:
+                self._company.event("formation: rigid again")
+            elif len(vehicles) < 2:
+                self._company.event("formation: no other vehicle is in contact; it brakes")
+            else:
+                lacking = ", ".join(
+                    f"{self._name(i)} to {self._name(j)}"
+                    for i, j in self._shape.missing(edges, vehicles)
+                )
+                self._company.event(f"formation: not rigid, it brakes; it lacks {lacking}")
+            self._was_rigid = is_rigid
+        return is_rigid
+
+    def _tell(self, now_ns: int) -> None:
+        """Tell who is silent, and whose bearings contradict those of the others."""
+        for k, name in enumerate(self._company.names):
+            newest = self._newest.get(k)
+            is_silent = newest is None or now_ns - newest.stamp_ns > SILENT * SECOND
+            if is_silent and k not in self._silent and k != self._own:
+                self._silent.add(k)
+                self._suspicion.forget(k)
+                self._company.event(f"formation: {name} is silent; it is left out")
+            elif not is_silent and k in self._silent:
+                self._silent.remove(k)
+                self._company.event(f"formation: {name} is heard again")
+        suspect = self._suspicion.worst()
+        if suspect is not None and suspect not in self._out:
+            self._out.add(suspect)
+            self._suspicion.forget(suspect)
+            self._company.event(
+                f"formation: the bearings of {self._name(suspect)} contradict those of the "
+                "others; they are left out"
+            )
+
+    def _name(self, k: int) -> str:
+        return self._company.names[k]

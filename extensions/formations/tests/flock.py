@@ -1,0 +1,115 @@
+"""Vehicles without dynamics, each with the program of a formation on board."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from console.experiments.together import Neighbour
+from extensions.formations.options import FormationOptions
+from extensions.formations.pilot import Pilot
+from extensions.formations.shape import shape_of
+from quadrotor.records import Array
+
+MEETING = 0.01
+
+
+class Here:
+    """One vehicle of the flock, as its program meets the others."""
+
+    def __init__(self, flock: Flock, index: int) -> None:
+        self._flock, self.index, self.seed = flock, index, 100 + index
+        self.names = [f"quad{k + 1}" for k in range(flock.count)]
+        self.events: list[str] = []
+        self.logged: list[tuple[str, int]] = []
+        self.mail = self.arriving = b""
+        self.calls: list[Callable[[int], None]] = []
+
+    def attitude(self) -> tuple[float, float, float, float]:
+        return self._flock.quaternion(self.index)
+
+    def neighbour(self, index: int) -> Neighbour:
+        flock = self._flock
+        x, y, z = flock.places[index].tolist()
+        u, v, w = flock.velocities[index].tolist()
+        attitude = flock.quaternion(index)
+        mail = flock.all[index].arriving
+        return Neighbour(flock.now_ns, (x, y, z), (u, v, w), attitude, 0.377, mail)
+
+    def broadcast(self, mail: bytes) -> None:
+        self.mail = mail
+
+    def log(self, topic: str, type_name: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
+        self.logged.append((topic, stamp_ns))
+
+    def event(self, line: str) -> None:
+        self.events.append(line)
+
+    def at_meetings(self, call: Callable[[int], None]) -> None:
+        self.calls.append(call)
+
+
+class Flock:
+    """Vehicles that fly exactly the velocity that their programs ask for.
+
+    Args:
+        options: one for each vehicle.
+    """
+
+    def __init__(self, options: Sequence[FormationOptions], places: Array, yaws: Array) -> None:
+        self.count = len(options)
+        self.places, self.yaws = places.copy(), yaws.copy()
+        self.velocities = np.zeros_like(places)
+        self.now_ns = 0
+        self.shape = shape_of(options[0].desired, self.count)
+        self.all = [Here(self, k) for k in range(self.count)]
+        self.pilots = [
+            Pilot(here, p, self.shape) for here, p in zip(self.all, options, strict=True)
+        ]
+        self.nearest = math.inf
+
+    def quaternion(self, index: int) -> tuple[float, float, float, float]:
+        half = 0.5 * float(self.yaws[index])
+        return math.cos(half), 0.0, 0.0, math.sin(half)
+
+    def begin(self) -> None:
+        """Let the programs hear each other before they steer."""
+        self.fly(0.2)
+        for pilot in self.pilots:
+            pilot.is_flying = True
+
+    def fly(self, seconds: float) -> None:
+        i, j = np.triu_indices(self.count, 1)
+        for _ in range(round(seconds / MEETING)):
+            self.now_ns += round(1e9 * MEETING)
+            for here in self.all:
+                here.arriving, here.mail = here.mail, b""
+            for here in self.all:
+                for call in here.calls:
+                    call(self.now_ns)
+            for k, pilot in enumerate(self.pilots):
+                c, s = math.cos(self.yaws[k]), math.sin(self.yaws[k])
+                x, y, z = pilot.velocity_y
+                self.velocities[k] = c * x - s * y, s * x + c * y, z
+                self.yaws[k] += MEETING * pilot.yaw_rate
+            self.places += MEETING * self.velocities
+            apart = np.linalg.norm(self.places[i] - self.places[j], axis=1)
+            self.nearest = min(self.nearest, float(apart.min()))
+
+    def error(self, left: Sequence[int] = ()) -> float:
+        """Return the rms angle, deg, of the true bearings to the desired ones."""
+        total, count = 0.0, 0
+        for (i, j), wanted in self.shape.desired.items():
+            if i in left or j in left:
+                continue
+            x, y, z = self.places[j] - self.places[i]
+            c, s = math.cos(self.yaws[i]), math.sin(self.yaws[i])
+            true = np.array([c * x + s * y, c * y - s * x, z])
+            cosine = float(true @ wanted) / float(np.linalg.norm(true))
+            total, count = total + math.acos(max(-1.0, min(1.0, cosine))) ** 2, count + 1
+        return math.degrees(math.sqrt(total / count))
+
+    def events(self) -> list[str]:
+        return [line for here in self.all for line in here.events]

@@ -1,0 +1,129 @@
+"""The verdict on the flight of a formation, from the truth in all logs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from console.evaluation.result import Result
+from console.evaluation.verdict import judged
+from extensions.formations.mathematics.rigidity import bearings
+from extensions.formations.options import FormationOptions
+from extensions.formations.shape import Shape
+from flight_log.fields import ATTITUDE, POSITION
+from flight_log.run import read_run
+from quadrotor.records import Array
+
+SEPARATION = 0.8
+"""m, smallest that passes."""
+STEADY, STEERED = 1.0, 2.5
+"""deg, largest rms of the true bearings about the desired ones."""
+RATE = 20.0
+"""Hz, at which the truth is looked at."""
+
+
+class Windows(NamedTuple):
+    """Times, s: the law begins, has converged, has held, and ends."""
+
+    begun: float
+    converged: float
+    held: float
+    end: float
+
+
+def judge(
+    options: FormationOptions,
+    shape: Shape,
+    windows: Windows,
+    logs: Mapping[str, Path],
+    results: Mapping[str, Result],
+) -> Result:
+    """Return the figures of all vehicles with their limits.
+
+    A vehicle that fails on purpose is left out of the bearings once it does, and so is one that
+    failed by itself.
+    """
+    names = list(logs)
+    ended = [name for name, one in results.items() if one.verdict != "passed"]
+    left = {names.index(name) for name in ended} | ({options.fails - 1} if options.fails else set())
+    times = np.arange(windows.begun, windows.end, 1.0 / RATE)
+    places, yaws = _truth(logs, times)
+    errors = np.array(
+        [_errors(shape, place, yaw, left) for place, yaw in zip(places, yaws, strict=True)]
+    )
+    steady = (times >= windows.converged) & (times < windows.held)
+    metrics = {"steady_bearing_rms_deg": _rms(errors[steady])}
+    limits = {"steady_bearing_rms_deg": STEADY}
+    if windows.end > windows.held:
+        metrics["steered_bearing_rms_deg"] = _rms(errors[times >= windows.held])
+        limits["steered_bearing_rms_deg"] = STEERED
+    metrics["start_bearing_rms_deg"] = _rms(errors[:1])
+    if (converged := _converged(times, errors)) is not None:
+        metrics["converged_s"] = converged - windows.begun
+    i, j = np.triu_indices(len(names), 1)
+    apart = np.linalg.norm(places[:, i] - places[:, j], axis=2)
+    metrics["separation_lack_m"] = max(0.0, SEPARATION - float(apart.min()))
+    limits["separation_lack_m"] = 0.0
+    staying = [one for k, one in enumerate(results.values()) if k not in left]
+    metrics["eigenvalue_min"] = min(
+        (one.metrics.get("eigenvalue_min", 0.0) for one in staying), default=0.0
+    )
+    metrics["effort_m_s"] = max(
+        (one.metrics.get("effort_m_s", 0.0) for one in staying), default=0.0
+    )
+    for figure in ("emergencies", "impact_m_s", "tilt_max_deg"):
+        of_all = [one.metrics[figure] for one in results.values() if figure in one.metrics]
+        if of_all:
+            metrics[figure] = max(of_all)
+            limits[figure] = max(one.limits.get(figure, 0.0) for one in results.values())
+    result = judged(metrics, limits)
+    if ended and result.verdict == "passed":
+        result.verdict = "failed"
+    result.reason = "; ".join(
+        f"{name}: {results[name].reason or 'beyond its limits'}" for name in ended
+    )
+    return result
+
+
+def _truth(logs: Mapping[str, Path], times: Array) -> tuple[Array, Array]:
+    """Return places (N, n, 3) and yaws (N, n) at these times (N,)."""
+    places, yaws = [], []
+    for log in logs.values():
+        truth = read_run(log).topics["truth"]
+        at = truth.time
+        places.append(
+            np.stack([np.interp(times, at, truth.values(name)) for name in POSITION], axis=1)
+        )
+        w, x, y, z = (truth.values(name) for name in ATTITUDE)
+        yaw = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        yaws.append(np.interp(times, at, yaw))
+    return np.stack(places, axis=1), np.stack(yaws, axis=1)
+
+
+def _errors(shape: Shape, places: Array, yaws: Array, left: set[int]) -> Array:
+    """Return the angle, deg, of each true bearing to the desired one."""
+    edges = [edge for edge in shape.desired if not left.intersection(edge)]
+    wanted = np.array([shape.desired[edge] for edge in edges])
+    true = bearings(places, yaws, edges)
+    across = np.linalg.norm(np.cross(true, wanted), axis=1)
+    angles: Array = np.degrees(np.arctan2(across, (true * wanted).sum(axis=1)))
+    return angles
+
+
+def _rms(errors: Array) -> float:
+    return math.sqrt(float((errors**2).mean())) if errors.size else math.nan
+
+
+def _converged(times: Array, errors: Array) -> float | None:
+    """Return the time after which the rms first stays below twice the steady limit for 1 s, if
+    it does."""
+    good = np.sqrt((errors**2).mean(axis=1)) <= 2.0 * STEADY
+    count = round(RATE)
+    for k in range(len(good) - count):
+        if good[k : k + count].all():
+            return float(times[k])
+    return None
