@@ -1,4 +1,4 @@
-"""Flights of a point vehicle with yaw that finds its place by bearings, along paths of several kinds.
+"""Flights of a point vehicle with yaw that finds its place by bearings, along several paths.
 
 The vehicle flies its estimate: it follows the path by the estimate of an extended Kalman filter, as
 it would on board. All flights of a call are flown together, as arrays (F, …). The bound of each is
