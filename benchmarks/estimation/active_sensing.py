@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.estimation.sensing_flights import RATE, SIGMA, Case, Outcome, Path, fly
 from benchmarks.harness import Report, Row, Size, Target
@@ -31,6 +32,7 @@ END = 2.0
 MOTION = {"0.01": 0.01, "0.002": 0.002}
 """m/sqrt(s), noise of the motion: about that of IMU and bearings together, and of good odometry."""
 SAMPLES = 2000
+Chosen = npt.NDArray[np.int_]
 
 
 def run(size: Size = Size.FULL) -> list[Report]:
@@ -118,9 +120,9 @@ def _times(outcome: Outcome, wanted: float) -> Array:
     return np.asarray(first / RATE)
 
 
-def _ratio(count: int, of: Callable[[Array], float]) -> str:
+def _ratio(count: int, of: Callable[[Chosen], float]) -> str:
     """Return a ratio of flights with its 95 % bootstrap interval."""
     rng = np.random.default_rng(0)
     found = [of(rng.integers(0, count, count)) for _ in range(SAMPLES)]
     low, high = np.percentile(found, [2.5, 97.5])
-    return f"{of(np.arange(count)):.2f} ({low:.2f}–{high:.2f})"
+    return f"{of(np.arange(count, dtype=np.int_)):.2f} ({low:.2f}–{high:.2f})"

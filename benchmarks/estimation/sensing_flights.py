@@ -250,7 +250,7 @@ def _corrected(
         back = np.concatenate([guess - place, (yaw - turn)[:, None]], axis=1)
         right = np.einsum("fmai,fma->fi", J, residual) / SIGMA**2
         step = np.einsum("fij,fj->fi", P, right + np.einsum("fij,fj->fi", prior, back))
-        place, turn = place + step[:, :3], turn + step[:, 3]
+        place, turn = np.asarray(place + step[:, :3]), np.asarray(turn + step[:, 3])
     return place, turn, P
 
 

@@ -251,7 +251,7 @@ class LookAround:
         """
         shares = np.linspace(1.0, 0.0, 21)
         way = former + shares[:, None, None] * (wanted[..., None, :, :] - former)
-        kept = (self.room.excess(way) <= 1e-9).all(axis=-1)
+        kept = np.asarray((self.room.excess(way) <= 1e-9).all(axis=-1))
         kept[..., -1] = True
         first = kept.argmax(axis=-1)
         return np.asarray(

@@ -186,9 +186,8 @@ def _yaws_of_pairs(
 def _places_at(psi: Array, wanted: Array, pairs: Edges, n: int) -> Array:
     i, j = pairs.T
     P = across(np.einsum("kab,kb->ka", yaw_rotation(psi[i]), wanted))
-    L = np.zeros((n, 3, n, 3))
-    for a, b, sign in ((i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)):
-        np.add.at(L, (a, slice(None), b, slice(None)), sign * P)
+    ends = np.eye(n)[j] - np.eye(n)[i]
+    L = np.einsum("ka,kb,kcd->acbd", ends, ends, P)
     L += np.einsum("ab,cd->acbd", np.ones((n, n)), np.eye(3))  # the translations
     p: Array = np.linalg.eigh(L.reshape(3 * n, 3 * n))[1][:, 0].reshape(n, 3)
     ahead = np.einsum("ka,kab,kb->", p[j] - p[i], yaw_rotation(psi[i]), wanted)

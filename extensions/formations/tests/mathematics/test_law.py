@@ -104,7 +104,7 @@ def test_the_flights_below_fly_the_law() -> None:
 
 def test_204_random_starts_of_3_to_8_vehicles_converge() -> None:
     for n in range(3, 9):
-        errors = flown(random_flights(n, range(34)), 30.0 if n < 5 else 18.0)
+        errors = flown(random_flights(n, range(34)), 30.0)
         steady = np.sqrt(np.mean(errors[-150:] ** 2, axis=0))
         assert (steady <= 1.0).all(), n
 
