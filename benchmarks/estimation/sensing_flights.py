@@ -246,11 +246,11 @@ def _corrected(
     for _ in range(2):
         J, g = _rows(place, case)
         residual = _in_own_axes(turn, measured, case) - g
-        P = np.linalg.inv(prior + _information(J))
+        P = np.asarray(np.linalg.inv(prior + _information(J)), dtype=float)
         back = np.concatenate([guess - place, (yaw - turn)[:, None]], axis=1)
         right = np.einsum("fmai,fma->fi", J, residual) / SIGMA**2
         step = np.einsum("fij,fj->fi", P, right + np.einsum("fij,fj->fi", prior, back))
-        place, turn = np.asarray(place + step[:, :3]), np.asarray(turn + step[:, 3])
+        place, turn = place + step[:, :3], turn + step[:, 3]
     return place, turn, P
 
 
