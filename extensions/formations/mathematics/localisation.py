@@ -125,7 +125,7 @@ class NetworkFilter:
         scaling = start._places().ravel()
         scaling = scaling / np.vdot(scaling, scaling)
         information = B.T @ B / sigma**2 + np.outer(scaling, scaling) / distance_share**2
-        start.covariance = np.linalg.inv(information)
+        start.covariance = np.asarray(np.linalg.inv(information), dtype=float)
         return start
 
     def predict(self, motions: Mapping[int, tuple[npt.ArrayLike, float]], dt: float) -> None:
@@ -204,7 +204,7 @@ class NetworkFilter:
         """Correct the estimate by the bearing of vehicle j that vehicle i measured; return whether
         it was used.
         """
-        return self.bearings([(i, j)], [bearing_y], sigma) == 1
+        return self.bearings([(i, j)], np.asarray(bearing_y)[None], sigma) == 1
 
     def distance(self, i: int, j: int, distance: float, sigma: float) -> None:
         """Correct the estimate by a distance in m with standard deviation `sigma`.

@@ -104,12 +104,12 @@ class Flight:
         i, j = self.edges.T
         z = self.places_w[:, j] - self.places_w[:, i]
         g = z / np.linalg.norm(z, axis=-1, keepdims=True)
-        return np.einsum("skba,skb->ska", yaw_rotation(self.yaws[:, i]), g)
+        return np.asarray(np.einsum("skba,skb->ska", yaw_rotation(self.yaws[:, i]), g))
 
     def error(self) -> Array:
         """Return the rms angle (S,) in degrees between true and desired bearings."""
         half = 0.5 * np.linalg.norm(self.true_bearings() - self.wanted, axis=-1)
-        return np.degrees(np.sqrt(np.mean((2.0 * np.arcsin(half)) ** 2, axis=1)))
+        return np.asarray(np.degrees(np.sqrt(np.mean((2.0 * np.arcsin(half)) ** 2, axis=1))))
 
     def seen(self) -> Mask:
         """Return which edges (S, m) are in view."""
@@ -178,7 +178,7 @@ class Flight:
 
     def _pull(self, beta: Array) -> Array:
         along = np.sum(beta * self.wanted, axis=-1, keepdims=True)
-        return (1.0 - 2.0 * self.gains.sigma**2) * self.wanted - along * beta
+        return np.asarray((1.0 - 2.0 * self.gains.sigma**2) * self.wanted - along * beta)
 
 
 def random_flights(
