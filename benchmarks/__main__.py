@@ -44,7 +44,14 @@ FOLDERS = {
         "fault_library",
         "tracker_integrity",
     ),
-    "estimation": ("pose", "filters", "comparison", "tags"),
+    "estimation": (
+        "pose",
+        "filters",
+        "comparison",
+        "tags",
+        "active_sensing",
+        "network_localisation",
+    ),
     "explanation": ("explanations", "diagnosis"),
     "firmware": ("firmware",),
     "flights": (

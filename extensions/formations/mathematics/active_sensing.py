@@ -1,27 +1,27 @@
 """Paths along which bearings tell most of where a vehicle is, planned again and again in flight.
 
-A vehicle in R^3 x S^1 measures bearings beta_b = Rz(psi)^T g_b of landmarks b at distances d_b, and
-knows its own velocity in its yaw frame. An error (dp, dpsi) at the end of a path was, at time t,
-(dp - e x (p_end - p(t)) dpsi, dpsi), so that with P = I - g g^T
+A vehicle in R^3 x S^1 measures bearings beta_b = Rz(psi)^T g_b of landmarks b at distances d_b,
+and knows its own velocity in its yaw frame. An error (dp, dpsi) at the end of a path was, at time
+t, (dp - e x (p_end - p(t)) dpsi, dpsi), so that with P = I - g g^T
 
     d beta (in world axes) = - P / d [ I | S(b - p_end) ] (dp, dpsi),      S(r) = e x r,
 
 and the constructibility Gramian, the information of the path on the state at its end, is
 
-    G = 1 / sigma^2  sum over b of E_b^T ( integral of P / d^2 ) E_b,      E_b = [ I | S(b - p_end) ].
+    G = 1 / sigma^2  sum over b of E_b^T (integral of P / d^2) E_b,      E_b = [ I | S(b - p_end) ].
 
 A neighbour that sees the vehicle too adds P / d^2 with E = [ I | S(p(t) - p_end) ], in axes of the
-neighbour. The path is a uniform cubic B-spline whose control points are within the radius, and whose
-differences keep speed and acceleration within their limits: the spline is in their convex hull. It
-ends at rest, so that the plan of before, shifted, is always one that can be flown. From the best of
-it and some straight moves, gradient steps raise the smallest eigenvalue of prior information and
-Gramian, each fading with `memory`.
+neighbour. The path is a uniform cubic B-spline whose control points are within the radius, and
+whose differences keep speed and acceleration within their limits: the spline is in their convex
+hull. It ends at rest, so that the plan of before, shifted, is always one that can be flown. From
+the best of it and some straight moves, gradient steps raise the smallest eigenvalue of prior
+information and Gramian, each fading with `memory`.
 
 Source: Salaris, Cognetti, Spica, Robuffo Giordano, "Online optimal perception-aware trajectory
 generation", IEEE T-RO 35(6), 2019. Deviations: three dimensions and yaw instead of a unicycle; a
-power mean of the eigenvalues (their Schatten norm) is taken of the information with its prior, which
-fades, instead of a Riccati equation for the noise of the motion; limits by penalty and by going back
-toward the former plan, instead of projections on null spaces.
+power mean of the eigenvalues (their Schatten norm) is taken of the information with its prior,
+which fades, instead of a Riccati equation for the noise of the motion; limits by penalty and by
+going back toward the former plan, instead of projections on null spaces.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ STEP = 0.5
 SEGMENTS = 8
 POINTS = SEGMENTS + 3
 FREE = slice(3, POINTS - 3)
-"""Control points that a plan chooses; those before are flown already, those after equal its last."""
+"""Control points that a plan chooses; those before are flown, those after equal its last."""
 SAMPLES = 5
 """Of a segment."""
 POWER = 4.0
@@ -251,7 +251,7 @@ class LookAround:
         """
         shares = np.linspace(1.0, 0.0, 21)
         way = former + shares[:, None, None] * (wanted[..., None, :, :] - former)
-        kept = (self.room.excess(way) <= 1e-9).all(axis=-1)
+        kept = np.asarray((self.room.excess(way) <= 1e-9).all(axis=-1))
         kept[..., -1] = True
         first = kept.argmax(axis=-1)
         return np.asarray(

@@ -42,7 +42,9 @@ V_b need not fall; the distance to p* does).
 Noise. With measured g^ = g + noise of sigma on each tangent axis, E[g^ g^T] is
 (1 - 3 sigma^2) g g^T + sigma^2 I, so that a_k has a mean along g_k and the formation grows by about
 4 sigma^2 K / d each second. With (1 - 2 sigma^2) I in place of I the mean is across g_k again:
-`Gains.sigma`.
+`Gains.sigma`. Where relative yaws are those of the same frame's bearings (`relative_yaw`), their
+errors are correlated with a_k, and about - sigma^2 K / d remains; with compasses, or yaws that are
+filtered, nothing.
 
 Deviations from the publications: Schiano et al. 2016 command yaw rates by the gradient, here by
 relative yaws, which has a far larger region of convergence and makes the cascade; distances are not

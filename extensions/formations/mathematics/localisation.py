@@ -57,12 +57,15 @@ class MotionNoise:
     Attributes:
         velocity: m/s/sqrt(Hz). yaw_rate: rad/s/sqrt(Hz).
         unknown_velocity, unknown_yaw_rate: of a vehicle of which nothing was heard, taken as still.
+        tells_scale: whether the scale is taken from motions. Their noise passes for motion, so that
+            they tell less than the filter believes: with distances, better not.
     """
 
     velocity: float = 0.02
     yaw_rate: float = 0.005
     unknown_velocity: float = 0.5
     unknown_yaw_rate: float = 0.3
+    tells_scale: bool = True
 
 
 @dataclass
@@ -122,7 +125,7 @@ class NetworkFilter:
         scaling = start._places().ravel()
         scaling = scaling / np.vdot(scaling, scaling)
         information = B.T @ B / sigma**2 + np.outer(scaling, scaling) / distance_share**2
-        start.covariance = np.linalg.inv(information)
+        start.covariance = np.asarray(np.linalg.inv(information), dtype=float)
         return start
 
     def predict(self, motions: Mapping[int, tuple[npt.ArrayLike, float]], dt: float) -> None:
@@ -140,6 +143,7 @@ class NetworkFilter:
         q_w = dt * np.where(known, self.noise.yaw_rate, self.noise.unknown_yaw_rate) ** 2
         back = yaw_rotation(-w[self.own] * dt)
         moved_w = np.einsum("kab,kb->ka", yaw_rotation(self.yaws + 0.5 * w * dt), v) * dt
+        before = self._places().ravel()
         own_w = yaw_rotation(0.5 * w[self.own] * dt) @ v[self.own] * dt
         self.positions_y = (self.positions_y + moved_w - own_w) @ back.T
         self.positions_y[self.own] = 0.0
@@ -159,6 +163,8 @@ class NetworkFilter:
             single[k, 3, k, 3] = q_w[j]
         size = 4 * (n - 1)
         G, A = common.reshape(size, 4), F.reshape(size, size)
+        if not self.noise.tells_scale:  # a scaling stays a scaling
+            A = A + np.outer(self._places().ravel() - A @ before, before) / np.vdot(before, before)
         q_own = np.array([q_v[self.own]] * 3 + [q_w[self.own]])
         P = A @ self.covariance @ A.T + (G * q_own) @ G.T + single.reshape(size, size)
         self.covariance = 0.5 * (P + P.T)
@@ -198,12 +204,22 @@ class NetworkFilter:
         """Correct the estimate by the bearing of vehicle j that vehicle i measured; return whether
         it was used.
         """
-        return self.bearings([(i, j)], [bearing_y], sigma) == 1
+        return self.bearings([(i, j)], np.asarray(bearing_y)[None], sigma) == 1
 
     def distance(self, i: int, j: int, distance: float, sigma: float) -> None:
-        """Correct the estimate by a distance in m with standard deviation `sigma`."""
+        """Correct the estimate by a distance in m with standard deviation `sigma`.
+
+        It is compared by its logarithm, in which it is linear in the error of the scale.
+
+        Raises DegenerateGeometryError for a distance that is not positive.
+        """
+        if not distance > 0.0:
+            raise DegenerateGeometryError(
+                f"the distance of vehicles {i} and {j} is {distance} m; leave it out"
+            )
         row, expected = _distance_row(self.positions_y, i, j)
-        self._correct(row[None, self._columns], np.array([distance - expected]), sigma)
+        residual = np.array([math.log(distance / expected)])
+        self._correct(row[None, self._columns] / expected, residual, sigma / distance)
 
     @property
     def estimate(self) -> tuple[Array, Array, Array]:

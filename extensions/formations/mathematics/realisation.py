@@ -32,6 +32,10 @@ from quadrotor.records import Array
 EXACT = 1e-9
 """rad; bearings that fit better than this are met."""
 STARTS = 24
+AGREED = 1e-6
+"""rad; starts whose residuals differ by less have ended at one minimum."""
+ENOUGH = 3
+"""Starts that end at the least residual, after which no other is tried."""
 STEPS = 40
 STEEP = 0.2
 """Horizontal length of a bearing below which its azimuth is not used."""
@@ -58,15 +62,17 @@ def realise(
     wanted, pairs = _checked(desired_bearings_y, edges, n)
     rng = np.random.default_rng(n)
     best: tuple[Array, Array, float] | None = None
+    agreed = 0
     for start in range(STARTS):
         psi = _yaws_of_pairs(wanted, pairs, n, rng, spread=0.0 if start == 0 else 0.5)
         p = _places_at(psi, wanted, pairs, n)
         if start >= STARTS // 2 or _least(p) < NEAREST:
             p = p + rng.normal(size=(n, 3))
         found = _refined(p, psi, wanted, pairs)
-        if best is None or found[2] < best[2]:
-            best = found
-        if best[2] < EXACT:
+        if best is None or found[2] < best[2] - AGREED:
+            best, agreed = found, 0
+        agreed += found[2] < best[2] + AGREED
+        if best[2] < EXACT or agreed == ENOUGH:
             break
     assert best is not None
     p, psi, residual = best
@@ -180,9 +186,8 @@ def _yaws_of_pairs(
 def _places_at(psi: Array, wanted: Array, pairs: Edges, n: int) -> Array:
     i, j = pairs.T
     P = across(np.einsum("kab,kb->ka", yaw_rotation(psi[i]), wanted))
-    L = np.zeros((n, 3, n, 3))
-    for a, b, sign in ((i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)):
-        np.add.at(L, (a, slice(None), b, slice(None)), sign * P)
+    ends = np.eye(n)[j] - np.eye(n)[i]
+    L = np.einsum("ka,kb,kcd->acbd", ends, ends, P)
     L += np.einsum("ab,cd->acbd", np.ones((n, n)), np.eye(3))  # the translations
     p: Array = np.linalg.eigh(L.reshape(3 * n, 3 * n))[1][:, 0].reshape(n, 3)
     ahead = np.einsum("ka,kab,kb->", p[j] - p[i], yaw_rotation(psi[i]), wanted)
@@ -208,12 +213,13 @@ def _refined(p: Array, psi: Array, wanted: Array, pairs: Edges) -> tuple[Array, 
             damping *= 10.0
             continue
         error_new = bearings(p_new, psi_new, pairs) - wanted
-        if np.vdot(error_new, error_new) < np.vdot(error, error):
+        gained = float(np.vdot(error, error) - np.vdot(error_new, error_new))
+        if gained > 0.0:
             p, psi, error = p_new / mean_distance(p_new), psi_new, error_new
             damping *= 0.1
         else:
             damping *= 10.0
-        if np.abs(step).max() < 1e-12 or damping > 1e8:
+        if np.abs(step).max() < 1e-12 or damping > 1e8 or 0.0 < gained < 1e-16:
             break
     angles = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(error, axis=1), 0.0, 1.0))
     return p, psi, float(np.sqrt(np.mean(angles**2)))

@@ -107,7 +107,8 @@ def bearings(positions_w: npt.ArrayLike, yaws: npt.ArrayLike, edges: npt.ArrayLi
     p, psi, pairs = checked(positions_w, yaws, edges)
     z = p[pairs[:, 1]] - p[pairs[:, 0]]
     g = z / np.linalg.norm(z, axis=1, keepdims=True)
-    return np.einsum("kba,kb->ka", yaw_rotation(psi[pairs[:, 0]]), g)
+    found: Array = np.einsum("kba,kb->ka", yaw_rotation(psi[pairs[:, 0]]), g)
+    return found
 
 
 def rigidity_matrix(positions_w: npt.ArrayLike, yaws: npt.ArrayLike, edges: npt.ArrayLike) -> Array:
