@@ -1,0 +1,29 @@
+"""The declaration of the extension `laws`."""
+
+from quadrotor.extension import Evidence, Extension, Judged, Law
+
+EXTENSION = Extension(
+    name="laws",
+    summary="Control laws of the literature, to be flown and compared with the paper's",
+    protocol=1,
+    offers=(
+        Law(
+            name="pid_cascade",
+            target=".pid_cascade:LAW",
+            parameters=".parameters:PidCascadeParameters",
+        ),
+        Law(
+            name="geometric_l1",
+            target=".geometric_l1:LAW",
+            parameters=".parameters:GeometricL1Parameters",
+        ),
+        Law(name="indi", target=".indi:LAW", parameters=".parameters:IndiParameters"),
+        Law(
+            name="flatness_indi",
+            target=".flatness_indi:LAW",
+            parameters=".parameters:FlatnessIndiParameters",
+        ),
+    ),
+    judged=(Judged(Evidence.SIMULATED, "flights of the vehicle's own code"),),
+    docs="how_to/arena.md",
+)
