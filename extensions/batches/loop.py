@@ -229,7 +229,7 @@ def fly(
     wanted, carry, pace = motors[0], motors[1], c.pace
     ticks, period_ns, substeps = pace.ticks, pace.period_ns, pace.substeps
     hover_ticks, judge_every, keep_every = pace.hover_ticks, pace.judge_every, pace.keep_every
-    s, airborne = c.settings, ticks > 0  # a plain True would be compiled as another type
+    airborne = ticks > 0  # a plain True would be compiled as another type
     period = 1e-9 * period_ns
     dt = period / substeps
     share = motor_share(p.model.motor_time_constant, dt)
@@ -241,10 +241,10 @@ def fly(
         t = (k - hover_ticks) * period
         _see(c, p, v, k)
         if c.other_law == 1:
-            look_ahead(v, s, t, airborne, period)
+            look_ahead(v, c.settings, t, airborne, period)
             law(own, records, airborne, airborne, period)
         else:
-            steer(v, s, t, airborne, period)
+            steer(v, c.settings, t, airborne, period)
         if to_keep == 0 and kept < history.shape[0]:
             _keep(k * period, p.x, v, history[kept])
             kept, to_keep = kept + 1, keep_every

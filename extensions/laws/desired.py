@@ -1,4 +1,4 @@
-"""What several laws share: desired attitude with its rates, filters, and the last steps."""
+"""The parts that laws share: desired attitude with its rates, filters, and the last steps."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The declaration of the extension `laws`."""
 
-from quadrotor.extension import Evidence, Extension, Judged, Law
+from quadrotor.extension import Command, Evidence, Extension, Group, Judged, Law
 
 EXTENSION = Extension(
     name="laws",
@@ -22,6 +22,17 @@ EXTENSION = Extension(
             name="flatness_indi",
             target=".flatness_indi:LAW",
             parameters=".parameters:FlatnessIndiParameters",
+        ),
+        Command(
+            name="arena",
+            target=".arena.command:Arena",
+            group=Group.FLY,
+            summary="Fly control laws on courses under disturbances in compiled code, and print "
+            "tables of their errors.",
+            examples={
+                "quadlab arena": "compare all laws on 12 seeds",
+                'quadlab arena --laws "geometric indi"': "compare two",
+            },
         ),
     ),
     judged=(Judged(Evidence.SIMULATED, "flights of the vehicle's own code"),),

@@ -18,7 +18,7 @@ KINDS = ("nan thrust", "infinite reference", "nan torque", "jolt", "no thrust", 
 
 
 class HarmParameters(PidCascadeParameters):
-    """What it does, and when."""
+    """The harm that it does, and when."""
 
     kind: int = parameter(0, ge=0, le=len(KINDS) - 1, step=1)
     """number of the harm in KINDS"""

@@ -149,7 +149,7 @@ def test_settings_reach_a_law_in_their_order(name: str) -> None:
     packed = settings_of(control, name)
     kind = laws.settings_type(type(own))
     values = packed.view(kind)[0]
-    assert list(values) == [pytest.approx(getattr(own, field)) for field in type(own).model_fields]
+    assert [float(v) for v in values] == [float(getattr(own, n)) for n in type(own).model_fields]
     law = extended()[name].load()
     assert isinstance(law, CompiledLaw)
     assert not np.any(law.new_memory())
