@@ -23,6 +23,7 @@ EXTENSION = Extension(
             target=".flatness_indi:LAW",
             parameters=".parameters:FlatnessIndiParameters",
         ),
+        Law(name="nmpc", target=".nmpc:LAW", parameters=".parameters:NmpcParameters"),
         Command(
             name="arena",
             target=".arena.command:Arena",

@@ -81,3 +81,28 @@ class FlatnessIndiParameters(IndiParameters):
         20.0, unit="rad/s", ge=2.0, le=100.0, step=1.0, flight_step=10.0
     )
     """of the second-order low pass of acceleration and thrust alike"""
+
+
+class NmpcParameters(Parameters):
+    """Horizon, bounds and weights of the predictive law."""
+
+    horizon: float = parameter(0.6, unit="s", ge=0.2, le=2.0, step=0.05)
+    """of its 20 nodes; the reference is continued over it by its derivatives"""
+    rate_max: float = parameter(6.0, unit="rad/s", ge=1.0, le=20.0, step=0.5)
+    """largest body rate"""
+    position_xy: float = parameter(200.0, ge=0.0, le=2000.0, step=10.0)
+    """weight of the horizontal position error, 1/m²"""
+    position_z: float = parameter(400.0, ge=0.0, le=2000.0, step=10.0)
+    """weight of the vertical position error, 1/m²"""
+    velocity: float = parameter(10.0, ge=0.0, le=200.0, step=1.0)
+    """weight of the velocity error, s²/m²"""
+    tilt: float = parameter(5.0, ge=0.0, le=500.0, step=1.0)
+    """weight of the attitude error about x and y, 1/rad²"""
+    yaw: float = parameter(10.0, ge=0.0, le=500.0, step=1.0)
+    """weight of the attitude error about z, 1/rad²"""
+    thrust: float = parameter(1.0, ge=0.01, le=10.0, step=0.01)
+    """weight of the thrust over the mass, s⁴/m²"""
+    rates: float = parameter(4.0, ge=0.01, le=50.0, step=0.1)
+    """weight of the body rates, s²/rad²"""
+    last: float = parameter(5.0, ge=0.0, le=100.0, step=1.0)
+    """multiple of the weights at the last node"""

@@ -16,6 +16,8 @@ from quadrotor.vehicle_model import VehicleModel
 from vehicle.simulator.parameters import SimulatorParameters
 
 OBSERVER = "observer"
+KNOW_DRAG = ("flatness_indi", "nmpc")
+"""Laws whose sources have the drag in their model."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ def entries() -> dict[str, Entry]:
     """Return the paper's law without and with the disturbance observer, and each other law."""
     observer = {k.removeprefix("control."): v for k, v in preset_values(OBSERVER).items()}
     ours = Entry(GEOMETRIC), Entry(OBSERVER, settings=observer)
-    others = (Entry(name, name, knows_drag=name.startswith("flatness")) for name in extended())
+    others = (Entry(name, name, knows_drag=name in KNOW_DRAG) for name in extended())
     return {one.name: one for one in (*ours, *others)}
 
 

@@ -306,3 +306,116 @@ LAWS: dict[str, type[Any]] = {
     "indi": Indi,
     "flatness_indi": FlatnessIndi,
 }
+
+
+def rotation(a: Array) -> Array:
+    """Return the unit quaternion of a rotation vector."""
+    size = np.linalg.norm(a)
+    return np.concatenate([[np.cos(0.5 * size)], 0.5 * np.sinc(0.5 * size / np.pi) * a])
+
+
+def log(q: Array) -> Array:
+    """Return the rotation vector of a unit quaternion."""
+    q = q if q[0] >= 0.0 else -q
+    size = np.linalg.norm(q[1:])
+    return q[1:] * (2.0 * np.arctan2(size, q[0]) / size if size > 1e-12 else 2.0)
+
+
+def inverse(q: Array) -> Array:
+    return q * [1.0, -1.0, -1.0, -1.0]
+
+
+def quaternion_of(R: Array) -> Array:
+    """Return the unit quaternion of a rotation by less than half a turn."""
+    w = 0.5 * np.sqrt(1.0 + np.trace(R))
+    return np.concatenate([[w], vee(R - R.T) / (4.0 * w)])
+
+
+class Nmpc:
+    N = 20
+
+    def __init__(self) -> None:
+        self.x: list[Array] | None = None
+
+    def plan(self, r: Any, m: Any, h: float) -> None:
+        d, t = m.drag / m.mass, h * np.arange(self.N + 1)[:, None]
+        a, j, s = r.acceleration_w, r.jerk_w, r.snap_w
+        p = r.position_w + t * r.velocity_w + t**2 / 2 * a + t**3 / 6 * j + t**4 / 24 * s
+        v = r.velocity_w + t * a + t**2 / 2 * j + t**3 / 6 * s
+        f = a + t * j + t**2 / 2 * s + d * v + G * Z
+        f[:, 2] = np.maximum(f[:, 2], DIRECTION_MIN * G)
+        self.x_r = []
+        for k in range(self.N + 1):
+            yaw = r.yaw + t[k, 0] * r.yaw_rate + t[k, 0] ** 2 / 2 * r.yaw_acceleration
+            at = SimpleNamespace(yaw=yaw, yaw_rate=0.0, yaw_acceleration=0.0)
+            R, _, _ = attitude(Motion(f[k], np.zeros(3), np.zeros(3)), at)
+            self.x_r.append(np.concatenate([p[k], v[k], quaternion_of(R)]))
+        q = [x[6:] for x in self.x_r]
+        turns = [log(product(inverse(q[k]), q[k + 1])) / h for k in range(self.N)]
+        self.u_r = [np.array([np.linalg.norm(f[k]), *turns[k]]) for k in range(self.N)]
+
+    @staticmethod
+    def next(x: Array, u: Array, d: float, h: float) -> Array:
+        a = u[0] * matrix(x[6:])[:, 2] - G * Z - d * x[3:6]
+        q = product(x[6:], rotation(h * u[1:]))
+        q /= np.linalg.norm(q)
+        return np.concatenate([x[:3] + h * x[3:6] + h * h / 2 * a, x[3:6] + h * a, q])
+
+    @staticmethod
+    def away(x: Array, y: Array) -> Array:
+        return np.concatenate([x[:6] - y[:6], log(product(inverse(y[6:]), x[6:]))])
+
+    @staticmethod
+    def derivatives(x: Array, u: Array, d: float, h: float) -> tuple[Array, Array]:
+        R, w, eye = matrix(x[6:]), hat(h * u[1:]), np.eye(3)
+        tilt = -u[0] * R @ hat(Z)
+        A, B = np.eye(9), np.zeros((9, 4))
+        A[:3, 3:6], A[:3, 6:] = (h - h * h / 2 * d) * eye, h * h / 2 * tilt
+        A[3:6, 3:6], A[3:6, 6:] = (1.0 - h * d) * eye, h * tilt
+        A[6:, 6:] = matrix(rotation(-h * u[1:]))
+        B[:3, 0], B[3:6, 0] = h * h / 2 * R[:, 2], h * R[:, 2]
+        B[6:, 1:] = h * (eye - w / 2 + w @ w / 6)
+        return A, B
+
+    def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
+        h, d, N = s.horizon / self.N, m.drag / m.mass, self.N
+        low = np.array([4.0 * m.thrust_min / m.mass, *[-s.rate_max] * 3])
+        high = np.array([4.0 * m.thrust_max / m.mass, *[s.rate_max] * 3])
+        self.plan(r, m, h)
+        if self.x is None:
+            self.x, self.u = list(self.x_r), [np.clip(u, low, high) for u in self.u_r]
+        xy, z, yaw = [s.position_xy] * 2, [s.position_z], [s.yaw]
+        Q = np.diag([*xy, *z, *[s.velocity] * 3, *[s.tilt] * 2, *yaw])
+        C = np.diag([s.thrust, *[s.rates] * 3])
+        V = s.last * Q
+        g = V @ self.away(self.x[N], self.x_r[N])
+        moves = []
+        for n in range(N - 1, -1, -1):
+            A, B = self.derivatives(self.x[n], self.u[n], d, h)
+            H, F = C + B.T @ V @ B, B.T @ V @ A
+            f = C @ (self.u[n] - self.u_r[n]) + B.T @ g
+            held = (self.u[n] <= low) & (f > 0.0) | (self.u[n] >= high) & (f < 0.0)
+            free = np.flatnonzero(~held)
+            K, c = np.zeros((4, 9)), np.zeros(4)
+            K[free] = -np.linalg.solve(H[np.ix_(free, free)], F[free])
+            c[free] = -np.linalg.solve(H[np.ix_(free, free)], f[free])
+            moves.insert(0, (K, c))
+            g, V = A.T @ (g + V @ B @ c), A.T @ V @ (A + B @ K)
+            V = 0.5 * (V + V.T)
+            if n:
+                V, g = V + Q, g + Q @ self.away(self.x[n], self.x_r[n])
+        now = np.concatenate([x.position_w, x.velocity_w, x.quaternion_wb])
+        flown = []
+        for n in range(N):
+            K, c = moves[n]
+            self.u[n] = np.clip(self.u[n] + c + K @ self.away(now, self.x[n]), low, high)
+            flown.append(now)
+            now = self.next(now, self.u[n], d, h)
+        self.x = [*flown, now]
+        w, J = x.angular_velocity_b, m.inertia_b
+        forward = Motion(r.acceleration_w + G * Z, r.jerk_w, r.snap_w)
+        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2]
+        return allocated(m.mass * self.u[0][0], J * nu + np.cross(w, J * w), k, m)[0]
+
+
+LAWS["nmpc"] = Nmpc
