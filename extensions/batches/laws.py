@@ -44,14 +44,16 @@ def laws_of(names: Iterable[str]) -> dict[str, CompiledLaw]:
 def entry() -> Callable[..., None]:
     """Return the machine code of `fly`, which takes any law of the one signature."""
     case, onboard, settings = np.zeros(1, CASE), new_onboard(), np.zeros(1, np.uint8)
-    arguments = map(numba.typeof, example_arguments(NOTHING, settings))
-    pointer = numba.types.FunctionType(numba.types.void(*arguments))
+    kind_of: Callable[[object], object] = numba.typeof
+    pointer = numba.types.FunctionType(
+        numba.types.void(*map(kind_of, example_arguments(NOTHING, settings)))
+    )
     records = case, np.zeros(1, PLANT), onboard, np.zeros(1, OUTCOME), np.zeros(0, HISTORY)
     own = NOTHING.new_memory(), settings
-    kinds = [*map(numba.typeof, (*records, np.zeros((2, 4)))), pointer]
+    kinds = [*map(kind_of, (*records, np.zeros((2, 4)))), pointer]
     compiler: Any = fly
     made: Callable[..., None] = compiler.compile(
-        (*kinds, numba.typeof(own), numba.typeof(records_of(case, onboard)))
+        (*kinds, kind_of(own), kind_of(records_of(case, onboard)))
     )
     return made
 

@@ -227,10 +227,9 @@ def fly(
     """
     c, p, v, r = case[0], plant[0], onboard[0], outcome[0]
     wanted, carry, pace = motors[0], motors[1], c.pace
-    ticks, period_ns, substeps = pace.ticks, pace.period_ns, pace.substeps
+    ticks, period, substeps = pace.ticks, 1e-9 * pace.period_ns, pace.substeps
     hover_ticks, judge_every, keep_every = pace.hover_ticks, pace.judge_every, pace.keep_every
     airborne = ticks > 0  # a plain True would be compiled as another type
-    period = 1e-9 * period_ns
     dt = period / substeps
     share = motor_share(p.model.motor_time_constant, dt)
     drawn = np.zeros((1, 3))

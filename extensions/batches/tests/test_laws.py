@@ -33,7 +33,7 @@ HALF = CompiledLaw(_half, np.dtype([("called", "i8")]))
 
 
 def fly(law: str = "geometric", **truth: float) -> BatchResult:
-    made = SimulatorParameters(**truth)
+    made = SimulatorParameters().model_copy(update=truth)
     control = ControlParameters(law=law)
     some = [Scenario(made, control=control, trajectory=SHORT, seed=k) for k in range(3)]
     return fly_batch(some, 6.0, threads=2)

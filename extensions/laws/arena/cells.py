@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 from control.laws import extended, new_control_parameters
 from control.parameters import GEOMETRIC, ControlParameters
@@ -59,7 +60,7 @@ def chosen(names: str) -> list[Entry]:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What differs from the model.
+    """The difference of a vehicle and its air from the model.
 
     Attributes:
         truth: of `SimulatorParameters`.
@@ -71,11 +72,12 @@ class Disturbance:
 
     def world(self) -> SimulatorParameters:
         """Return the true vehicle."""
-        return SimulatorParameters(**self.truth)
+        return SimulatorParameters().model_copy(update=dict(self.truth))
 
     def model(self, entry: Entry) -> VehicleModel:
         """Return the model that an entry has of it."""
-        return VehicleModel(**self.identified) if entry.knows_drag else VehicleModel()
+        known = dict(self.identified) if entry.knows_drag else {}
+        return VehicleModel().model_copy(update=known)
 
 
 ROTOR_DRAG = {"rotor_drag_x": 0.42, "rotor_drag_y": 0.52, "drag_lever": 0.02}
@@ -95,11 +97,9 @@ DISTURBANCES = {
 def courses() -> dict[str, FigureEight]:
     """Return the 8 of the paper, the same at twice the rate, and a larger one."""
     centre = (0.0, 0.0, 1.5)
-    quick = {"period": 4.0, "laps": 6}
+    quick = partial(FigureEight, centre, period=4.0, laps=6)
     return {
         "8 in 8 s": FigureEight(centre),
-        "8 in 4 s": FigureEight(centre, **quick, ramp=4.0, yaw_amplitude=0.3),
-        "3 m x 1.5 m in 4 s": FigureEight(
-            centre, **quick, ramp=6.0, yaw_amplitude=0.2, width=3.0, height=1.5
-        ),
+        "8 in 4 s": quick(ramp=4.0, yaw_amplitude=0.3),
+        "3 m x 1.5 m in 4 s": quick(ramp=6.0, yaw_amplitude=0.2, width=3.0, height=1.5),
     }

@@ -24,7 +24,7 @@ def vee(A: Array) -> Array:
     return np.array([A[2, 1], A[0, 2], A[1, 0]])
 
 
-def matrix(q: Array) -> Array:
+def matrix(q: Array) -> Any:
     w, v = q[0], np.asarray(q[1:])
     return (w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) + 2.0 * w * hat(v)
 
@@ -252,7 +252,7 @@ class Indi:
         self.rotors: Rotors | None = None
         self.integral = np.zeros(3)
 
-    def sense(self, s: Any, x: Any, m: Any, last: Any, dt: float) -> Array:
+    def sense(self, s: Any, x: Any, m: Any, last: Any, dt: float) -> Any:
         refs = last.motor_references
         is_first = self.rotors is None
         if self.rotors is None:
@@ -389,7 +389,7 @@ class Nmpc:
         C = np.diag([s.thrust, *[s.rates] * 3])
         V = s.last * Q
         g = V @ self.away(self.x[N], self.x_r[N])
-        moves = []
+        moves: list[tuple[Array, Array]] = []
         for n in range(N - 1, -1, -1):
             A, B = self.derivatives(self.x[n], self.u[n], d, h)
             H, F = C + B.T @ V @ B, B.T @ V @ A
