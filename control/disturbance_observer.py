@@ -123,7 +123,7 @@ def observe_one(
             away = m.turn_b[i] * dt * (1.0 - keep_spin) / keep_spin
             m.angular_velocity_b[i] = state.angular_velocity_b[i] - away
     else:
-        push_w, turn = _modelled(m, state, target, model, dt)
+        push_w, turn = modelled(m, state, target, model, dt)
         blur = -math.expm1(-RATE_POLE * dt)
         for i in range(3):
             w, v = m.velocity_w, m.angular_velocity_b
@@ -158,10 +158,11 @@ def _forget(m: Item, target: Four, out: Item) -> None:
 
 
 @compiled(inner=True)
-def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tuple[Vector, Vector]:
+def modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tuple[Vector, Vector]:
     """Return the model's accelerations: linear (m/s^2, world axes), angular (rad/s^2, body axes).
 
-    The rotors' speeds are those of the middle of the step.
+    The rotors' speeds, `m.rotor_speeds`, follow their references `target`; the accelerations are
+    those of the middle of the step.
     """
     n = m.rotor_speeds
     before = n[0], n[1], n[2], n[3]

@@ -139,12 +139,12 @@ class ControlParameters(Parameters):
     """The parameters of the controller."""
 
     law: str = parameter(GEOMETRIC)
-    """geometric (the paper's), near_hovering (its linear form), udp (a program that answers over
-    UDP), or a file of the folder plugins without its ending; changed on the ground, in flight only
-    between geometric and a law that runs next to it"""
+    """geometric (the paper's), near_hovering (its linear form), a law of an extension, udp (a
+    program that answers over UDP), or a file of the folder plugins without its ending; changed on
+    the ground, in flight only between geometric and a law that runs next to it"""
     shadow_law: str = parameter(NONE)
-    """an external law (udp or a file of plugins) that runs next to the one in use and is compared
-    with it; none: no law"""
+    """a law that is not built in, which runs next to the one in use and is compared with it; none:
+    no law"""
     position: PositionGains = PositionGains()
     attitude: AttitudeGains = AttitudeGains()
     limits: ControlLimits = ControlLimits()

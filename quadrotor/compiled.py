@@ -32,7 +32,7 @@ VERSIONS = 3
 
 _IMPORT = re.compile(
     rb"^\s*(?:from|import) "
-    rb"((?:quadlab\.)?(?:quadrotor|control|estimation|bearing_sim|vehicle|vehicle_link)\b[\w.]*)",
+    rb"((?:quadlab\.)?(?:quadrotor|control|estimation|bearing_sim|vehicle|vehicle_link|extensions)\b[\w.]*)",
     re.M,
 )
 
@@ -68,8 +68,12 @@ class Inner(CPUDispatcher):
 @overload
 def compiled(function: Function) -> Function: ...
 @overload
-def compiled(*, nogil: bool = ..., inner: bool = ...) -> Callable[[Function], Function]: ...
-def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) -> Any:
+def compiled(
+    *, nogil: bool = ..., inner: bool = ..., pointer: bool = ...
+) -> Callable[[Function], Function]: ...
+def compiled(
+    function: Any = None, *, nogil: bool = False, inner: bool = False, pointer: bool = False
+) -> Any:
     """Return `function` compiled at its first call, or loaded if this very source was compiled
     before.
 
@@ -78,16 +82,17 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
     Args:
         nogil: release the GIL, so that other Python threads run during the call.
         inner: for functions called by compiled functions, not by time-critical Python; see `Inner`.
+        pointer: for functions that are arguments of compiled functions.
     """
     if function is None:
-        return partial(compiled, nogil=nogil, inner=inner)
+        return partial(compiled, nogil=nogil, inner=inner, pointer=pointer)
     config: Any = numba.config
     chosen = config.CACHE_DIR
     config.CACHE_DIR = str(_folder(function.__module__, chosen))
     options: dict[str, Any] = {
         "error_model": "numpy",
         "nogil": nogil,
-        "no_cfunc_wrapper": True,
+        "no_cfunc_wrapper": not pointer,
         "no_cpython_wrapper": inner,
     }
     try:

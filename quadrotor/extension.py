@@ -232,6 +232,18 @@ class PagePanel(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Law(Offer):
+    """A control law of the vehicle's tick, for `control.law`.
+
+    The target is a `control.laws.CompiledLaw`; `parameters` names a
+    `quadrotor.parameters.Parameters` in the same way, "" for none: they are `control.NAME.FIELD`.
+    """
+
+    kind: ClassVar[str] = "control law"
+    parameters: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StationPart(Offer):
     """A part of the base station of each vehicle; the name is the group of its parameters.
 

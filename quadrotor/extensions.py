@@ -34,6 +34,7 @@ BUILT_IN = (
     "foxglove",
     "identification",
     "importers",
+    "laws",
     "link_test",
     "mavlink",
     "mocap",

@@ -9,6 +9,7 @@ from pydantic import Field
 from bearing_sim.beacons import parse_layout
 from control.behaviors.parameters import BehaviorParameters
 from control.keep_out import parse_keep_out
+from control.laws import new_control_parameters
 from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, OutOfBoundsError
@@ -74,7 +75,7 @@ class VehicleParameters(Parameters):
     """The vehicle's own tree; the vehicle is the authority for every value in it."""
 
     model: VehicleModel = VehicleModel()
-    control: ControlParameters = ControlParameters()
+    control: ControlParameters = Field(default_factory=new_control_parameters)
     estimation: EstimationParameters = EstimationParameters()
     beacons: BeaconParameters = BeaconParameters()
     fallback: FallBackParameters = FallBackParameters()

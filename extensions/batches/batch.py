@@ -20,10 +20,12 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.tracker import TrackerParameters
-from control.parameters import ControlParameters
+from control.laws import settings_of
+from control.parameters import GEOMETRIC, ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.parameters import EstimationParameters
-from extensions.batches.loop import CASE, HISTORY, OUTCOME, fly
+from extensions.batches.laws import entry, laws_of, records_of
+from extensions.batches.loop import CASE, HISTORY, LATEST, OUTCOME
 from extensions.batches.noise import seeded
 from extensions.batches.onboard import new_onboard, new_settings
 from extensions.batches.sensing import new_tracker
@@ -53,6 +55,7 @@ class Scenario:
     Attributes:
         truth: the true vehicle, and its IMU's noise and biases; its seed and rate are not used.
         model: the controller's vehicle model; None for the truth.
+        control: gains, and the law: the paper's or one of an extension.
         tracker: settings of the simulated tracker; its seed is not used.
         trajectory: flown after the hover with which `fly_batch` begins.
         seed: seed of all random numbers of this flight, any whole number.
@@ -148,13 +151,15 @@ def fly_batch(
     cases["pace"]["ticks"], cases["pace"]["period_ns"] = ticks, period_ns
     cases["pace"]["substeps"] = math.ceil(period / substep - 1e-9)
     cases["pace"]["hover_ticks"] = round(hover / period)
+    cases["late"] = [_late(one.truth.command_latency, period) for one in scenarios]
     cases["pace"]["judge_every"] = max(1, round(JUDGE_PERIOD / period))
     cases["pace"]["keep_every"] = keep_every
     size = len(scenarios)
     outcome, history = np.zeros(size, OUTCOME), np.zeros((size, kept), HISTORY)
     for name in HISTORY.names or ():
         history[name] = np.nan
-    turn, fresh = count(), new_onboard()
+    turn, fresh, laws = count(), new_onboard(), laws_of(one.control.law for one in scenarios)
+    fly = entry()
 
     def work() -> None:
         onboard, motors = fresh.copy(), np.zeros((2, 4))
@@ -165,7 +170,10 @@ def fly_batch(
             one = slice(k, k + 1)
             onboard[:], case[:], plant[:], judged[:] = fresh, cases[one], plants[one], outcome[one]
             motors[:] = 0.0
-            fly(case, plant, onboard, judged, history[k], motors)
+            law, control = laws[scenarios[k].control.law], scenarios[k].control
+            own = law.new_memory(), settings_of(control, control.law)
+            records = records_of(case, onboard)
+            fly(case, plant, onboard, judged, history[k], motors, law.step, own, records)
             plants[one], outcome[one] = plant, judged
 
     workers = min(threads or os.cpu_count() or 1, size)
@@ -184,6 +192,16 @@ def _apart(kind: np.dtype[np.void]) -> Record:
     room = np.zeros(2 * 128 + kind.itemsize, np.uint8)
     start = -room.ctypes.data % 128
     return room[start : start + kind.itemsize].view(kind)
+
+
+def _late(latency: float, period: float) -> int:
+    late = round(latency / period)
+    if late >= LATEST:
+        raise OutOfBoundsError(
+            f"simulator.command_latency = {latency:g} s is {late} periods, allowed are "
+            f"{LATEST - 1}; lower the rate or the latency"
+        )
+    return late
 
 
 def _clock(duration: float, rate: float) -> tuple[int, int]:
@@ -228,6 +246,7 @@ def prepare(scenarios: Sequence[Scenario]) -> tuple[Record, Record]:
             made[id(one.tracker), 1] = new_tracker(one.tracker)
         case["tracker"] = made[id(one.tracker), 1]
         case["calibration_samples"] = CALIBRATION_SAMPLES if one.calibrated else 0
+        case["other_law"] = one.control.law != GEOMETRIC
         case["true_state"], case["whole_references"] = one.true_state, one.whole_references
         _place(plant, case["settings"]["eight"]["center"][0], one)
     return cases, plants

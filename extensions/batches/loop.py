@@ -8,18 +8,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from control.laws import Own, Records, Step
 from estimation.complementary_filter import predict_one
-from extensions.batches.onboard import SETTINGS, steer
+from extensions.batches.noise import normals
+from extensions.batches.onboard import SETTINGS, look_ahead, steer
 from extensions.batches.sensing import TRACKER, read_imu, track
 from quadrotor.compiled import compiled
 from quadrotor.records import Item, Record
 from quadrotor.rigid_body import motor_share
 from vehicle.boards.reference_rounding import _round as whole_references
+from vehicle.simulator.air import blow
 from vehicle.simulator.plant import move
 from vehicle.simulator.sensors import SENSORS
 
 Array = npt.NDArray[np.float64]
 
+LATEST = 64
+"""Most control periods that a command may be late."""
 CRASH_DISTANCE = 2.0
 """Distance, in m, from the reference beyond which the flight is lost."""
 CRASH_LEAN = 1.5
@@ -50,6 +55,9 @@ CASE = np.dtype(
         ("true_state", "i8"),  # 1: the laws get the true state
         ("whole_references", "i8"),  # 1: motors accept whole counts only
         ("gyroscope_bias_b", "f8", 3),  # rad/s, found by the calibration
+        ("other_law", "i8"),  # 1: the law of an extension
+        ("late", "i8"),  # control periods until a command reaches the motors
+        ("sent", "f8", (LATEST, 4)),  # counts, the commands of the last periods
     ],
     align=True,
 )
@@ -163,9 +171,48 @@ def _keep(t: float, x: Any, v: Item, h: Item) -> None:
         h.thrusts[i] = v.actuators.thrusts[i]
 
 
+@compiled(inner=True)
+def _see(c: Item, p: Item, v: Item, k: int) -> None:
+    """Write the state in period k: the true one, or the estimate from this period's sensors."""
+    if c.true_state == 1:
+        copy_state(p.x, v.state)
+        return
+    s, e, period_ns = c.settings, v.estimator, c.pace.period_ns
+    v.imu.stamp_ns = k * period_ns
+    read_imu(p, c.sensors, c.gyroscope_bias_b, c.random, c.drawn, v.imu)
+    predict_one(e, v.imu, s.estimation, 1e-9 * period_ns, v.state)
+    # A pose acts on the next prediction, as it does in the vehicle's tick.
+    track(c.tracker, p, v.imu.stamp_ns, c.random, c.drawn, e, s.estimation, v.estimate)
+
+
+@compiled(inner=True)
+def _meanwhile(c: Item, plant: Record, k: int, wanted: Array, drawn: Array) -> None:
+    """Let commands arrive late, and the wind blow, in period k.
+
+    Args:
+        wanted: (4,) motor references of this period, overwritten by those that arrive.
+        drawn: (1, 3), for random numbers.
+    """
+    if c.late > 0:
+        for i in range(4):
+            c.sent[k % LATEST, i] = wanted[i]
+            wanted[i] = c.sent[max(0, k - c.late) % LATEST, i]
+    if plant[0].gust > 0.0:
+        normals(c.random, drawn[0])
+        blow(plant, drawn, 0, 1e-9 * c.pace.period_ns)
+
+
 @compiled(nogil=True)
 def fly(
-    case: Record, plant: Record, onboard: Record, outcome: Record, history: Record, motors: Array
+    case: Record,
+    plant: Record,
+    onboard: Record,
+    outcome: Record,
+    history: Record,
+    motors: Array,
+    law: Step,
+    own: Own,
+    records: Records,
 ) -> None:
     """Fly at the case's PACE; records have shape (1,), and all but settings are written.
 
@@ -175,30 +222,28 @@ def fly(
     Args:
         history: (K,) HISTORY, written until it is full.
         motors: (2, 4) counts, the motor references and their carried rounding errors.
+        law: called with `own` and `records`, which are parts of case and onboard, where the case's
+            law is that of an extension.
     """
     c, p, v, r = case[0], plant[0], onboard[0], outcome[0]
     wanted, carry, pace = motors[0], motors[1], c.pace
-    ticks, period_ns, substeps = pace.ticks, pace.period_ns, pace.substeps
+    ticks, period, substeps = pace.ticks, 1e-9 * pace.period_ns, pace.substeps
     hover_ticks, judge_every, keep_every = pace.hover_ticks, pace.judge_every, pace.keep_every
-    s, airborne = c.settings, ticks > 0  # a plain True would be compiled as another type
-    period = 1e-9 * period_ns
+    airborne = ticks > 0  # a plain True would be compiled as another type
     dt = period / substeps
     share = motor_share(p.model.motor_time_constant, dt)
+    drawn = np.zeros((1, 3))
     to_judge = to_keep = kept = flown = saturated = 0
     r.crash_time = math.nan
     _begin(c, p, v)
     for k in range(ticks):
         t = (k - hover_ticks) * period
-        if c.true_state == 1:
-            copy_state(p.x, v.state)
+        _see(c, p, v, k)
+        if c.other_law == 1:
+            look_ahead(v, c.settings, t, airborne, period)
+            law(own, records, airborne, airborne, period)
         else:
-            v.imu.stamp_ns = k * period_ns
-            read_imu(p, c.sensors, c.gyroscope_bias_b, c.random, c.drawn, v.imu)
-            predict_one(v.estimator, v.imu, s.estimation, period, v.state)
-            # A pose acts on the next prediction, as it does in the vehicle's tick.
-            e = v.estimator
-            track(c.tracker, p, v.imu.stamp_ns, c.random, c.drawn, e, s.estimation, v.estimate)
-        steer(v, s, t, airborne, period)
+            steer(v, c.settings, t, airborne, period)
         if to_keep == 0 and kept < history.shape[0]:
             _keep(k * period, p.x, v, history[kept])
             kept, to_keep = kept + 1, keep_every
@@ -216,5 +261,6 @@ def fly(
             wanted[i] = v.actuators.motor_references[i]
         if c.whole_references == 1:
             whole_references(wanted, carry)
+        _meanwhile(c, plant, k, wanted, drawn)
         move(p, (wanted[0], wanted[1], wanted[2], wanted[3]), substeps, dt, share)
     _finish(r, flown, saturated)

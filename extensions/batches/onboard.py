@@ -75,12 +75,18 @@ def new_onboard() -> Record:
 
 
 @compiled(inner=True)
-def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
-    """Compute the actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
+def look_ahead(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
+    """Observe the disturbance, and write the reference t (s) into the trajectory."""
     if s.observer.force == 1 or s.observer.torque == 1:
         found, carried = v.controller.disturbance, False
         observe_one(
             v.observer, v.state, v.actuators, s.observer, s.model, airborne, carried, dt, found
         )
     figure_eight_at(s.eight, t, v.reference)
+
+
+@compiled(inner=True)
+def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
+    """Compute the actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
+    look_ahead(v, s, t, airborne, dt)
     step_one(v.controller, v.state, v.reference, s.control, s.model, airborne, dt, v.actuators)

@@ -33,10 +33,9 @@ class Kind(NamedTuple):
 
 
 def _laws() -> Collection[str]:
-    from vehicle.laws.laws import BUILT_IN
-    from vehicle.plugins.links import UDP
+    from vehicle.laws.laws import Laws
 
-    return *BUILT_IN, UDP
+    return Laws().names()
 
 
 def _estimators() -> Collection[str]:

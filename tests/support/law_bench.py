@@ -18,11 +18,12 @@ class LawBench:
 
     Args:
         law: is flown; its process is waited for.
+        parameters: of both; None for the defaults.
     """
 
-    def __init__(self, law: ExternalLaw) -> None:
+    def __init__(self, law: ExternalLaw, parameters: ControlParameters | None = None) -> None:
         self._law, self._built_in = law, GeometricController()
-        parameters, model = ControlParameters(), VehicleModel().record()
+        parameters, model = parameters or ControlParameters(), VehicleModel().record()
         self._state, self._reference = new_state(), new_reference()
         self._reference["position_w"] = (0.1, 0.0, 0.0)
         self._flown, self._own = np.zeros(1, ACTUATORS), np.zeros(1, ACTUATORS)

@@ -110,7 +110,7 @@ class ControlLaw:
         if external is not None and (external.name, external.base) != (name, self._base):
             self.close()
         if name != NONE and self.external is None:
-            self.external = self._laws.start(name, self._base, self._control.plugin)
+            self.external = self._laws.start(name, self._base, self._control)
         if self.external is not None:
             self.external.flown = self._name == name
         self.controller = self.external or self._base

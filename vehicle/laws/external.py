@@ -70,19 +70,15 @@ class ExternalLaw(External):
         if self.failure:
             return
         try:
-            answer = self._answer()
-            self._input(state, reference, airborne, dt)
-            self._ask()
-            if answer is None:
+            wrench = self._wrench_of(state, reference, airborne, dt)
+            if wrench is None:
                 return
-            wrench = answer.view(ANSWER)["wrench"][0]
             self._check(wrench, state, reference, actuators)
         except RefusedError as error:
             self.failure = str(error)
             return
         if self.flown:
-            self._wrench[0] = wrench
-            apply_wrench(self._wrench, self._model, actuators)
+            self._command(wrench, actuators)
 
     def summary(self) -> str:
         """Return a line about the flight, and begin to count again."""
@@ -92,6 +88,23 @@ class ExternalLaw(External):
         )
 
     # ------------------------------------------------------------------ parts
+    def _wrench_of(
+        self, state: Record, reference: Record, airborne: bool, dt: float
+    ) -> Array | None:
+        """Return the law's wrench (4,), None when there is none yet. Raises RefusedError."""
+        answer = self._answer()
+        self._input(state, reference, airborne, dt)
+        self._ask()
+        if answer is None:
+            return None
+        wrench: Array = answer.view(ANSWER)["wrench"][0]
+        return wrench
+
+    def _command(self, wrench: Array, actuators: Record) -> None:
+        """Fly the wrench."""
+        self._wrench[0] = wrench
+        apply_wrench(self._wrench, self._model, actuators)
+
     def _input(self, state: Record, reference: Record, airborne: bool, dt: float) -> None:
         out = self._out
         out["time"] += dt

@@ -1,4 +1,4 @@
-"""The control laws there are: built in, over UDP, files of a folder, and installed packages'."""
+"""The control laws there are: built in, of extensions, over UDP, files of a folder, packages'."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from control.controller import GeometricController
+from control.laws import extended
 from control.near_hovering import NearHoveringController
-from control.parameters import GEOMETRIC, NEAR_HOVERING, NONE, PluginBounds
-from quadrotor.errors import RefusedError
+from control.parameters import GEOMETRIC, NEAR_HOVERING, NONE, ControlParameters
+from quadrotor.errors import QuadlabError, RefusedError
+from vehicle.laws.compiled import CompiledController
 from vehicle.laws.contract import LAW as CONTRACT
 from vehicle.laws.external import ExternalLaw
-from vehicle.plugins.links import UDP, udp_link
+from vehicle.plugins.links import UDP, NoLink, udp_link
 from vehicle.plugins.plugins import Plugins
 
 BUILT_IN: dict[str, Callable[[], GeometricController]] = {
@@ -35,11 +37,13 @@ class Laws:
     """
 
     def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
-        self._plugins = Plugins(CONTRACT, folder, waits, (*BUILT_IN, UDP, NONE))
+        self._extended = extended()
+        taken = (*BUILT_IN, *self._extended, UDP, NONE)
+        self._plugins = Plugins(CONTRACT, folder, waits, taken)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all laws, built-in ones first."""
-        return (*BUILT_IN, UDP, *self._plugins.names())
+        return (*BUILT_IN, *self._extended, UDP, *self._plugins.names())
 
     def check(self, law: str, shadow: str) -> None:
         """Raise RefusedError for a law that is not there, and for two external ones."""
@@ -60,11 +64,26 @@ class Laws:
                 f"time; set one of them to {NONE} or {GEOMETRIC}"
             )
 
-    def start(self, name: str, base: GeometricController, bounds: PluginBounds) -> ExternalLaw:
-        """Return the law, whose process is starting; one that cannot start has failed already."""
-        waits = self._plugins.waits
+    def start(
+        self, name: str, base: GeometricController, control: ControlParameters
+    ) -> ExternalLaw:
+        """Return the law, compiled, or with its process starting; one that cannot start has failed
+        already.
+        """
+        waits, bounds = self._plugins.waits, control.plugin
+        if name in self._extended:
+            try:
+                return CompiledController(name, self._extended[name].load(), base, control)
+            except Exception as error:  # code of others, or a law that cannot be compiled
+                return ExternalLaw(name, NoLink(_told(error)), base, waits)
         if name == UDP:
             link = udp_link(CONTRACT, "control.plugin", bounds.udp_peer, bounds.udp_port, waits)
         else:
             link = self._plugins.start(name)
         return ExternalLaw(name, link, base, waits)
+
+
+def _told(error: Exception) -> str:
+    if isinstance(error, QuadlabError):
+        return str(error)
+    return f"{type(error).__name__}: {error}".splitlines()[0]

@@ -1,0 +1,99 @@
+"""Control laws of extensions: compiled functions of one signature, which the tick calls.
+
+They fly on top of the geometric law, which takes over within the tick when one fails
+(`vehicle.laws.compiled`), and in the compiled flights of `quadlab.batch`. A law is
+
+    step(own, records, flown, airborne, dt)
+
+`own` is its memory and its settings, as bytes of which the law makes its own records,
+`memory.view(MEMORY)[0]`; a memory of zeros is that of a flight that begins. `records` are STATE,
+REFERENCE, CONTROL, MODEL and ACTUATORS, shape (1,). The actuators hold the last tick's commands, of
+whichever law was flown, and are overwritten. While `flown` is False the law runs as the shadow of
+another; while `airborne` is False the ground carries the vehicle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import create_model
+
+from control.parameters import CONTROL, GEOMETRIC, NEAR_HOVERING, NONE, ControlParameters
+from quadrotor.extension import Law
+from quadrotor.extensions import Offered, Registry, registry
+from quadrotor.parameters import Parameters
+from quadrotor.records import ACTUATORS, Record, new_reference, new_state
+from quadrotor.vehicle_model import VehicleModel
+
+Bytes = npt.NDArray[np.uint8]
+Own = tuple[Bytes, Bytes]
+Records = tuple[Record, Record, Record, Record, Record]
+Step = Callable[[Own, Records, bool, bool, float], None]
+RESERVED = (GEOMETRIC, NEAR_HOVERING, NONE, "udp", *ControlParameters.model_fields)
+"""Names that no law of an extension may have: built-in ones, and the groups beside it."""
+TYPES = {"float": "f8", "int": "i8", "bool": "i8"}
+
+
+@dataclass(frozen=True)
+class CompiledLaw:
+    """A law, to which the declaration of an extension refers.
+
+    Attributes:
+        step: a function compiled by `quadrotor.compiled.compiled(pointer=True)`.
+        memory: the type of its memory.
+    """
+
+    step: Step
+    memory: np.dtype[np.void]
+
+    def new_memory(self) -> Bytes:
+        """Return the memory of a flight that begins."""
+        return np.zeros(self.memory.itemsize, np.uint8)
+
+
+def settings_type(parameters: type[Parameters]) -> np.dtype[np.void]:
+    """Return the record of parameters without texts, in their order."""
+    kinds = {name: field.annotation for name, field in parameters.model_fields.items()}
+    fields = [(name, TYPES[kind.__name__ if kind else ""]) for name, kind in kinds.items()]
+    return np.dtype(fields, align=True)
+
+
+def settings_of(control: ControlParameters, law: str) -> Bytes:
+    """Return the parameters of a law as bytes of its `settings_type`, one byte for none."""
+    own = getattr(control, law, None)
+    if own is None:
+        return np.zeros(1, np.uint8)
+    kind = settings_type(type(own))
+    return np.array([tuple(getattr(own, name) for name in kind.names or ())], kind).view(np.uint8)
+
+
+def extended() -> dict[str, Offered[Law]]:
+    """Return the laws of extensions by name."""
+    return registry().offers(Law, taken=RESERVED)
+
+
+def new_control_parameters() -> ControlParameters:
+    """Return the defaults, with a component for each law of an extension that has parameters."""
+    return _tree(registry())()
+
+
+@lru_cache(maxsize=1)
+def _tree(_: Registry) -> type[ControlParameters]:
+    fields: dict[str, Any] = {}
+    for name, law in extended().items():
+        if law.offer.parameters:
+            kind = law.load(law.offer.parameters)
+            fields[name] = (kind, kind())
+    return create_model("ExtendedControlParameters", __base__=ControlParameters, **fields)
+
+
+def example_arguments(law: CompiledLaw, settings: Bytes) -> tuple[object, ...]:
+    """Return arguments of the types with which a law is called, to compile it."""
+    gains, model = np.zeros(1, CONTROL), VehicleModel().record()
+    records = new_state(), new_reference(), gains, model, np.zeros(1, ACTUATORS)
+    return (law.new_memory(), settings), records, True, True, 0.002

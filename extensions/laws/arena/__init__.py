@@ -1,0 +1,1 @@
+"""The arena: laws on courses under disturbances, in compiled flights paired by seed."""

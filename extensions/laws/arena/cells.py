@@ -1,0 +1,105 @@
+"""The entries, courses and disturbances of the arena."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+from control.laws import extended, new_control_parameters
+from control.parameters import GEOMETRIC, ControlParameters
+from control.presets import preset_values
+from control.trajectories.figure_eight import FigureEight
+from quadrotor.errors import UsageError
+from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import ParameterStore
+from quadrotor.vehicle_model import VehicleModel
+from vehicle.simulator.parameters import SimulatorParameters
+
+OBSERVER = "observer"
+KNOW_DRAG = ("flatness_indi", "nmpc")
+"""Laws whose sources have the drag in their model."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A law with its settings.
+
+    Attributes:
+        knows_drag: whether the drag that an experiment would identify is in its model.
+    """
+
+    name: str
+    law: str = GEOMETRIC
+    settings: Mapping[str, ParameterValue] = field(default_factory=dict)
+    knows_drag: bool = False
+
+    def control(self) -> ControlParameters:
+        """Return the parameters of the controller. Raises ParameterError."""
+        control = new_control_parameters()
+        ParameterStore(control).set({"law": self.law, **self.settings})
+        return control
+
+
+def entries() -> dict[str, Entry]:
+    """Return the paper's law without and with the disturbance observer, and each other law."""
+    observer = {k.removeprefix("control."): v for k, v in preset_values(OBSERVER).items()}
+    ours = Entry(GEOMETRIC), Entry(OBSERVER, settings=observer)
+    others = (Entry(name, name, knows_drag=name in KNOW_DRAG) for name in extended())
+    return {one.name: one for one in (*ours, *others)}
+
+
+def chosen(names: str) -> list[Entry]:
+    """Return the entries of these names, all for none. Raises UsageError."""
+    there = entries()
+    for name in names.split():
+        if name not in there:
+            raise UsageError(f"--laws {name!r} is not in the arena; there are {', '.join(there)}")
+    return [there[name] for name in names.split() or there]
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """The difference of a vehicle and its air from the model.
+
+    Attributes:
+        truth: of `SimulatorParameters`.
+        identified: of the model, for entries that know the drag.
+    """
+
+    truth: Mapping[str, float] = field(default_factory=dict)
+    identified: Mapping[str, float] = field(default_factory=dict)
+
+    def world(self) -> SimulatorParameters:
+        """Return the true vehicle."""
+        return SimulatorParameters().model_copy(update=dict(self.truth))
+
+    def model(self, entry: Entry) -> VehicleModel:
+        """Return the model that an entry has of it."""
+        known = dict(self.identified) if entry.knows_drag else {}
+        return VehicleModel().model_copy(update=known)
+
+
+ROTOR_DRAG = {"rotor_drag_x": 0.42, "rotor_drag_y": 0.52, "drag_lever": 0.02}
+DISTURBANCES = {
+    "nominal": Disturbance(),
+    "mass + 20 %": Disturbance({"payload": 0.262}),
+    "drag": Disturbance(ROTOR_DRAG, {"drag": 0.47, "drag_lever": 0.02}),
+    "wind 6 m/s, gusts": Disturbance(
+        {"drag": 0.3, "wind_x": 6.0, "gust": 1.0, "gust_time": 1.0}, {"drag": 0.3}
+    ),
+    "motor - 15 %": Disturbance({"motor_gain_left": 0.85}),
+    "latency 20 ms": Disturbance({"command_latency": 0.02}),
+}
+"""Rotor drag is that of the preset `rough`; the wind acts through the drag of the body."""
+
+
+def courses() -> dict[str, FigureEight]:
+    """Return the 8 of the paper, the same at twice the rate, and a larger one."""
+    centre = (0.0, 0.0, 1.5)
+    quick = partial(FigureEight, centre, period=4.0, laps=6)
+    return {
+        "8 in 8 s": FigureEight(centre),
+        "8 in 4 s": quick(ramp=4.0, yaw_amplitude=0.3),
+        "3 m x 1.5 m in 4 s": quick(ramp=6.0, yaw_amplitude=0.2, width=3.0, height=1.5),
+    }

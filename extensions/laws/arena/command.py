@@ -1,0 +1,53 @@
+"""`quadlab arena`: every law on every course under every disturbance."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadrotor.errors import UsageError, os_errors
+
+
+@dataclass
+class Arena:
+    """Fly control laws on courses under disturbances in compiled code, and print tables of their
+    errors."""
+
+    laws: str = ""
+    """names separated by spaces (default: all)"""
+    seeds: int = 12
+    """flights of each law in each cell; all laws fly the same seeds"""
+    page: Path | None = None
+    """Markdown file whose tables are replaced"""
+    out: Path | None = None
+    """JSON file for the error of each flight"""
+
+    def run(self) -> int:
+        from extensions.laws.arena import table
+        from extensions.laws.arena.cells import chosen
+        from extensions.laws.arena.flights import fly_arena, tick_time, tolerated_latency
+
+        if self.seeds < 2:
+            raise UsageError(f"--seeds {self.seeds}: allowed are 2 or more; an interval needs them")
+        if self.page is not None:
+            table.check_page(self.page)
+        laws = chosen(self.laws)
+        cells = list(fly_arena(laws, self.seeds, lambda line: print(line, file=sys.stderr)))
+        has_base = any(one.entry == laws[0].name == "geometric" for one in cells)
+        lines = ["", f"Median position error of {self.seeds} seeds, mm rms:", ""]
+        lines += table.errors_table(cells)
+        if has_base and len(laws) > 1:
+            lines += ["", "The same over that of `geometric`, seed by seed:", ""]
+            lines += table.ratios_table(cells)
+        facts = [(one.name, tolerated_latency(one), tick_time(one.law)) for one in laws]
+        lines += ["", "Latency tolerated on the 8 in 8 s, and the time of a tick:", ""]
+        lines += [*table.facts_table(facts), ""]
+        if self.out is not None:
+            with os_errors(lambda why: f"--out {self.out} cannot be written ({why})"):
+                self.out.write_text(table.as_json(cells))
+        if self.page is not None:
+            table.write_into(self.page, lines)
+        else:
+            print("\n".join(lines))
+        return 0

@@ -1,0 +1,146 @@
+"""The flights of the arena, and their figures: paired by seed, with intervals."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from control.controller import GeometricController
+from control.laws import example_arguments, extended, new_control_parameters, settings_of
+from control.parameters import GEOMETRIC
+from control.trajectories.figure_eight import FigureEight
+from extensions.laws.arena.cells import DISTURBANCES, Disturbance, Entry, courses
+from quadrotor.compiled import direct
+from quadrotor.errors import UsageError
+from quadrotor.extension import Function
+from quadrotor.extensions import registry
+from quadrotor.records import ACTUATORS, new_reference, new_state
+from quadrotor.vehicle_model import VehicleModel
+
+Array = npt.NDArray[np.float64]
+HOVER = 8.0
+"""s of hover before a course: what is judged is no longer the start's transient."""
+RESAMPLED = 2000
+TOLERATED = 2.0
+"""Multiple of a law's error without latency up to which a latency counts as tolerated."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The flights of one entry on a course under a disturbance.
+
+    Attributes:
+        rms: (seeds,) m, true position minus the reference; NaN for a flight that crashed.
+        saturated: mean share of the ticks that saturated the motors.
+    """
+
+    entry: str
+    course: str
+    disturbance: str
+    rms: Array
+    saturated: float
+
+    @property
+    def failures(self) -> int:
+        return int(np.isnan(self.rms).sum())
+
+    @property
+    def median(self) -> float:
+        """Return the median error (m), inf where half of the flights crashed."""
+        return float(np.median(np.where(np.isnan(self.rms), np.inf, self.rms)))
+
+    def interval(self) -> tuple[float, float]:
+        """Return the 95 % interval of the median by bootstrap."""
+        return _interval(np.where(np.isnan(self.rms), np.inf, self.rms))
+
+    def ratio_to(self, other: Cell) -> tuple[float, float, float]:
+        """Return the median of the ratios of errors, seed by seed, and its 95 % interval."""
+        ratios = np.where(np.isnan(self.rms), np.inf, self.rms / other.rms)
+        return float(np.median(ratios)), *_interval(ratios)
+
+
+def _interval(values: Array) -> tuple[float, float]:
+    drawn = np.random.default_rng(1).integers(len(values), size=(RESAMPLED, len(values)))
+    medians = np.sort(np.median(values[drawn], axis=1))
+    return float(medians[int(0.025 * RESAMPLED)]), float(medians[int(0.975 * RESAMPLED)])
+
+
+def _door(name: str) -> Any:
+    found = registry().offers(Function).get(name)
+    if found is None:
+        raise UsageError("the arena needs the extension batches, which is not installed")
+    return found.load()
+
+
+def fly_cell(
+    entry: Entry, disturbance: Disturbance, course: FigureEight, seeds: Sequence[int]
+) -> tuple[Array, float]:
+    """Return the error of each seed (m, NaN for a crash), and the share of saturated ticks."""
+    fly_batch, scenario = _door("batch"), _door("Scenario")
+    control, truth, model = entry.control(), disturbance.world(), disturbance.model(entry)
+    made = [
+        scenario(
+            truth=truth, model=model, control=control, trajectory=course, seed=seed, ground=False
+        )
+        for seed in seeds
+    ]
+    flown = fly_batch(made, HOVER + course.duration, hover=HOVER)
+    rms = np.where(flown.crashed, np.nan, flown.outcome["position_rms"])
+    shares = flown.outcome["saturated_share"][~flown.crashed]
+    return rms, float(shares.mean()) if len(shares) else math.nan
+
+
+def fly_arena(entries: Sequence[Entry], seeds: int, tell: Callable[[str], None]) -> Iterator[Cell]:
+    """Fly every entry on every course under every disturbance, on the same seeds."""
+    for course, eight in courses().items():
+        for name, disturbance in DISTURBANCES.items():
+            tell(f"{course}, {name}")
+            for entry in entries:
+                rms, saturated = fly_cell(entry, disturbance, eight, range(1, seeds + 1))
+                yield Cell(entry.name, course, name, rms, saturated)
+
+
+def tolerated_latency(entry: Entry) -> float:
+    """Return the longest latency of commands, in steps of 10 ms, at which the 8 in 8 s has at most
+    TOLERATED times its error without; up to 100 ms.
+    """
+    eight = next(iter(courses().values()))
+    still = fly_cell(entry, Disturbance(), eight, (1, 2))[0].max()
+    latency = 0.0
+    for ms in range(10, 101, 10):
+        rms = fly_cell(entry, Disturbance({"command_latency": 1e-3 * ms}), eight, (1, 2))[0]
+        if not rms.max() <= TOLERATED * still:
+            break
+        latency = 1e-3 * ms
+    return latency
+
+
+def tick_time(law: str, ticks: int = 5000) -> float:
+    """Return the median time (s) of one tick of a law in machine code, on this computer."""
+    if law == GEOMETRIC:
+        controller, out = GeometricController(), np.zeros(1, ACTUATORS)
+        controller.configure(new_control_parameters(), VehicleModel().record())
+        state, reference = new_state(), new_reference()
+
+        def step() -> None:
+            controller.step(state, reference, True, 0.002, out)
+    else:
+        made, control = extended()[law].load(), new_control_parameters()
+        arguments = example_arguments(made, settings_of(control, law))
+        code = direct(made.step, *arguments)
+
+        def step() -> None:
+            code(*arguments)
+
+    times = np.empty(ticks)
+    for k in range(ticks):
+        began = time.perf_counter()
+        step()
+        times[k] = time.perf_counter() - began
+    return float(np.median(times))

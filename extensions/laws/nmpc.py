@@ -1,0 +1,272 @@
+"""Nonlinear model predictive control of position and attitude, by one step of iLQR a tick.
+
+S. Sun, A. Romero, P. Foehn, E. Kaufmann, D. Scaramuzza, "A comparative study of nonlinear MPC and
+differential-flatness-based control for quadrotor agile flight", IEEE T-RO 38(6), 2022 (20 nodes);
+Y. Tassa, N. Mansard, E. Todorov, "Control-limited differential dynamic programming", ICRA 2014;
+M. Diehl et al., "Real-time optimization and nonlinear model predictive control", J. Process Control
+12, 2002 (one iteration for each sample, from the last solution).
+
+State (p, v, q), inputs u = (thrust over mass, body rates), N nodes of h:
+
+    p+ = p + h v + h^2/2 a,  v+ = v + h a,  q+ = q exp(h omega),  a = u_1 z_B - g z_W - d v
+    cost = sum 1/2 |x - x_r|_Q^2 + 1/2 |u - u_r|_R^2 within u_min <= u <= u_max
+
+with x_r, u_r of the flat outputs, continued over the horizon by their derivatives to the fourth.
+The step is Gauss-Newton's, in the error (dp, dv, dtheta) of the trajectory at hand. Rates are
+followed by the rate gain of the paper's law, with their derivative fed forward. There is no
+integral: what the model lacks stays as an error, as in print.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from control.laws import CompiledLaw, Own, Records, settings_type
+from extensions.laws.desired import finish, flat_rates
+from extensions.laws.nmpc_model import (
+    INPUTS,
+    NODES,
+    STATES,
+    advance,
+    difference,
+    linearize,
+    look_ahead,
+)
+from extensions.laws.parameters import NmpcParameters
+from quadrotor.compiled import compiled
+from quadrotor.records import Array, Item
+from quadrotor.vectors import Vector, add, cross, subtract, times, vector
+
+SETTINGS = settings_type(NmpcParameters)
+MEMORY = np.dtype(
+    [
+        ("running", "i8"),
+        ("x", "f8", (NODES + 1, 10)),  # p (m), v (m/s), q
+        ("u", "f8", (NODES, INPUTS)),  # m/s^2 and rad/s
+        ("x_r", "f8", (NODES + 1, 10)),
+        ("u_r", "f8", (NODES, INPUTS)),
+        ("gain", "f8", (NODES, INPUTS, STATES)),
+        ("change", "f8", (NODES, INPUTS)),
+        ("V", "f8", (STATES, STATES)),  # second derivative of the cost to go
+        ("g", "f8", STATES),  # its gradient
+        ("A", "f8", (STATES, STATES)),
+        ("B", "f8", (STATES, INPUTS)),
+        ("VA", "f8", (STATES, STATES)),
+        ("VB", "f8", (STATES, INPUTS)),
+        ("H", "f8", (INPUTS, INPUTS)),  # Q_uu
+        ("K", "f8", (INPUTS, STATES + 1)),  # Q_ux and Q_u, and their solution
+        ("error", "f8", STATES),
+        ("x_now", "f8", 10),
+        ("low", "f8", INPUTS),
+        ("high", "f8", INPUTS),
+    ],
+    align=True,
+)
+
+
+@compiled(inner=True)
+def weights_of(s: Item) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return the weights of position, velocity, attitude and rates."""
+    return (
+        (s.position_xy, s.position_xy, s.position_z),
+        (s.velocity, s.velocity, s.velocity),
+        (s.tilt, s.tilt, s.yaw),
+        (s.rates, s.rates, s.rates),
+    )
+
+
+@compiled(inner=True)
+def add_cost(m: Item, s: Item, k: int, share: float) -> None:
+    """Add the cost of the state at node k to V and g."""
+    difference(m.x[k], m.x_r[k], m.error)
+    position, velocity, attitude, _ = weights_of(s)
+    for i in range(3):
+        m.V[i, i] += share * position[i]
+        m.V[3 + i, 3 + i] += share * velocity[i]
+        m.V[6 + i, 6 + i] += share * attitude[i]
+        m.g[i] += share * position[i] * m.error[i]
+        m.g[3 + i] += share * velocity[i] * m.error[3 + i]
+        m.g[6 + i] += share * attitude[i] * m.error[6 + i]
+
+
+@compiled(inner=True)
+def solve(H: Array, K: Array, columns: int) -> None:
+    """Replace K (INPUTS, columns) by H^-1 K for a positive definite H, which is overwritten."""
+    for i in range(INPUTS):
+        for j in range(i + 1):
+            value = H[i, j]
+            for n in range(j):
+                value -= H[i, n] * H[j, n]
+            H[i, j] = math.sqrt(value) if i == j else value / H[j, j]
+    for c in range(columns):
+        for i in range(INPUTS):
+            for n in range(i):
+                K[i, c] -= H[i, n] * K[n, c]
+            K[i, c] /= H[i, i]
+        for i in range(INPUTS - 1, -1, -1):
+            for n in range(i + 1, INPUTS):
+                K[i, c] -= H[n, i] * K[n, c]
+            K[i, c] /= H[i, i]
+
+
+@compiled(inner=True)
+def multiply_into(X: Array, Y: Array, out: Array) -> None:
+    """Write X Y."""
+    for i in range(X.shape[0]):
+        for j in range(Y.shape[1]):
+            value = 0.0
+            for n in range(X.shape[1]):
+                value += X[i, n] * Y[n, j]
+            out[i, j] = value
+
+
+@compiled(inner=True)
+def gains_at(m: Item, s: Item, k: int) -> None:
+    """Write gain and change of the inputs at node k; an input at its bound does not move."""
+    multiply_into(m.V, m.A, m.VA)
+    multiply_into(m.V, m.B, m.VB)
+    weights = s.thrust, *weights_of(s)[3]
+    for i in range(INPUTS):
+        for j in range(INPUTS):
+            m.H[i, j] = weights[i] if i == j else 0.0
+            for n in range(STATES):
+                m.H[i, j] += m.B[n, i] * m.VB[n, j]
+        for j in range(STATES):
+            m.K[i, j] = 0.0
+            for n in range(STATES):
+                m.K[i, j] += m.B[n, i] * m.VA[n, j]
+        m.K[i, STATES] = weights[i] * (m.u[k, i] - m.u_r[k, i])
+        for n in range(STATES):
+            m.K[i, STATES] += m.B[n, i] * m.g[n]
+    for i in range(INPUTS):
+        slope = m.K[i, STATES]
+        at_end = (m.u[k, i] <= m.low[i] and slope > 0.0) or (m.u[k, i] >= m.high[i] and slope < 0.0)
+        if at_end:
+            for j in range(INPUTS):
+                m.H[i, j] = m.H[j, i] = 1.0 if i == j else 0.0
+            for j in range(STATES + 1):
+                m.K[i, j] = 0.0
+    solve(m.H, m.K, STATES + 1)
+    for i in range(INPUTS):
+        m.change[k, i] = -m.K[i, STATES]
+        for j in range(STATES):
+            m.gain[k, i, j] = -m.K[i, j]
+
+
+@compiled(inner=True)
+def backward(m: Item, s: Item, d: float, h: float) -> None:
+    """Compute gains and changes from the last node to the first.
+
+    With u = k + K x the cost to go is that of the closed loop, so V = Q + A'V(A + B K) is symmetric
+    up to rounding, and is made so.
+    """
+    m.V[:] = 0.0
+    m.g[:] = 0.0
+    add_cost(m, s, NODES, s.last)
+    for k in range(NODES - 1, -1, -1):
+        linearize(m, k, d, h)
+        gains_at(m, s, k)
+        # V (A + B K) and g + V B k
+        for i in range(STATES):
+            for n in range(INPUTS):
+                m.g[i] += m.VB[i, n] * m.change[k, n]
+                for j in range(STATES):
+                    m.VA[i, j] += m.VB[i, n] * m.gain[k, n, j]
+        for i in range(STATES):
+            value = 0.0
+            for n in range(STATES):
+                value += m.A[n, i] * m.g[n]
+            m.error[i] = value
+            for j in range(STATES):
+                value = 0.0
+                for n in range(STATES):
+                    value += m.A[n, i] * m.VA[n, j]
+                m.V[i, j] = value
+        for i in range(STATES):
+            m.g[i] = m.error[i]
+            for j in range(i):
+                m.V[i, j] = m.V[j, i] = 0.5 * (m.V[i, j] + m.V[j, i])
+        if k > 0:
+            add_cost(m, s, k, 1.0)
+
+
+@compiled(inner=True)
+def forward(m: Item, state: Item, d: float, h: float) -> None:
+    """Fly the model from the present state with the new inputs, within their bounds."""
+    x = m.x_now
+    for i in range(3):
+        x[i], x[3 + i] = state.position_w[i], state.velocity_w[i]
+    for i in range(4):
+        x[6 + i] = state.quaternion_wb[i]
+    for k in range(NODES):
+        difference(x, m.x[k], m.error)
+        for i in range(10):
+            m.x[k, i] = x[i]
+        for i in range(INPUTS):
+            value = m.u[k, i] + m.change[k, i]
+            for j in range(STATES):
+                value += m.gain[k, i, j] * m.error[j]
+            m.u[k, i] = min(m.high[i], max(m.low[i], value))
+        advance(m.x[k], m.u[k], d, h, x)
+    for i in range(10):
+        m.x[NODES, i] = x[i]
+
+
+@compiled(inner=True)
+def begin(m: Item) -> None:
+    """Begin with the trajectory of the reference."""
+    m.running = 1
+    for k in range(NODES + 1):
+        for i in range(10):
+            m.x[k, i] = m.x_r[k, i]
+    for k in range(NODES):
+        for i in range(INPUTS):
+            m.u[k, i] = min(m.high[i], max(m.low[i], m.u_r[k, i]))
+
+
+@compiled(inner=True)
+def fly_one(
+    m: Item,
+    s: Item,
+    state: Item,
+    reference: Item,
+    gains: Item,
+    model: Item,
+    dt: float,
+    actuators: Item,
+) -> None:
+    """Compute one tick; see `control.laws`."""
+    h, d = s.horizon / NODES, model.drag / model.mass
+    m.low[0], m.high[0] = 4.0 * model.thrust_min / model.mass, 4.0 * model.thrust_max / model.mass
+    for i in range(1, INPUTS):
+        m.low[i], m.high[i] = -s.rate_max, s.rate_max
+    look_ahead(m, reference, model, h)
+    if m.running == 0 or not math.isfinite(m.x[NODES, 0] + m.u[0, 0]):
+        begin(m)
+    backward(m, s, d, h)
+    forward(m, state, d, h)
+    omega_b, J = vector(state.angular_velocity_b), vector(model.inertia_b)
+    omega_d = m.u[0, 1], m.u[0, 2], m.u[0, 3]
+    _, turn_d = flat_rates(
+        vector(reference.acceleration_w),
+        vector(reference.jerk_w),
+        vector(reference.snap_w),
+        reference,
+    )
+    nu = add(times(vector(gains.kw), subtract(omega_d, omega_b)), turn_d)
+    torque = add(times(J, nu), cross(omega_b, times(J, omega_b)))
+    finish(model.mass * m.u[0, 0], torque, gains.yaw_torque_max, model, actuators)
+
+
+@compiled(pointer=True)
+def step(own: Own, records: Records, flown: bool, airborne: bool, dt: float) -> None:
+    """Compute one tick; see `control.laws`."""
+    memory, settings = own
+    state, reference, gains, model, actuators = records
+    m, s = memory.view(MEMORY)[0], settings.view(SETTINGS)[0]
+    fly_one(m, s, state[0], reference[0], gains[0], model[0], dt, actuators[0])
+
+
+LAW = CompiledLaw(step, MEMORY)

@@ -1,0 +1,421 @@
+"""The equations of the laws once more, in NumPy with matrices, to compare the compiled ones with.
+
+They share no code with the laws: each class is one law with its memory, for one vehicle.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+G, Z = 9.81, np.array([0.0, 0.0, 1.0])
+LIFT_MIN, DIRECTION_MIN = 0.3, 0.1
+
+
+def hat(a: Array) -> Array:
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def vee(A: Array) -> Array:
+    return np.array([A[2, 1], A[0, 2], A[1, 0]])
+
+
+def matrix(q: Array) -> Any:
+    w, v = q[0], np.asarray(q[1:])
+    return (w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) + 2.0 * w * hat(v)
+
+
+def product(p: Array, q: Array) -> Array:
+    return np.concatenate(
+        [[p[0] * q[0] - p[1:] @ q[1:]], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])]
+    )
+
+
+class Motion:
+    """A vector or matrix with its first two time derivatives."""
+
+    def __init__(self, a: Any, b: Any, c: Any) -> None:
+        self.a, self.b, self.c = map(np.asarray, (a, b, c))
+
+    def cross(self, o: Motion) -> Motion:
+        return Motion(
+            np.cross(self.a, o.a),
+            np.cross(self.b, o.a) + np.cross(self.a, o.b),
+            np.cross(self.c, o.a) + 2.0 * np.cross(self.b, o.b) + np.cross(self.a, o.c),
+        )
+
+    def unit(self) -> Motion:
+        # s = (a . a)^(-1/2), and u = s a by the product rule
+        n, n1 = self.a @ self.a, 2.0 * self.a @ self.b
+        n2 = 2.0 * (self.b @ self.b + self.a @ self.c)
+        s, s1 = n**-0.5, -0.5 * n**-1.5 * n1
+        s2 = 0.75 * n**-2.5 * n1**2 - 0.5 * n**-1.5 * n2
+        return Motion(
+            s * self.a, s1 * self.a + s * self.b, s2 * self.a + 2.0 * s1 * self.b + s * self.c
+        )
+
+
+def attitude(force: Motion, r: Any) -> tuple[Array, Array, Array]:
+    """Return R_d, omega_d and omega_d' of a force and the reference's yaw."""
+    s, c, w = np.sin(r.yaw), np.cos(r.yaw), r.yaw_rate
+    y = Motion(
+        [-s, c, 0.0],
+        [-c * w, -s * w, 0.0],
+        [-c * r.yaw_acceleration + s * w * w, -s * r.yaw_acceleration - c * w * w, 0.0],
+    )
+    z = force.unit()
+    x = y.cross(z).unit()
+    y = z.cross(x)
+    R, R1, R2 = (np.stack([getattr(m, n) for m in (x, y, z)], 1) for n in "abc")
+    omega = vee(R.T @ R1)
+    return R, omega, vee(R.T @ R2 - hat(omega) @ hat(omega))
+
+
+def limited(f: Array, weight: float, tan_tilt: float) -> Array:
+    f = f.copy()
+    f[2] = max(f[2], LIFT_MIN * weight)
+    sideways = np.hypot(f[0], f[1])
+    f[:2] *= min(1.0, f[2] * tan_tilt / sideways) if sideways > 0.0 else 1.0
+    return f
+
+
+def mixing(model: Any) -> Any:
+    l, c = model.arm, model.torque_ratio  # noqa: E741
+    return np.array([[1, 1, 1, 1], [0, l, 0, -l], [-l, 0, l, 0], [c, -c, c, -c]], float)
+
+
+def allocated(thrust: Any, torque: Array, gains: Any, model: Any) -> tuple[Array, float]:
+    """Return the wrench within the motors' limits, and the scaling."""
+    bound, M = gains.yaw_torque_max, mixing(model)
+    u = np.array([max(thrust, 0.0), torque[0], torque[1], np.clip(torque[2], -bound, bound)])
+    g = np.full(4, np.clip(0.25 * model.mass * G, model.thrust_min, model.thrust_max))
+    rest = np.linalg.solve(M, u) - g
+    room = np.where(rest > 0.0, model.thrust_max - g, model.thrust_min - g)
+    share = min(1.0, min((room / rest)[rest != 0.0], default=1.0))
+    return M @ (g + share * rest), share
+
+
+def plain(record: Any) -> Any:
+    """Return a record (1,) with its fields as attributes: numbers and arrays."""
+    return SimpleNamespace(**{n: np.array(record[n][0]) for n in record.dtype.names})
+
+
+class Rotors:
+    """The rotors' model, driven by the last commands."""
+
+    def __init__(self, references: Array) -> None:
+        self.speeds = references.copy()
+
+    def wrench(self, references: Array, model: Any, dt: float, *, middle: bool) -> Any:
+        before = self.speeds
+        fade = np.exp(-dt / model.motor_time_constant)
+        self.speeds = references + fade * (before - references)
+        n = 0.5 * (before + self.speeds) if middle else self.speeds
+        root = np.where(n > 1.0, model.motor_slope * (n + model.motor_offset), 0.0)
+        return mixing(model) @ np.maximum(root, 0.0) ** 2
+
+
+def errors(x: Any, r: Any) -> tuple[Array, Array]:
+    return r.position_w - x.position_w, r.velocity_w - x.velocity_w
+
+
+def feed_forward(r: Any, model: Any) -> Motion:
+    d = model.drag / model.mass
+    return Motion(
+        r.acceleration_w + d * r.velocity_w,
+        r.jerk_w + d * r.acceleration_w,
+        r.snap_w + d * r.jerk_w,
+    )
+
+
+def pd_turn(R: Array, w: Array, D: Array, rates: tuple[Array, Array], gains: Any) -> Any:
+    """Return K_R e_R + K_w (E w_d - w) + E w_d' - w x E w_d."""
+    e_R = 0.5 * vee(R.T @ D - D.T @ R)
+    E = R.T @ D
+    wanted, turn = E @ rates[0], E @ rates[1]
+    return gains.kr * e_R + gains.kw * (wanted - w) + turn - np.cross(w, wanted)
+
+
+class PidCascade:
+    def __init__(self) -> None:
+        self.I_v, self.I_w, self.turn = np.zeros(3), np.zeros(3), np.zeros(3)
+        self.before: Array | None = None
+
+    def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
+        R, w = matrix(x.quaternion_wb), x.angular_velocity_b
+        before = w if self.before is None else self.before
+        self.turn += (1.0 - np.exp(-s.rate_cutoff * dt)) * ((w - before) / dt - self.turn)
+        self.before = w
+        axis = np.array
+        e_p, _ = errors(x, r)
+        v_d = r.velocity_w + axis([s.position_p_xy, s.position_p_xy, s.position_p_z]) * e_p
+        e_v = v_d - x.velocity_w
+        P_v = axis([s.velocity_p_xy, s.velocity_p_xy, s.velocity_p_z])
+        wanted = m.mass * (r.acceleration_w + P_v * e_v + self.I_v + G * Z)
+        f = limited(wanted, m.mass * G, k.tan_tilt_max)
+        D, _, _ = attitude(Motion(f, np.zeros(3), np.zeros(3)), r)
+        # The rotation to D: tilt by the shortest way, then what is left, about z.
+        z, z_d = R[:, 2], D[:, 2]
+        angle = np.arctan2(np.linalg.norm(np.cross(z, z_d)), z @ z_d)
+        axis_w = np.cross(z, z_d) / np.linalg.norm(np.cross(z, z_d))
+        tilt = (
+            np.eye(3)
+            + np.sin(angle) * hat(axis_w)
+            + (1 - np.cos(angle)) * hat(axis_w) @ hat(axis_w)
+        )
+        left = (tilt @ R).T @ D
+        yaw = 0.4 * np.arctan2(left[1, 0], left[0, 0])
+        turned = np.array(
+            [[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]
+        )
+        E = R.T @ tilt @ R @ turned
+        size = np.arctan2(np.linalg.norm(vee(E - E.T)), np.trace(E) - 1.0)
+        q_e = np.sin(0.5 * size) * vee(E - E.T) / np.linalg.norm(vee(E - E.T))
+        P_q = axis([s.attitude_p_xy, s.attitude_p_xy, s.attitude_p_z / 0.4])
+        e_w = P_q * 2.0 * q_e + R.T @ (r.yaw_rate * Z) - w
+        nu = axis([s.rate_p_xy, s.rate_p_xy, s.rate_p_z]) * e_w
+        nu -= axis([s.rate_d, s.rate_d, 0.0]) * self.turn
+        wrench, share = allocated(f @ R[:, 2], m.inertia_b * (nu + self.I_w), k, m)
+        if share == 1.0 and np.array_equal(f, wanted):
+            I_v = axis([s.velocity_i_xy, s.velocity_i_xy, s.velocity_i_z])
+            I_w = axis([s.rate_i_xy, s.rate_i_xy, s.rate_i_z])
+            self.I_v = np.clip(self.I_v + I_v * e_v * dt, -4.0, 4.0)
+            self.I_w = np.clip(self.I_w + I_w * e_w * dt, -8.0, 8.0)
+        return wrench
+
+
+class GeometricL1:
+    def __init__(self) -> None:
+        self.rotors: Rotors | None = None
+
+    def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
+        R, w, J, refs = (
+            matrix(x.quaternion_wb),
+            x.angular_velocity_b,
+            m.inertia_b,
+            last.motor_references,
+        )
+        if self.rotors is None:
+            self.rotors, self.v, self.w = Rotors(refs), x.velocity_w.copy(), w.copy()
+            self.push, self.turn, self.f, self.t, self.slow = (np.zeros(3) for _ in range(5))
+        u = self.rotors.wrench(refs, m, dt, middle=True)
+        drag_b = -m.drag * R.T @ x.velocity_w
+        twist = m.drag_lever * np.cross(Z, drag_b)
+        v_dot = u[0] * R[:, 2] / m.mass - G * Z - m.drag / m.mass * x.velocity_w
+        w_dot = (u[1:] + twist - np.cross(w, J * w)) / J
+        a, b = s.force_pole, s.torque_pole
+        self.v = self.v + dt * (v_dot + self.push - a * (self.v - x.velocity_w))
+        self.w = self.w + dt * (w_dot + self.turn - b * (self.w - w))
+        phi = (np.exp(-a * dt) - 1.0) / -a, (np.exp(-b * dt) - 1.0) / -b
+        self.push = -np.exp(-a * dt) * (self.v - x.velocity_w) / phi[0]
+        self.turn = -np.exp(-b * dt) * (self.w - w) / phi[1]
+        self.f = self.f + (1.0 - np.exp(-s.force_cutoff * dt)) * (self.push - self.f)
+        self.t = self.t + (1.0 - np.exp(-s.torque_cutoff * dt)) * (self.turn - self.t)
+        self.slow = self.slow + (1.0 - np.exp(-20.0 * dt)) * (self.f - self.slow)
+        force = np.clip(m.mass * self.f, -s.force_max, s.force_max)
+        rate = np.where(
+            abs(m.mass * self.f) < s.force_max, 20.0 * m.mass * (self.f - self.slow), 0.0
+        )
+        torque = np.clip(J * self.t, -s.torque_max, s.torque_max)
+        n = feed_forward(r, m)
+        n = Motion(n.a - force / m.mass, n.b - rate / m.mass, n.c)
+        e_p, e_v = errors(x, r)
+        f = m.mass * (n.a + k.kp * e_p + k.kv * e_v + G * Z)
+        f = limited(f, m.mass * G, k.tan_tilt_max)
+        D, _, _ = attitude(Motion(f, np.zeros(3), np.zeros(3)), r)
+        rates = attitude(Motion(n.a + G * Z, n.b, n.c), r)[1:]
+        forward_b = -m.drag * R.T @ r.velocity_w
+        off = torque + m.drag_lever * np.cross(Z, forward_b)
+        tau = J * pd_turn(R, w, D, rates, k) + np.cross(w, J * w) - off
+        return allocated(f @ R[:, 2], tau, k, m)[0]
+
+
+class Filter:
+    """s = w^2 / (s^2 + 2 d w s + w^2), by the semi-implicit step."""
+
+    def __init__(self, value: Array) -> None:
+        self.value, self.rate = value.copy(), np.zeros(3)
+
+    def step(self, value: Array, cutoff: Any, damping: float, dt: float) -> None:
+        self.rate = self.rate + dt * (
+            cutoff**2 * (value - self.value) - 2.0 * damping * cutoff * self.rate
+        )
+        self.value = self.value + dt * self.rate
+
+
+class Indi:
+    def __init__(self) -> None:
+        self.rotors: Rotors | None = None
+        self.integral = np.zeros(3)
+
+    def sense(self, s: Any, x: Any, m: Any, last: Any, dt: float) -> Any:
+        refs = last.motor_references
+        is_first = self.rotors is None
+        if self.rotors is None:
+            self.rotors = Rotors(refs)
+        u = self.rotors.wrench(refs, m, dt, middle=False)
+        if is_first:
+            self.omega, self.torque = Filter(x.angular_velocity_b), Filter(u[1:])
+        cutoff = np.array([s.cutoff, s.cutoff, s.yaw_cutoff])
+        self.omega.step(x.angular_velocity_b, cutoff, s.damping, dt)
+        self.torque.step(u[1:], cutoff, s.damping, dt)
+        return u
+
+    def fly(self, f: Array, x: Any, r: Any, k: Any, m: Any) -> tuple[Array, float]:
+        R, n = matrix(x.quaternion_wb), feed_forward(r, m)
+        D, _, _ = attitude(Motion(f, np.zeros(3), np.zeros(3)), r)
+        rates = attitude(Motion(n.a + G * Z, n.b, n.c), r)[1:]
+        nu = pd_turn(R, x.angular_velocity_b, D, rates, k)
+        tau = self.torque.value + m.inertia_b * (nu - self.omega.rate)
+        return allocated(f @ R[:, 2], tau, k, m)
+
+    def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
+        self.sense(s, x, m, last, dt)
+        e_p, e_v = errors(x, r)
+        wanted = feed_forward(r, m).a + k.kp * e_p + k.kv * e_v + k.ki * self.integral + G * Z
+        f = limited(m.mass * wanted, m.mass * G, k.tan_tilt_max)
+        wrench, share = self.fly(f, x, r, k, m)
+        if share == 1.0 and np.array_equal(f, m.mass * wanted):
+            bound = k.position_integral_max
+            self.integral = np.clip(self.integral + e_p * dt, -bound, bound)
+        return wrench
+
+
+class FlatnessIndi(Indi):
+    def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
+        is_first = self.rotors is None
+        u = self.sense(s, x, m, last, dt)
+        thrust_w = u[0] * matrix(x.quaternion_wb)[:, 2] / m.mass
+        if is_first:
+            self.velocity, self.force = Filter(x.velocity_w), Filter(thrust_w)
+        self.velocity.step(x.velocity_w, s.force_cutoff, s.damping, dt)
+        self.force.step(thrust_w, s.force_cutoff, s.damping, dt)
+        e_p, e_v = errors(x, r)
+        a_c = r.acceleration_w + k.kp * e_p + k.kv * e_v
+        wanted = m.mass * (self.force.value + a_c - self.velocity.rate)
+        return self.fly(limited(wanted, m.mass * G, k.tan_tilt_max), x, r, k, m)[0]
+
+
+LAWS: dict[str, type[Any]] = {
+    "pid_cascade": PidCascade,
+    "geometric_l1": GeometricL1,
+    "indi": Indi,
+    "flatness_indi": FlatnessIndi,
+}
+
+
+def rotation(a: Array) -> Array:
+    """Return the unit quaternion of a rotation vector."""
+    size = np.linalg.norm(a)
+    return np.concatenate([[np.cos(0.5 * size)], 0.5 * np.sinc(0.5 * size / np.pi) * a])
+
+
+def log(q: Array) -> Array:
+    """Return the rotation vector of a unit quaternion."""
+    q = q if q[0] >= 0.0 else -q
+    size = np.linalg.norm(q[1:])
+    return q[1:] * (2.0 * np.arctan2(size, q[0]) / size if size > 1e-12 else 2.0)
+
+
+def inverse(q: Array) -> Array:
+    return q * [1.0, -1.0, -1.0, -1.0]
+
+
+def quaternion_of(R: Array) -> Array:
+    """Return the unit quaternion of a rotation by less than half a turn."""
+    w = 0.5 * np.sqrt(1.0 + np.trace(R))
+    return np.concatenate([[w], vee(R - R.T) / (4.0 * w)])
+
+
+class Nmpc:
+    N = 20
+
+    def __init__(self) -> None:
+        self.x: list[Array] | None = None
+
+    def plan(self, r: Any, m: Any, h: float) -> None:
+        d, t = m.drag / m.mass, h * np.arange(self.N + 1)[:, None]
+        a, j, s = r.acceleration_w, r.jerk_w, r.snap_w
+        p = r.position_w + t * r.velocity_w + t**2 / 2 * a + t**3 / 6 * j + t**4 / 24 * s
+        v = r.velocity_w + t * a + t**2 / 2 * j + t**3 / 6 * s
+        f = a + t * j + t**2 / 2 * s + d * v + G * Z
+        f[:, 2] = np.maximum(f[:, 2], DIRECTION_MIN * G)
+        self.x_r = []
+        for k in range(self.N + 1):
+            yaw = r.yaw + t[k, 0] * r.yaw_rate + t[k, 0] ** 2 / 2 * r.yaw_acceleration
+            at = SimpleNamespace(yaw=yaw, yaw_rate=0.0, yaw_acceleration=0.0)
+            R, _, _ = attitude(Motion(f[k], np.zeros(3), np.zeros(3)), at)
+            self.x_r.append(np.concatenate([p[k], v[k], quaternion_of(R)]))
+        q = [x[6:] for x in self.x_r]
+        turns = [log(product(inverse(q[k]), q[k + 1])) / h for k in range(self.N)]
+        self.u_r = [np.array([np.linalg.norm(f[k]), *turns[k]]) for k in range(self.N)]
+
+    @staticmethod
+    def next(x: Array, u: Array, d: float, h: float) -> Array:
+        a = u[0] * matrix(x[6:])[:, 2] - G * Z - d * x[3:6]
+        q = product(x[6:], rotation(h * u[1:]))
+        q /= np.linalg.norm(q)
+        return np.concatenate([x[:3] + h * x[3:6] + h * h / 2 * a, x[3:6] + h * a, q])
+
+    @staticmethod
+    def away(x: Array, y: Array) -> Array:
+        return np.concatenate([x[:6] - y[:6], log(product(inverse(y[6:]), x[6:]))])
+
+    @staticmethod
+    def derivatives(x: Array, u: Array, d: float, h: float) -> tuple[Array, Array]:
+        R, w, eye = matrix(x[6:]), hat(h * u[1:]), np.eye(3)
+        tilt = -u[0] * R @ hat(Z)
+        A, B = np.eye(9), np.zeros((9, 4))
+        A[:3, 3:6], A[:3, 6:] = (h - h * h / 2 * d) * eye, h * h / 2 * tilt
+        A[3:6, 3:6], A[3:6, 6:] = (1.0 - h * d) * eye, h * tilt
+        A[6:, 6:] = matrix(rotation(-h * u[1:]))
+        B[:3, 0], B[3:6, 0] = h * h / 2 * R[:, 2], h * R[:, 2]
+        B[6:, 1:] = h * (eye - w / 2 + w @ w / 6)
+        return A, B
+
+    def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
+        h, d, N = s.horizon / self.N, m.drag / m.mass, self.N
+        low = np.array([4.0 * m.thrust_min / m.mass, *[-s.rate_max] * 3])
+        high = np.array([4.0 * m.thrust_max / m.mass, *[s.rate_max] * 3])
+        self.plan(r, m, h)
+        if self.x is None:
+            self.x, self.u = list(self.x_r), [np.clip(u, low, high) for u in self.u_r]
+        xy, z, yaw = [s.position_xy] * 2, [s.position_z], [s.yaw]
+        Q = np.diag([*xy, *z, *[s.velocity] * 3, *[s.tilt] * 2, *yaw])
+        C = np.diag([s.thrust, *[s.rates] * 3])
+        V = s.last * Q
+        g = V @ self.away(self.x[N], self.x_r[N])
+        moves: list[tuple[Array, Array]] = []
+        for n in range(N - 1, -1, -1):
+            A, B = self.derivatives(self.x[n], self.u[n], d, h)
+            H, F = C + B.T @ V @ B, B.T @ V @ A
+            f = C @ (self.u[n] - self.u_r[n]) + B.T @ g
+            held = (self.u[n] <= low) & (f > 0.0) | (self.u[n] >= high) & (f < 0.0)
+            free = np.flatnonzero(~held)
+            K, c = np.zeros((4, 9)), np.zeros(4)
+            K[free] = -np.linalg.solve(H[np.ix_(free, free)], F[free])
+            c[free] = -np.linalg.solve(H[np.ix_(free, free)], f[free])
+            moves.insert(0, (K, c))
+            g, V = A.T @ (g + V @ B @ c), A.T @ V @ (A + B @ K)
+            V = 0.5 * (V + V.T)
+            if n:
+                V, g = V + Q, g + Q @ self.away(self.x[n], self.x_r[n])
+        now = np.concatenate([x.position_w, x.velocity_w, x.quaternion_wb])
+        flown = []
+        for n in range(N):
+            K, c = moves[n]
+            self.u[n] = np.clip(self.u[n] + c + K @ self.away(now, self.x[n]), low, high)
+            flown.append(now)
+            now = self.next(now, self.u[n], d, h)
+        self.x = [*flown, now]
+        w, J = x.angular_velocity_b, m.inertia_b
+        forward = Motion(r.acceleration_w + G * Z, r.jerk_w, r.snap_w)
+        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2]
+        return allocated(m.mass * self.u[0][0], J * nu + np.cross(w, J * w), k, m)[0]
+
+
+LAWS["nmpc"] = Nmpc

@@ -1,0 +1,101 @@
+"""The arena: what its flights find, its tables, its plans, and mistakes that are told."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from extensions.laws.arena import table
+from extensions.laws.arena.cells import DISTURBANCES, chosen, courses, entries
+from extensions.laws.arena.command import Arena
+from extensions.laws.arena.flights import Cell, fly_cell, tick_time
+from quadrotor.errors import StorageError, UsageError
+
+SEEDS = (1, 2)
+EIGHT = courses()["8 in 8 s"]
+PLANS = sorted((Path(__file__).parents[1] / "arena").glob("*.toml"))
+
+
+def errors(law: str, disturbance: str) -> float:
+    rms, _ = fly_cell(entries()[law], DISTURBANCES[disturbance], EIGHT, SEEDS)
+    return float(np.max(rms))
+
+
+@pytest.mark.parametrize("law", [*entries()])
+def test_every_law_flies_the_8(law: str) -> None:
+    largest = {"pid_cascade": 0.06, "nmpc": 0.006}.get(law, 0.004)
+    assert errors(law, "nominal") < largest
+
+
+@pytest.mark.parametrize(
+    "disturbance", ["mass + 20 %", "drag", "wind 6 m/s, gusts", "motor - 15 %"]
+)
+def test_flatness_with_indi_cuts_the_error_of_the_plain_law_by_seventy_per_cent(
+    disturbance: str,
+) -> None:
+    assert errors("flatness_indi", disturbance) < 0.3 * errors("geometric", disturbance)
+
+
+@pytest.mark.parametrize("disturbance", ["mass + 20 %", "wind 6 m/s, gusts", "motor - 15 %"])
+def test_l1_cuts_the_error_of_the_plain_law_by_eighty_per_cent(disturbance: str) -> None:
+    assert errors("geometric_l1", disturbance) < 0.2 * errors("geometric", disturbance)
+
+
+def test_a_tick_of_a_law_is_far_below_its_limit() -> None:
+    for law in {one.law for one in entries().values()} - {"near_hovering"}:
+        assert tick_time(law, 500) < 1e-3
+
+
+def test_a_crash_counts_as_infinite_and_is_told() -> None:
+    rms = np.array([0.01, math.nan, math.nan, math.nan])
+    base = Cell("geometric", "8", "wind", np.array([0.02, 0.02, 0.02, 0.02]), 0.0)
+    lost = Cell("mine", "8", "wind", rms, 0.0)
+    assert lost.failures == 3
+    assert lost.median == math.inf
+    assert lost.ratio_to(base)[0] == math.inf
+    text = "\n".join(table.errors_table([base, lost]) + table.ratios_table([base, lost]))
+    assert "3 of 4 crashed" in text
+    assert "**20.0** (20.0 … 20.0)" in text
+    assert "| crashes |" in text
+
+
+def test_the_ratio_is_taken_seed_by_seed() -> None:
+    base = Cell("geometric", "8", "wind", np.array([0.01, 0.1, 1.0]), 0.0)
+    half = Cell("mine", "8", "wind", 0.5 * base.rms, 0.0)
+    assert half.ratio_to(base) == (0.5, 0.5, 0.5)
+
+
+def test_tables_are_written_between_the_marks_only(tmp_path: Path) -> None:
+    page = tmp_path / "arena.md"
+    page.write_text(f"head\n{table.BEGIN}\nold\n{table.END}\ntail\n")
+    table.write_into(page, ["", "| new |", ""])
+    assert page.read_text() == f"head\n{table.BEGIN}\n\n| new |\n\n{table.END}\ntail\n"
+
+
+def test_mistakes_are_told_before_the_first_flight(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--laws 'mpc' is not in the arena; there are geometric"):
+        chosen("geometric mpc")
+    with pytest.raises(UsageError, match="allowed are 2 or more"):
+        Arena(seeds=1).run()
+    page = tmp_path / "empty.md"
+    page.write_text("no marks")
+    with pytest.raises(UsageError, match="has no lines <!-- quadlab arena begins -->"):
+        Arena(page=page).run()
+    with pytest.raises(StorageError, match=r"nowhere\.md cannot be read"):
+        Arena(page=tmp_path / "nowhere.md").run()
+
+
+@pytest.mark.parametrize("path", PLANS, ids=[one.stem for one in PLANS])
+def test_a_plan_can_be_flown(path: Path) -> None:
+    plan = pytest.importorskip("extensions.campaigns.plan")
+    from extensions.campaigns.design import Cells
+    from extensions.campaigns.settings import Settings
+
+    file = plan.read_plan(path)
+    settings = Settings(file, Cells(file.plan))
+    settings.check()
+    laws = {settings.cells.factors(cell)["control.law"] for cell in range(settings.cells.number)}
+    assert {"geometric", "indi"} <= laws <= entries().keys()
