@@ -129,10 +129,19 @@ class Show:
 
     def run(self) -> int:
         from extensions.campaigns.folder import CampaignFolder
+        from extensions.campaigns.search import told as search
         from extensions.campaigns.summary import summarize, told
 
-        summary = summarize(CampaignFolder(self.folder))
-        print(json.dumps(summary) if self.json else "\n".join(told(summary)))
+        folder = CampaignFolder(self.folder)
+        table = folder.table(figures_only=True)
+        summary = summarize(folder, table)
+        if self.json:
+            print(json.dumps(summary))
+            return 0
+        lines = told(summary)
+        if folder.plan.plan.search is not None:
+            lines += search.told(search.outcome(folder, table))
+        print("\n".join(lines))
         return 0
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from extensions.campaigns.flights import Outcome, Task
 from extensions.campaigns.folder import software
 from extensions.campaigns.work import Work
-from quadrotor.errors import LinkError, UnreachableError, UsageError
+from quadrotor.errors import LinkError, QuadlabError, UnreachableError, UsageError
 
 if TYPE_CHECKING:
     from distributed import Client, Future, as_completed
@@ -67,8 +67,10 @@ def submitted(work: Work, client: Client, task: Task) -> Future[Answer]:
 def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
     """Take the outcomes of a task; return False for a single flight whose workers have died.
 
-    Raises LinkError, UsageError.
+    Raises LinkError, StorageError, UsageError.
     """
+    from concurrent.futures import CancelledError
+
     from distributed.scheduler import KilledWorker
 
     try:
@@ -78,6 +80,13 @@ def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
             return False
         work.died(task)
         return True
+    except CancelledError:  # all futures are, when the scheduler has gone
+        raise LinkError(
+            "the scheduler of Dask has gone; the rows so far are kept: start it again, then "
+            f"quadlab campaign resume {work.folder.path} --dask ADDRESS"
+        ) from None
+    except QuadlabError:
+        raise
     except Exception as error:
         raise LinkError(f"a worker of Dask did not fly: {type(error).__name__}: {error}") from error
     if refusal:

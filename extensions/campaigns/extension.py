@@ -76,6 +76,8 @@ EXTENSION = Extension(
         ),
     ),
     judged=(Judged(Evidence.SIMULATED, "campaigns with workers killed at random"),),
-    libraries={"distributed": "pip install 'quadlab[campaigns]'"},
+    libraries={
+        name: "pip install 'quadlab[campaigns]'" for name in ("distributed", "optuna", "SALib")
+    },
     docs="how_to/campaigns.md",
 )
