@@ -64,6 +64,7 @@ FOLDERS = {
         "starved",
         "real_flights",
         "camera_flight",
+        "campaigns",
     ),
     "page": (
         "replay",

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from bearing_sim.sampling import ALL, STEP, splitmix64
 from extensions.campaigns.factors import MOST_FLIGHTS, Distribution, Factor, Range, Value
-from extensions.campaigns.plan import SAMPLED, Plan
+from extensions.campaigns.plan import SALTELLI, SAMPLED, Plan
 from quadlab.simulated.experiment import LARGEST_SEED
 from quadrotor.errors import UsageError
 
@@ -60,7 +60,7 @@ class Cells:
         """Return the number of cells of the factors."""
         plan = self.plan
         if plan.samples is not None:
-            return plan.samples
+            return plan.samples * (len(plan.factors) + 2 if plan.design == SALTELLI else 1)
         counts = [_count(one) for one in plan.factors.values()]
         if plan.design == "zip":
             return max(counts, default=1)
@@ -158,6 +158,16 @@ def _at(factor: Factor, unit: npt.NDArray[np.float64]) -> list[Value]:
 
 def _unit(design: str, number: int, factors: int, seed: int) -> npt.NDArray[np.float64]:
     """Return points of the unit cube, (number, factors)."""
+    if design == SALTELLI:
+        from SALib.sample import sobol
+
+        problem = {"num_vars": factors, "names": [str(k) for k in range(factors)]}
+        problem["bounds"] = [[0.0, 1.0]] * factors
+        base = number // (factors + 2)
+        found: npt.NDArray[np.float64] = sobol.sample(
+            problem, base, calc_second_order=False, seed=seed
+        )
+        return found
     random = np.random.default_rng(seed)
     if design == "random":
         return random.random((number, factors))

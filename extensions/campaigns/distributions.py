@@ -45,8 +45,8 @@ def heat_map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> Fact
         y: "" for a map with one line.
     """
     values = numbers(table, metric)
-    across, x_labels = _levels(cells, table, x)
-    down, y_labels = _levels(cells, table, y) if y else (np.zeros(len(values), int), [""])
+    across, x_labels = levels_of(cells, table, x)
+    down, y_labels = levels_of(cells, table, y) if y else (np.zeros(len(values), int), [""])
     medians: list[list[float | None]] = [[None] * len(x_labels) for _ in y_labels]
     keep = np.isfinite(values)
     place = (down * len(x_labels) + across)[keep]
@@ -59,7 +59,7 @@ def heat_map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> Fact
     return {"x": x_labels, "y": y_labels, "medians": medians}
 
 
-def _levels(cells: Cells, table: pa.Table, name: str) -> tuple[npt.NDArray[np.intp], list[str]]:
+def levels_of(cells: Cells, table: pa.Table, name: str) -> tuple[npt.NDArray[np.intp], list[str]]:
     """Return for each row the number of its level of a factor, and the levels' labels."""
     import pyarrow as pa
 

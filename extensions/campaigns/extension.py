@@ -76,8 +76,6 @@ EXTENSION = Extension(
         ),
     ),
     judged=(Judged(Evidence.SIMULATED, "campaigns with workers killed at random"),),
-    libraries={
-        name: "pip install 'quadlab[campaigns]'" for name in ("distributed", "optuna", "SALib")
-    },
+    libraries=dict.fromkeys(("distributed", "optuna", "SALib"), "pip install 'quadlab[campaigns]'"),
     docs="how_to/campaigns.md",
 )

@@ -22,8 +22,10 @@ COMPILED = "closed_loop"
 """The experiment that is flown in compiled code."""
 OWN = "own"
 """Folder of a campaign with copies of the files that its plan names."""
-Design = Literal["grid", "zip", "one_at_a_time", "random", "latin_hypercube", "sobol"]
-SAMPLED = ("random", "latin_hypercube", "sobol")
+Design = Literal["grid", "zip", "one_at_a_time", "random", "latin_hypercube", "sobol", "saltelli"]
+SALTELLI = "saltelli"
+"""The design that Sobol' indices need: samples × (number of factors + 2) cells."""
+SAMPLED = ("random", "latin_hypercube", "sobol", SALTELLI)
 """Designs with a number of samples."""
 
 
@@ -72,7 +74,7 @@ class Plan(Part):
     design: Design = "grid"
     """how cells are made of the factors"""
     samples: int | None = Field(default=None, ge=1)
-    """cells of a sampled design: random, latin_hypercube, sobol"""
+    """cells of a sampled design: random, latin_hypercube, sobol; saltelli has more of them"""
     metrics: list[str] = Field(default_factory=list)
     """the metrics to keep; empty for all"""
     limits: dict[str, float] = Field(default_factory=dict)
@@ -90,7 +92,11 @@ class Plan(Part):
             raise ValueError(f'design = "{self.design}" {what}: {", ".join(SAMPLED)} have them')
         if self.samples and not self.factors:
             raise ValueError(f'design = "{self.design}" needs factors')
-        if self.design == "sobol" and self.samples and self.samples & (self.samples - 1):
+        if (
+            self.design in ("sobol", SALTELLI)
+            and self.samples
+            and self.samples & (self.samples - 1)
+        ):
             near = 2 ** (self.samples.bit_length() - 1)
             raise ValueError(
                 f"samples = {self.samples} is no power of 2, as a Sobol' sequence needs: take "

@@ -18,8 +18,8 @@ from extensions.campaigns.design import Cells
 from extensions.campaigns.flights import UNFLOWN, Outcome, fly_task
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.local_engine import fly_locally
-from extensions.campaigns.plan import COMPILED, PlanFile, read_plan
-from extensions.campaigns.search.study import SearchWork, check_installed
+from extensions.campaigns.plan import COMPILED, SALTELLI, PlanFile, read_plan
+from extensions.campaigns.search.study import SearchWork, check_library
 from extensions.campaigns.search.told import none_feasible, outcome, told_plan
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.shard import WHOLE, Shard
@@ -60,12 +60,14 @@ def checked(path: Path) -> tuple[PlanFile, Settings]:
     file = read_plan(path)
     file.own_files()
     try:
+        if file.plan.search is not None:
+            check_library("optuna", "search")
+        if file.plan.design == SALTELLI:
+            check_library("SALib", 'design = "saltelli"')
         settings = Settings(file, Cells(file.plan))
         _ = settings.experiment
         if file.plan.experiment == COMPILED:
             check_compiled(settings)
-        if file.plan.search is not None:
-            check_installed()
         settings.check()
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from None

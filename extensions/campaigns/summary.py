@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from extensions.campaigns.analysis import sensitivity
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import COMPILED
 from extensions.campaigns.search import told as search
@@ -108,6 +109,11 @@ def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
         "verdicts": _verdicts(table),
         "metrics": {name: _figures(numbers(table, name)) for name in metrics},
         "search": found,
+        "sensitivity": {
+            name: indices
+            for name in judged_metrics(table)
+            if (indices := sensitivity.indices(folder.cells, table, name))
+        },
         "by_cell": _by_cell(folder, table, metrics, passed) if factors else [],
         "not_passed": {
             "count": len(missed),
@@ -207,12 +213,13 @@ def told(summary: Facts) -> list[str]:
             between = f"{one['low']:.4g} … {one['high']:.4g}"
             spread = f"{one['q05']:.4g} … {one['q95']:.4g}"
             lines.append(f"  {name:{width}} {one['median']:10.4g} {between:>22} {spread:>22}")
+    lines += sensitivity.told(summary["sensitivity"])
     return [*lines, *_told_cells(summary), *_told_missed(summary["not_passed"])]
 
 
 def _told_cells(summary: Facts) -> list[str]:
     cells = summary["by_cell"]
-    if not cells or summary["search"]:
+    if not cells or summary["search"] or summary["sensitivity"]:
         return []
     figures = summary["metrics"]
     judged = [name for name in summary["judged"] if figures[name]["count"]] or list(figures)

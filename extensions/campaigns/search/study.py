@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from extensions.campaigns.factors import Value
@@ -30,12 +31,10 @@ STARTUP = 8
 """Whole trials before one is ended by comparison with them."""
 
 
-def check_installed() -> None:
-    """Raise UsageError without the library of the searches."""
-    try:
-        import optuna  # noqa: F401
-    except ImportError:
-        raise UsageError(f"search needs Optuna: {INSTALL}") from None
+def check_library(name: str, what: str) -> None:
+    """Raise UsageError without the library of which a plan makes use."""
+    if find_spec(name) is None:
+        raise UsageError(f"{what} needs {name}: {INSTALL}")
 
 
 def new_study(search: Search, seed: int, first: Mapping[str, Value] | None) -> Study:

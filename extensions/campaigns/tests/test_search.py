@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from typing import Any
 
 import numpy as np
 import pytest
 
 from extensions.campaigns.folder import CampaignFolder
+from extensions.campaigns.search import study
 from extensions.campaigns.search.plan import Search
 from extensions.campaigns.search.study import rounds
 from extensions.campaigns.search.trial import PENALTY, Row, front, judge
@@ -141,8 +141,8 @@ def test_searches_that_cannot_be_flown_are_refused_with_one_line(
     assert "a search chooses each trial by those before" in bench.refused(
         "run", bench.plan(plan()), "--out", bench.folder / "shard", "--shard", "1/2"
     )
-    monkeypatch.setitem(sys.modules, "optuna", None)
-    assert "search needs Optuna: pip install 'quadlab[campaigns]'" in refused(plan())
+    monkeypatch.setattr(study, "find_spec", lambda name: None)
+    assert "search needs optuna: pip install 'quadlab[campaigns]'" in refused(plan())
 
 
 def test_an_aim_that_no_flight_has_ends_the_search(bench: Any) -> None:
