@@ -36,27 +36,29 @@ def fly_by_dask(work: Work, address: str) -> None:
         running: dict[Future[Answer], Task] = {}
         suspects: list[Task] = []
         ended = as_completed(loop=client.loop)
-        fill(work, client, running, ended)
-        while running:
-            future = next(ended)
-            task = running.pop(future)
-            if not _is_done(work, task, future):
-                suspects.append(task)
-            fill(work, client, running, ended)
-        for task in suspects:  # each alone: a scheduler also blames what waited at a worker's death
+        while fill(work, client, running, ended) or suspects:
+            if running:
+                future = next(ended)
+                task = running.pop(future)
+                if not _is_done(work, task, future):
+                    suspects.append(task)
+                continue
+            # each alone: a scheduler also blames what waited at a worker's death
+            task = suspects.pop(0)
             if not _is_done(work, task, submitted(work, client, task)):
                 work.given_up(task.indices[0])
 
 
 def fill(
     work: Work, client: Client, running: dict[Future[Answer], Task], ended: as_completed
-) -> None:
-    """Give the workers tasks, some more than they have threads."""
+) -> bool:
+    """Give the workers tasks, some more than they have threads; return whether some are running."""
     threads = max(1, sum(client.nthreads().values()))
     while len(running) < WAITING * threads and (task := work.take(WAITING * threads)) is not None:
         future = submitted(work, client, task)
         running[future] = task
         ended.add(future)
+    return bool(running)
 
 
 def submitted(work: Work, client: Client, task: Task) -> Future[Answer]:

@@ -111,6 +111,8 @@ class Cells:
         if self.plan.design not in SAMPLED:
             return {name: _levels(one) for name, one in factors.items()}
         unit = _unit(self.plan.design, self._alone, len(factors), self.plan.seed)
+        if self.plan.correlations:
+            unit = _correlated(unit, self.plan.correlation_matrix())
         return {name: _at(one, unit[:, k]) for k, (name, one) in enumerate(factors.items())}
 
 
@@ -154,6 +156,16 @@ def _at(factor: Factor, unit: npt.NDArray[np.float64]) -> list[Value]:
     even = np.exp(spread) if factor.log else spread
     clipped: list[Value] = np.clip(even, factor.low, factor.high).tolist()
     return clipped
+
+
+def _correlated(
+    unit: npt.NDArray[np.float64], matrix: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return points whose normal scores have these correlations, of independent points."""
+    from scipy.stats import norm
+
+    found: npt.NDArray[np.float64] = norm.cdf(norm.ppf(unit) @ np.linalg.cholesky(matrix).T)
+    return found
 
 
 def _unit(design: str, number: int, factors: int, seed: int) -> npt.NDArray[np.float64]:

@@ -71,6 +71,15 @@ class Distribution(Part):
         return frozen
 
 
+class Correlation(Part):
+    """Two factors of a sampled design that are not independent."""
+
+    factors: tuple[str, str]
+    """their names"""
+    rho: float = Field(gt=-1.0, lt=1.0)
+    """correlation of the normal scores of both (a Gaussian copula): each keeps its distribution"""
+
+
 def kind_of(found: object) -> str:
     """Return which kind of factor this is, for pydantic."""
     if isinstance(found, list):

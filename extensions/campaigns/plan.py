@@ -11,10 +11,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal, get_args
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, Field, ValidationError
 from pydantic import model_validator as validator
 
-from extensions.campaigns.factors import Factor, Part, Range, Value, nearest
+from extensions.campaigns.factors import Correlation, Factor, Part, Range, Value, nearest
 from extensions.campaigns.search.plan import Search
 from quadrotor.errors import StorageError, UsageError, os_errors
 
@@ -75,6 +77,8 @@ class Plan(Part):
     """how cells are made of the factors"""
     samples: int | None = Field(default=None, ge=1)
     """cells of a sampled design: random, latin_hypercube, sobol; saltelli has more of them"""
+    correlations: list[Correlation] = Field(default_factory=list)
+    """pairs of factors that are not independent, in a sampled design"""
     metrics: list[str] = Field(default_factory=list)
     """the metrics to keep; empty for all"""
     limits: dict[str, float] = Field(default_factory=dict)
@@ -108,9 +112,38 @@ class Plan(Part):
                     raise ValueError(f'factors."{name}" needs number = … for {self.design}')
         if both := self.fixed.keys() & self.factors.keys():
             raise ValueError(f"{', '.join(sorted(both))} is both fixed and a factor; remove one")
+        if self.correlations:
+            self._fits_correlations()
         if self.search is not None:
             self._fits_search(self.search)
         return self
+
+    def _fits_correlations(self) -> None:
+        if self.design not in SAMPLED or self.design == SALTELLI:
+            raise ValueError(
+                f'correlations: design = "{self.design}" has independent factors; take random, '
+                "latin_hypercube or sobol"
+            )
+        for one in self.correlations:
+            for name in one.factors:
+                if name not in self.factors:
+                    raise ValueError(
+                        f"correlations: {name} is no factor{nearest(name, list(self.factors))}"
+                    )
+        if np.linalg.eigvalsh(self.correlation_matrix()).min() <= 1e-9:
+            raise ValueError(
+                "correlations: no factors have all of these at once (their matrix is not positive "
+                "definite); lower some"
+            )
+
+    def correlation_matrix(self) -> npt.NDArray[np.float64]:
+        """Return the correlations of the factors, in their order."""
+        names = list(self.factors)
+        found = np.eye(len(names))
+        for one in self.correlations:
+            a, b = (names.index(name) for name in one.factors)
+            found[a, b] = found[b, a] = one.rho
+        return found
 
     def _fits_search(self, search: Search) -> None:
         if both := search.parameters.keys() & (self.fixed.keys() | self.factors.keys()):

@@ -101,6 +101,7 @@ def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
         "experiment": plan.experiment,
         "flights": folder.flights,
         "rows": table.num_rows,
+        "is_whole": folder.is_whole(),
         "cells": folder.cells.number,
         "seeds": plan.seeds,
         "factors": factors,
@@ -197,7 +198,7 @@ LISTED = 20
 
 def told(summary: Facts) -> list[str]:
     """Return the summary as lines of text."""
-    unflown = summary["flights"] - summary["rows"]
+    unflown = 0 if summary["is_whole"] else summary["flights"] - summary["rows"]
     head = f"{summary['experiment']}: {summary['rows']} of {summary['flights']} flights"
     lines = [f"{head}, {summary['cells']} cells of {summary['seeds']} seeds"]
     lines += [f"  {unflown} are still to be flown: quadlab campaign resume"] if unflown else []
