@@ -110,11 +110,7 @@ def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
         "verdicts": _verdicts(table),
         "metrics": {name: _figures(numbers(table, name)) for name in metrics},
         "search": found,
-        "sensitivity": {
-            name: indices
-            for name in judged_metrics(table)
-            if (indices := sensitivity.indices(folder.cells, table, name))
-        },
+        "sensitivity": sensitivity.of_metrics(folder.cells, table, judged_metrics(table)),
         "by_cell": _by_cell(folder, table, metrics, passed) if factors else [],
         "not_passed": {
             "count": len(missed),

@@ -14,6 +14,10 @@ from extensions.campaigns.shard import Shard
 
 SHORTEST = 1.0
 """s that a task should last: the work around it then counts for little."""
+OF_EACH = 0.01
+"""s that a task should last for each worker: what hands out the tasks has then 1 ms for each, at a
+tenth of its time.
+"""
 LARGEST = 2000
 """Flights in a task at most."""
 DEATHS = 3
@@ -55,7 +59,8 @@ class Work:
         left = len(self.todo) - self._taken
         if left <= 0:
             return None
-        size = math.ceil(SHORTEST / self._cost) if self._cost > 0.0 else LARGEST
+        lasting = max(SHORTEST, OF_EACH * workers)
+        size = math.ceil(lasting / self._cost) if self._cost > 0.0 else LARGEST
         size = max(1, min(size, LARGEST, math.ceil(left / workers)))
         chosen = self.todo[self._taken : self._taken + size]
         self._taken += len(chosen)

@@ -7,6 +7,7 @@ is the mean over its seeds, so that noise between seeds counts for little.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
 
 RESAMPLES = 200
 """Of the bootstrap by which the indices have intervals."""
+
+
+def of_metrics(cells: Cells, table: pa.Table, metrics: Sequence[str]) -> dict[str, list[Facts]]:
+    """Return the indices of the metrics that have some."""
+    found = {metric: indices(cells, table, metric) for metric in metrics}
+    return {metric: rows for metric, rows in found.items() if rows}
 
 
 def indices(cells: Cells, table: pa.Table, metric: str) -> list[Facts]:
