@@ -127,7 +127,8 @@ def encoded(column: pa.ChunkedArray) -> tuple[npt.NDArray[np.integer], list[Any]
 def is_verdict(table: pa.Table, verdict: str) -> npt.NDArray[np.bool_]:
     """Return for each row whether it has this verdict."""
     places, levels = encoded(table["verdict"])
-    return np.array([level == verdict for level in levels], bool)[places]
+    found: npt.NDArray[np.bool_] = np.array([level == verdict for level in levels], bool)[places]
+    return found
 
 
 def array(values: Sequence[Value]) -> pa.Array:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from extensions.campaigns.search.plan import Search
 
-AGGREGATES = {"worst": np.max, "median": np.median, "mean": np.mean}
+AGGREGATES: dict[str, Callable[[npt.NDArray[np.float64]], Any]] = {
+    "worst": np.max,
+    "median": np.median,
+    "mean": np.mean,
+}
 PENALTY = 1e6
 """The value of an aim in a trial that is not feasible, times one more than what it lacks."""
 

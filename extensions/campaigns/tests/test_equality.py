@@ -13,7 +13,7 @@ from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.tests.conftest import rows
 from extensions.campaigns.tests.disturbed import kill_workers, rows_of, started, until
 
-CASES = 'experiment = "cases.py"\nseeds = 12\n[fixed]\n"experiment.height" = 1.5\n'
+CASES = 'experiment = "cases.py"\nseeds = 8\n[fixed]\n"experiment.height" = 1.5\n'
 LOGGED = CASES + '[keep]\nlogs = "all"\n'
 
 
@@ -39,7 +39,7 @@ def test_rows_are_those_of_a_calm_run_whatever_was_killed(bench: Any, calm: Camp
     run.kill()
     run.communicate()
     before = [k for one in sorted((out / "rows").iterdir()) for k in _indices(one)]
-    assert len(before) == len(set(before)) < 12
+    assert len(before) == len(set(before)) < 8
     assert bench.quadlab("resume", out, "--workers", 1)[0] == 0
     flown = CampaignFolder(out)
     assert rows(flown).equals(rows(calm))
@@ -84,9 +84,9 @@ def test_a_folder_that_is_deleted_while_its_flights_are_flown_is_told(bench: Any
 
 
 def test_the_rows_of_a_folder_that_was_replaced_are_left_alone(bench: Any) -> None:
-    flown = bench.flown(CASES.replace("12", "1"), "out")
+    flown = bench.flown(CASES.replace("= 8", "= 1"), "out")
     shutil.rmtree(flown.path)
-    other = bench.flown(CASES.replace("12", "2"), "out")
+    other = bench.flown(CASES.replace("= 8", "= 2"), "out")
     before = rows(other)
     with pytest.raises(Exception, match="was deleted or replaced"):
         flown.finish()
