@@ -73,6 +73,7 @@ def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
     """
     from concurrent.futures import CancelledError
 
+    from distributed.comm import CommClosedError
     from distributed.scheduler import KilledWorker
 
     try:
@@ -82,7 +83,7 @@ def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
             return False
         work.died(task)
         return True
-    except CancelledError:  # all futures are, when the scheduler has gone
+    except (CancelledError, CommClosedError):  # of all futures, when the scheduler has gone
         raise LinkError(
             "the scheduler of Dask has gone; the rows so far are kept: start it again, then "
             f"quadlab campaign resume {work.folder.path} --dask ADDRESS"

@@ -163,7 +163,8 @@ class CampaignFolder:
         found = np.zeros(self.flights, bool)
         with os_errors(lambda why: f"the rows of {self.path} cannot be read ({why})"):
             for part in self._parts():
-                found[numbers(pq.read_table(part, columns=["index"]), "index")] = True
+                with pq.ParquetFile(part) as file:
+                    found[numbers(file.read(["index"]), "index")] = True
         return found
 
     def count(self) -> int:
