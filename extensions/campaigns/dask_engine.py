@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -101,6 +102,8 @@ def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
 def _client(address: str) -> Client:
     from distributed import Client
 
+    for name in ("distributed", "distributed.client"):  # what they log is told in one line here
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         return Client(address, timeout=REACH, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

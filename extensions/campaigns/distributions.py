@@ -70,11 +70,11 @@ def levels_of(cells: Cells, table: pa.Table, name: str) -> tuple[npt.NDArray[np.
         if len(np.unique(edges)) == len(edges):
             places = np.clip(np.searchsorted(edges, values, "right") - 1, 0, BINS - 1)
             return places, [f"{low:.3g} … {high:.3g}" for low, high in pairwise(edges)]
-    places, levels = encoded(column)
+    codes, levels = encoded(column)
     order = sorted(range(len(levels)), key=lambda k: levels[k])
     rank = np.empty(len(levels), np.intp)
     rank[order] = np.arange(len(levels))
-    places = rank[places]
+    places = rank[codes]
     labels = [_label(levels[k]) for k in order]
     return np.minimum(places, MOST_LEVELS - 1), labels[:MOST_LEVELS]
 

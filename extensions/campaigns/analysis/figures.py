@@ -83,7 +83,8 @@ def _effects(cells: Cells, table: pa.Table, metric: str, factors: Sequence[str])
         axes = grid(figure, rows, min(3, len(factors)), sharex=False, sharey=True)
         for axis in axes.flat[len(factors) :]:
             axis.set_visible(False)
-        for axis, factor in zip(axes.flat, factors, strict=False):
+        every: list[Any] = list(axes.flat)
+        for axis, factor in zip(every, factors, strict=False):
             found = main_effect(cells, table, metric, factor)["levels"]
             middle = [one["median"] for one in found]
             ends = [
@@ -135,7 +136,8 @@ def _chosen(table: pa.Table, names: Sequence[str]) -> Floats:
     values = np.column_stack([np.asarray(numbers(table, name), float) for name in names])
     values = values[np.isfinite(values).all(axis=1)]
     places = np.linspace(0, len(values) - 1, min(MOST_POINTS, len(values))).round().astype(int)
-    return values[places]
+    chosen: Floats = values[places]
+    return chosen
 
 
 def _scatter(table: pa.Table, names: Sequence[str]) -> Picture:

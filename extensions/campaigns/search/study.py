@@ -7,7 +7,7 @@ that is resumed goes the same way again, and flies only what has no row.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -42,7 +42,7 @@ def new_study(search: Search, seed: int, first: Mapping[str, Value] | None) -> S
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    kinds = {
+    kinds: dict[str, Callable[[], Any]] = {
         "tpe": lambda: optuna.samplers.TPESampler(seed=seed, multivariate=True),
         "nsga2": lambda: optuna.samplers.NSGAIISampler(seed=seed, population_size=24),
         "random": lambda: optuna.samplers.RandomSampler(seed=seed),
@@ -83,7 +83,7 @@ def defaults(search: Search, settings: Settings) -> dict[str, Value] | None:
         is_inside = value in one if isinstance(one, list) else _between(one.low, value, one.high)
         if not is_inside:
             return None
-        found[name] = value  # type: ignore[assignment]
+        found[name] = value
     return found
 
 
