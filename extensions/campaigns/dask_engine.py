@@ -28,26 +28,35 @@ FIRST_WORKER = 30.0
 
 def fly_by_dask(work: Work, address: str) -> None:
     """Fly all tasks. Raises UnreachableError, LinkError, UsageError with the worker's name."""
+    from concurrent.futures import CancelledError
+
     try:
         from distributed import as_completed
+        from distributed.comm.core import CommClosedError
     except ImportError:
         raise UsageError("--dask needs Dask: pip install 'quadlab[campaigns]'") from None
-    with _client(address) as client:
-        _check_workers(client, address)
-        running: dict[Future[Answer], Task] = {}
-        suspects: list[Task] = []
-        ended = as_completed(loop=client.loop)
-        while fill(work, client, running, ended) or suspects:
-            if running:
-                future = next(ended)
-                task = running.pop(future)
-                if not _is_done(work, task, future):
-                    suspects.append(task)
-                continue
-            # each alone: a scheduler also blames what waited at a worker's death
-            task = suspects.pop(0)
-            if not _is_done(work, task, submitted(work, client, task)):
-                work.given_up(task.indices[0])
+    try:
+        with _client(address) as client:
+            _check_workers(client, address)
+            running: dict[Future[Answer], Task] = {}
+            suspects: list[Task] = []
+            ended = as_completed(loop=client.loop)
+            while fill(work, client, running, ended) or suspects:
+                if running:
+                    future = next(ended)
+                    task = running.pop(future)
+                    if not _is_done(work, task, future):
+                        suspects.append(task)
+                    continue
+                # each alone: a scheduler also blames what waited at a worker's death
+                task = suspects.pop(0)
+                if not _is_done(work, task, submitted(work, client, task)):
+                    work.given_up(task.indices[0])
+    except (CancelledError, CommClosedError):  # futures and connections, without a scheduler
+        raise LinkError(
+            "the scheduler of Dask has gone; the rows so far are kept: start it again, then "
+            f"quadlab campaign resume {work.folder.path} --dask ADDRESS"
+        ) from None
 
 
 def fill(
@@ -74,7 +83,7 @@ def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
     """
     from concurrent.futures import CancelledError
 
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
     from distributed.scheduler import KilledWorker
 
     try:
@@ -84,12 +93,7 @@ def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
             return False
         work.died(task)
         return True
-    except (CancelledError, CommClosedError):  # of all futures, when the scheduler has gone
-        raise LinkError(
-            "the scheduler of Dask has gone; the rows so far are kept: start it again, then "
-            f"quadlab campaign resume {work.folder.path} --dask ADDRESS"
-        ) from None
-    except QuadlabError:
+    except (QuadlabError, CancelledError, CommClosedError):
         raise
     except Exception as error:
         raise LinkError(f"a worker of Dask did not fly: {type(error).__name__}: {error}") from error
