@@ -71,6 +71,7 @@ FOLDERS = {
         "starved",
         "real_flights",
         "camera_flight",
+        "campaigns",
     ),
     "page": (
         "replay",

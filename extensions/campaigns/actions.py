@@ -13,6 +13,7 @@ from quadlab.option_types import Flag, optional
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
+    from extensions.campaigns.folder import CampaignFolder
     from extensions.campaigns.run import Engine
 
 PlanPath = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PLAN")]
@@ -126,13 +127,39 @@ class Show:
     """folder of the campaign"""
     json: Flag = False
     """print everything as JSON"""
+    report: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """write a report with figures: one HTML file"""
+    figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """write the figures as SVG and PDF, with their fonts"""
 
     def run(self) -> int:
         from extensions.campaigns.folder import CampaignFolder
+        from extensions.campaigns.search import told as search
         from extensions.campaigns.summary import summarize, told
 
-        summary = summarize(CampaignFolder(self.folder))
-        print(json.dumps(summary) if self.json else "\n".join(told(summary)))
+        folder = CampaignFolder(self.folder)
+        if self.report is not None or self.figures is not None:
+            return self._write(folder)
+        table = folder.table(figures_only=True)
+        summary = summarize(folder, table)
+        if self.json:
+            print(json.dumps(summary))
+            return 0
+        lines = told(summary)
+        if folder.plan.plan.search is not None:
+            lines += search.told(search.outcome(folder, table))
+        print("\n".join(lines))
+        return 0
+
+    def _write(self, folder: CampaignFolder) -> int:
+        from extensions.campaigns.analysis.report import write_figures, write_report
+
+        if self.report is not None:
+            write_report(folder, self.report)
+            print(self.report)
+        if self.figures is not None:
+            for one in write_figures(folder, self.figures):
+                print(one)
         return 0
 
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.summary import Numbers, column, quantile_interval
-from extensions.campaigns.table import Facts, judged_metrics
+from extensions.campaigns.summary import Numbers, quantile_interval
+from extensions.campaigns.table import Facts, is_verdict, judged_metrics, numbers
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def compare(one: CampaignFolder, other: CampaignFolder) -> Facts:
     a, b = one.table().take(first), other.table().take(second)
     metrics = sorted({*judged_metrics(a)} & {*judged_metrics(b)})
     tests = {"passed": _verdicts(a, b)} | {
-        name: _metric(column(a, name), column(b, name)) for name in metrics
+        name: _metric(numbers(a, name), numbers(b, name)) for name in metrics
     }
     level = LEVEL / len(tests)
     for found in tests.values():
@@ -49,12 +49,12 @@ def compare(one: CampaignFolder, other: CampaignFolder) -> Facts:
 def _paired(one: CampaignFolder, other: CampaignFolder) -> tuple[list[int], list[int]]:
     """Return the places of the rows with the same seed and factors."""
     mine, theirs = one.plan.plan, other.plan.plan
-    if mine.factors.keys() != theirs.factors.keys():
+    if mine.varied != theirs.varied:
         raise UsageError(
-            f"{one.path} has the factors {', '.join(mine.factors) or '(none)'}, {other.path} has "
-            f"{', '.join(theirs.factors) or '(none)'}: only flights with equal factors are pairs"
+            f"{one.path} has the factors {', '.join(mine.varied) or '(none)'}, {other.path} has "
+            f"{', '.join(theirs.varied) or '(none)'}: only flights with equal factors are pairs"
         )
-    keys = ["seed", *mine.factors]
+    keys = ["seed", *mine.varied]
     places = {key: k for k, key in enumerate(_keys(one.table(), keys))}
     pairs = [(places[key], k) for k, key in enumerate(_keys(other.table(), keys)) if key in places]
     if not pairs:
@@ -72,8 +72,8 @@ def _keys(table: pa.Table, names: list[str]) -> list[tuple[object, ...]]:
 def _verdicts(a: pa.Table, b: pa.Table) -> Facts:
     from scipy.stats import binomtest
 
-    was = np.array(a["verdict"].to_pylist()) == "passed"
-    now = np.array(b["verdict"].to_pylist()) == "passed"
+    was = is_verdict(a, "passed")
+    now = is_verdict(b, "passed")
     worse, better = int((was & ~now).sum()), int((~was & now).sum())
     p = binomtest(worse, worse + better, 0.5, "greater").pvalue if worse + better else 1.0
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 from extensions.campaigns.flights import Outcome, Task
 from extensions.campaigns.folder import software
 from extensions.campaigns.work import Work
-from quadrotor.errors import LinkError, UnreachableError, UsageError
+from quadrotor.errors import LinkError, QuadlabError, UnreachableError, UsageError
 
 if TYPE_CHECKING:
     from distributed import Client, Future, as_completed
@@ -27,36 +28,47 @@ FIRST_WORKER = 30.0
 
 def fly_by_dask(work: Work, address: str) -> None:
     """Fly all tasks. Raises UnreachableError, LinkError, UsageError with the worker's name."""
+    from concurrent.futures import CancelledError
+
     try:
         from distributed import as_completed
+        from distributed.comm.core import CommClosedError
     except ImportError:
         raise UsageError("--dask needs Dask: pip install 'quadlab[campaigns]'") from None
-    with _client(address) as client:
-        _check_workers(client, address)
-        running: dict[Future[Answer], Task] = {}
-        suspects: list[Task] = []
-        ended = as_completed(loop=client.loop)
-        fill(work, client, running, ended)
-        while running:
-            future = next(ended)
-            task = running.pop(future)
-            if not _is_done(work, task, future):
-                suspects.append(task)
-            fill(work, client, running, ended)
-        for task in suspects:  # each alone: a scheduler also blames what waited at a worker's death
-            if not _is_done(work, task, submitted(work, client, task)):
-                work.given_up(task.indices[0])
+    try:
+        with _client(address) as client:
+            _check_workers(client, address)
+            running: dict[Future[Answer], Task] = {}
+            suspects: list[Task] = []
+            ended = as_completed(loop=client.loop)
+            while fill(work, client, running, ended) or suspects:
+                if running:
+                    future = next(ended)
+                    task = running.pop(future)
+                    if not _is_done(work, task, future):
+                        suspects.append(task)
+                    continue
+                # each alone: a scheduler also blames what waited at a worker's death
+                task = suspects.pop(0)
+                if not _is_done(work, task, submitted(work, client, task)):
+                    work.given_up(task.indices[0])
+    except (CancelledError, CommClosedError):  # futures and connections, without a scheduler
+        raise LinkError(
+            "the scheduler of Dask has gone; the rows so far are kept: start it again, then "
+            f"quadlab campaign resume {work.folder.path} --dask ADDRESS"
+        ) from None
 
 
 def fill(
     work: Work, client: Client, running: dict[Future[Answer], Task], ended: as_completed
-) -> None:
-    """Give the workers tasks, some more than they have threads."""
+) -> bool:
+    """Give the workers tasks, some more than they have threads; return whether some are running."""
     threads = max(1, sum(client.nthreads().values()))
     while len(running) < WAITING * threads and (task := work.take(WAITING * threads)) is not None:
         future = submitted(work, client, task)
         running[future] = task
         ended.add(future)
+    return bool(running)
 
 
 def submitted(work: Work, client: Client, task: Task) -> Future[Answer]:
@@ -67,8 +79,11 @@ def submitted(work: Work, client: Client, task: Task) -> Future[Answer]:
 def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
     """Take the outcomes of a task; return False for a single flight whose workers have died.
 
-    Raises LinkError, UsageError.
+    Raises LinkError, StorageError, UsageError.
     """
+    from concurrent.futures import CancelledError
+
+    from distributed.comm.core import CommClosedError
     from distributed.scheduler import KilledWorker
 
     try:
@@ -78,6 +93,8 @@ def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
             return False
         work.died(task)
         return True
+    except (QuadlabError, CancelledError, CommClosedError):
+        raise
     except Exception as error:
         raise LinkError(f"a worker of Dask did not fly: {type(error).__name__}: {error}") from error
     if refusal:
@@ -89,6 +106,8 @@ def _is_done(work: Work, task: Task, future: Future[Answer]) -> bool:
 def _client(address: str) -> Client:
     from distributed import Client
 
+    for name in ("distributed", "distributed.client"):  # what they log is told in one line here
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         return Client(address, timeout=REACH, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.sampling import ALL, STEP, splitmix64
-from extensions.campaigns.plan import (
-    MOST_FLIGHTS,
-    SAMPLED,
-    Distribution,
-    Factor,
-    Plan,
-    Range,
-    Value,
-)
+from extensions.campaigns.factors import MOST_FLIGHTS, Distribution, Factor, Range, Value
+from extensions.campaigns.plan import SALTELLI, SAMPLED, Plan
 from quadlab.simulated.experiment import LARGEST_SEED
 from quadrotor.errors import UsageError
 
@@ -29,10 +22,16 @@ Indices = npt.NDArray[np.int64]
 class Cells:
     """The cells of a plan, each with `plan.seeds` flights: flight k is of cell k // seeds.
 
+    A search has the cells of its factors once for each trial.
+
+    Args:
+        trials: values of the searched parameters in the trials so far.
+
     Raises UsageError for more flights than a campaign may have.
     """
 
     plan: Plan
+    trials: dict[int, dict[str, Value]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raise UsageError for a number of cells that cannot be flown."""
@@ -49,9 +48,19 @@ class Cells:
     @property
     def number(self) -> int:
         """Return the number of cells."""
+        return self._alone * (self.plan.search.trials if self.plan.search else 1)
+
+    @property
+    def known(self) -> int:
+        """Return the number of cells whose values are known: not those of trials to come."""
+        return self._alone * len(self.trials) if self.plan.search else self.number
+
+    @property
+    def _alone(self) -> int:
+        """Return the number of cells of the factors."""
         plan = self.plan
         if plan.samples is not None:
-            return plan.samples
+            return plan.samples * (len(plan.factors) + 2 if plan.design == SALTELLI else 1)
         counts = [_count(one) for one in plan.factors.values()]
         if plan.design == "zip":
             return max(counts, default=1)
@@ -63,8 +72,24 @@ class Cells:
     def flights(self) -> int:
         return self.number * self.plan.seeds
 
+    def seed(self, index: int) -> int:
+        """Return the seed of a flight; all trials of a search have the same seeds."""
+        return seed_of(self.plan, index % (self._alone * self.plan.seeds))
+
+    def of_trial(self, number: int, seeds: int) -> list[int]:
+        """Return the flights of a trial in all cells of the factors, with the first seeds."""
+        cells = range(number * self._alone, (number + 1) * self._alone)
+        return [cell * self.plan.seeds + k for k in range(seeds) for cell in cells]
+
+    def trial(self, index: int) -> int:
+        """Return the number of the trial to which a flight belongs."""
+        return index // (self._alone * self.plan.seeds)
+
     def column(self, name: str, cells: Indices) -> list[Value]:
         """Return a factor's value in each of these cells."""
+        if self.plan.search is not None and name in self.plan.search.parameters:
+            return [self.trials[trial][name] for trial in (cells // self._alone).tolist()]
+        cells = cells % self._alone
         values, place = self._values[name], list(self._values).index(name)
         if self.plan.design in SAMPLED or self.plan.design == "zip":
             return [values[cell] for cell in cells]
@@ -77,7 +102,7 @@ class Cells:
 
     def factors(self, cell: int) -> dict[str, Value]:
         """Return the value of each factor in one cell."""
-        return {name: self.column(name, np.array([cell]))[0] for name in self.plan.factors}
+        return {name: self.column(name, np.array([cell]))[0] for name in self.plan.varied}
 
     @cached_property
     def _values(self) -> dict[str, list[Value]]:
@@ -85,7 +110,9 @@ class Cells:
         factors = self.plan.factors
         if self.plan.design not in SAMPLED:
             return {name: _levels(one) for name, one in factors.items()}
-        unit = _unit(self.plan.design, self.number, len(factors), self.plan.seed)
+        unit = _unit(self.plan.design, self._alone, len(factors), self.plan.seed)
+        if self.plan.correlations:
+            unit = _correlated(unit, self.plan.correlation_matrix())
         return {name: _at(one, unit[:, k]) for k, (name, one) in enumerate(factors.items())}
 
 
@@ -131,8 +158,28 @@ def _at(factor: Factor, unit: npt.NDArray[np.float64]) -> list[Value]:
     return clipped
 
 
+def _correlated(
+    unit: npt.NDArray[np.float64], matrix: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return points whose normal scores have these correlations, of independent points."""
+    from scipy.stats import norm
+
+    found: npt.NDArray[np.float64] = norm.cdf(norm.ppf(unit) @ np.linalg.cholesky(matrix).T)
+    return found
+
+
 def _unit(design: str, number: int, factors: int, seed: int) -> npt.NDArray[np.float64]:
     """Return points of the unit cube, (number, factors)."""
+    if design == SALTELLI:
+        from SALib.sample import sobol
+
+        problem = {"num_vars": factors, "names": [str(k) for k in range(factors)]}
+        problem["bounds"] = [[0.0, 1.0]] * factors
+        base = number // (factors + 2)
+        found: npt.NDArray[np.float64] = sobol.sample(
+            problem, base, calc_second_order=False, seed=seed
+        )
+        return found
     random = np.random.default_rng(seed)
     if design == "random":
         return random.random((number, factors))

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from extensions.campaigns.design import Cells
 from extensions.campaigns.plan import SAMPLED
-from extensions.campaigns.summary import Numbers, column, quantile_interval
-from extensions.campaigns.table import Facts
+from extensions.campaigns.summary import Numbers, quantile_interval
+from extensions.campaigns.table import Facts, encoded, numbers
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -44,9 +44,9 @@ def heat_map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> Fact
     Args:
         y: "" for a map with one line.
     """
-    values = column(table, metric)
-    across, x_labels = _levels(cells, table, x)
-    down, y_labels = _levels(cells, table, y) if y else (np.zeros(len(values), int), [""])
+    values = numbers(table, metric)
+    across, x_labels = levels_of(cells, table, x)
+    down, y_labels = levels_of(cells, table, y) if y else (np.zeros(len(values), int), [""])
     medians: list[list[float | None]] = [[None] * len(x_labels) for _ in y_labels]
     keep = np.isfinite(values)
     place = (down * len(x_labels) + across)[keep]
@@ -59,13 +59,25 @@ def heat_map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> Fact
     return {"x": x_labels, "y": y_labels, "medians": medians}
 
 
-def _levels(cells: Cells, table: pa.Table, name: str) -> tuple[npt.NDArray[np.intp], list[str]]:
+def levels_of(cells: Cells, table: pa.Table, name: str) -> tuple[npt.NDArray[np.intp], list[str]]:
     """Return for each row the number of its level of a factor, and the levels' labels."""
-    values = table[name].to_numpy(zero_copy_only=False)
-    levels, places = np.unique(values, return_inverse=True)
-    if cells.plan.design in SAMPLED and len(levels) > BINS and levels.dtype.kind == "f":
+    import pyarrow as pa
+
+    column = table[name]
+    if cells.plan.design in SAMPLED and pa.types.is_floating(column.type):
+        values = numbers(table, name)
         edges = np.quantile(values, np.linspace(0.0, 1.0, BINS + 1))
-        places = np.clip(np.searchsorted(edges, values, "right") - 1, 0, BINS - 1)
-        return places, [f"{low:.3g} … {high:.3g}" for low, high in pairwise(edges)]
-    labels = [f"{one:.4g}" if isinstance(one, float) else str(one) for one in levels.tolist()]
+        if len(np.unique(edges)) == len(edges):
+            places = np.clip(np.searchsorted(edges, values, "right") - 1, 0, BINS - 1)
+            return places, [f"{low:.3g} … {high:.3g}" for low, high in pairwise(edges)]
+    codes, levels = encoded(column)
+    order = sorted(range(len(levels)), key=lambda k: levels[k])
+    rank = np.empty(len(levels), np.intp)
+    rank[order] = np.arange(len(levels))
+    places = rank[codes]
+    labels = [_label(levels[k]) for k in order]
     return np.minimum(places, MOST_LEVELS - 1), labels[:MOST_LEVELS]
+
+
+def _label(level: object) -> str:
+    return f"{level:.4g}" if isinstance(level, float) else str(level)

@@ -76,6 +76,6 @@ EXTENSION = Extension(
         ),
     ),
     judged=(Judged(Evidence.SIMULATED, "campaigns with workers killed at random"),),
-    libraries={"distributed": "pip install 'quadlab[campaigns]'"},
+    libraries=dict.fromkeys(("distributed", "optuna", "SALib"), "pip install 'quadlab[campaigns]'"),
     docs="how_to/campaigns.md",
 )

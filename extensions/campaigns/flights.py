@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import shutil
@@ -13,10 +14,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from extensions.campaigns.design import Cells, seed_of
+from extensions.campaigns.design import Cells
+from extensions.campaigns.factors import Value
 from extensions.campaigns.plan import COMPILED, Plan, parse_plan
 from extensions.campaigns.settings import Settings
-from quadrotor.errors import QuadlabError
+from quadrotor.errors import QuadlabError, StorageError
 
 if TYPE_CHECKING:
     from quadrotor.parameter_description import ParameterValue
@@ -24,6 +26,11 @@ if TYPE_CHECKING:
 RAISED, TIMED_OUT, WORKER_DIED = "raised", "timed_out", "worker_died"
 """Verdicts of flights without figures, beside those of `quadlab fly`."""
 UNFLOWN = (RAISED, TIMED_OUT, WORKER_DIED)
+EXHAUSTED = (
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS, errno.ENOMEM, errno.EMFILE,
+    errno.ENFILE,
+)  # fmt: skip
+"""Errors of a computer that has run out of something, on which no row may depend."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +42,7 @@ class Task:
         folder: that of the campaign, with the files that the plan names.
         is_compiled: whether the flights are those of compiled code.
         keep_logs: whether the logs are returned of all flights, beside those that the plan keeps.
+        trials: of a search, the values of the trials to which the flights belong.
     """
 
     text: str
@@ -42,6 +50,7 @@ class Task:
     indices: tuple[int, ...]
     is_compiled: bool = False
     keep_logs: bool = False
+    trials: Mapping[int, dict[str, Value]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +76,13 @@ class Outcome:
 
 
 def fly_task(task: Task) -> list[Outcome]:
-    """Fly; what goes wrong in a flight is its outcome."""
+    """Fly; what goes wrong in a flight is its outcome.
+
+    Raises StorageError when the computer has no disk, memory or files left: that would be a row
+    that depends on the computer, so the flight has none yet.
+    """
     settings = _settings(task.text, task.folder)
+    settings.cells.trials.update(task.trials)
     if settings.file.plan.experiment == COMPILED:
         return _compiled(settings, task.indices)
     return [_flown(settings, index, task.keep_logs) for index in task.indices]
@@ -98,7 +112,7 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
     try:
         done = fly(
             chosen(file.experiment),
-            seed=seed_of(plan, index),
+            seed=settings.cells.seed(index),
             words=settings.words(index // plan.seeds),
             out=folder,
             plugins=file.plugins,
@@ -110,8 +124,10 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
         judged = tuple(done.result.limits)
         verdict, reason, metrics, judged = _judged(plan, verdict, reason, metrics, judged)
     except QuadlabError as error:
+        _check_computer(error)
         reason = str(error).partition("; the log is kept: ")[0]
     except Exception as error:  # of the experiment's or a plugin's own code: it is this row's
+        _check_computer(error)
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
     finally:
         kept = plan.keep.logs
@@ -121,6 +137,21 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
     outcome = Outcome(index, verdict, reason, metrics, judged=judged, log=log)
     wall, processor = time.perf_counter() - began, time.process_time() - processor
     return _here(replace(outcome, wall=wall, processor=processor))
+
+
+def _check_computer(error: BaseException) -> None:
+    """Raise StorageError if an error was caused by a computer without disk, memory or files."""
+    cause: BaseException | None = error
+    while cause is not None:
+        is_exhausted = isinstance(cause, OSError) and cause.errno in EXHAUSTED
+        if is_exhausted or isinstance(cause, MemoryError):
+            why = getattr(cause, "strerror", None) or "no memory"
+            raise StorageError(
+                f"a flight on {platform.node()} ended because of its computer ({why}; temporary "
+                f"files are in {tempfile.gettempdir()}); the rows so far are kept: make room, then "
+                "quadlab campaign resume"
+            ) from error
+        cause = cause.__cause__ or cause.__context__
 
 
 def _judged(
@@ -145,7 +176,7 @@ def _compiled(settings: Settings, indices: Sequence[int]) -> list[Outcome]:
         cell = index // plan.seeds
         if cell not in cells:
             cells[cell] = next(settings.values(range(cell, cell + 1)))[1]
-    rows = [(seed_of(plan, index), cells[index // plan.seeds]) for index in indices]
+    rows = [(settings.cells.seed(index), cells[index // plan.seeds]) for index in indices]
     try:
         flown = fly_rows(settings, rows)
     except QuadlabError as error:

@@ -19,11 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from console.atomic_file import replacing
-from extensions.campaigns.design import Cells, seed_of
-from extensions.campaigns.flights import Outcome
-from extensions.campaigns.plan import OWN, PlanFile, read_plan
+from extensions.campaigns.design import Cells
+from extensions.campaigns.flights import Outcome, Task
+from extensions.campaigns.plan import COMPILED, OWN, PlanFile, read_plan
+from extensions.campaigns.search.kept import read_trials
 from extensions.campaigns.shard import WHOLE, Shard
-from extensions.campaigns.table import array, joined
+from extensions.campaigns.table import array, joined, numbers
 from flight_log.provenance import provenance, revision
 from quadlab.data_folder import locked
 from quadrotor.checkout import PACKAGES, PREFIX, ROOT
@@ -63,6 +64,7 @@ class CampaignFolder:
         if self.record.get("protocol") != PROTOCOL:
             raise StorageError(f"{path} is of another version of quadlab's campaigns; update it")
         self.rows = path / ROWS
+        self._begun = self._identity()
         self.flights: int = self.record["flights"]
 
     @cached_property
@@ -71,7 +73,22 @@ class CampaignFolder:
 
     @cached_property
     def cells(self) -> Cells:
-        return Cells(self.plan.plan)
+        return Cells(self.plan.plan, dict(enumerate(read_trials(self.path).trials)))
+
+    def task(self, indices: Sequence[int], *, keep_logs: bool = False) -> Task:
+        """Return a task of these flights for a worker."""
+        file, cells = self.plan, self.cells
+        is_compiled = file.plan.experiment == COMPILED
+        needed = {cells.trial(index) for index in indices} if file.plan.search else set()
+        trials = {number: cells.trials[number] for number in needed}
+        where = str(self.path.absolute())
+        return Task(file.text, where, tuple(indices), is_compiled, keep_logs, trials)
+
+    def _identity(self) -> tuple[int, int]:
+        """Return what tells the folder's record from that of another one at the same path."""
+        with os_errors(lambda why: f"{self.path} is no longer there ({why})"):
+            found = (self.path / RECORD).stat()
+        return found.st_ino, found.st_mtime_ns
 
     # ------------------------------------------------------------------ beginning
     @classmethod
@@ -144,8 +161,10 @@ class CampaignFolder:
         import pyarrow.parquet as pq
 
         found = np.zeros(self.flights, bool)
-        for part in self._parts():
-            found[pq.read_table(part, columns=["index"])["index"].to_numpy()] = True
+        with os_errors(lambda why: f"the rows of {self.path} cannot be read ({why})"):
+            for part in self._parts():
+                with pq.ParquetFile(part) as file:
+                    found[numbers(file.read(["index"]), "index")] = True
         return found
 
     def count(self) -> int:
@@ -159,14 +178,25 @@ class CampaignFolder:
         return sorted(self.rows.glob("*.parquet"))
 
     def add(self, outcomes: Sequence[Outcome], shard: Shard) -> None:
-        """Write rows as one more file, and logs. Raises StorageError."""
-        self.rows.mkdir(exist_ok=True)
+        """Write rows as one more file, and logs.
+
+        Raises StorageError, also for a folder that was deleted, or replaced, since it was opened.
+        """
+        self.check_there()
         for one in outcomes:
             if one.log is not None:
                 self.add_log(one)
         number = 1 + max((_number(part, shard) for part in self._parts()), default=0)
         place = self.rows / f"{shard.name}-{number:06}.parquet"
         _write(place, self._table(outcomes))
+
+    def check_there(self) -> None:
+        """Raise StorageError for a folder that was deleted, or replaced, since it was opened."""
+        if not self.rows.is_dir() or self._identity() != self._begun:
+            raise StorageError(
+                f"{self.path} was deleted or replaced while its flights were flown; the rows that "
+                "were in it are lost: run the plan again"
+            )
 
     def add_log(self, outcome: Outcome) -> None:
         """Keep the log of a flight, as the file `log_of`. Raises StorageError."""
@@ -187,9 +217,9 @@ class CampaignFolder:
         plan, indices = self.plan.plan, np.array([one.index for one in outcomes])
         columns: dict[str, Any] = {
             "index": pa.array(indices, pa.int64()),
-            "seed": pa.array([seed_of(plan, one.index) for one in outcomes], pa.int64()),
+            "seed": pa.array([self.cells.seed(one.index) for one in outcomes], pa.int64()),
         }
-        for name in plan.factors:
+        for name in plan.varied:
             columns[name] = array(self.cells.column(name, indices // plan.seeds))
         columns["verdict"] = pa.array([one.verdict for one in outcomes], pa.string())
         columns["reason"] = pa.array([one.reason for one in outcomes], pa.string())
@@ -203,16 +233,26 @@ class CampaignFolder:
         judged = sorted({name for one in outcomes for name in one.judged})
         return pa.table(columns).replace_schema_metadata({"judged": json.dumps(judged)})
 
-    def table(self) -> pa.Table:
-        """Return all rows in the order of their index. Raises StorageError if there are none."""
-        return joined(self._parts(), list(self.plan.plan.factors), self.path)
+    def table(self, *, figures_only: bool = False) -> pa.Table:
+        """Return all rows in the order of their index. Raises StorageError if there are none.
+
+        Args:
+            figures_only: whether what depends on the computer is left out, to save memory.
+        """
+        varied = self.plan.plan.varied
+        return joined(self._parts(), varied, self.path, figures_only=figures_only)
+
+    def is_whole(self) -> bool:
+        """Return whether all flights are flown; a search needs not all, as trials end early."""
+        return read_trials(self.path).is_over or bool(self.done().all())
 
     def finish(self) -> bool:
         """Write all rows as one file in the order of their index, if all are there."""
-        if not self.done().all():
+        self.check_there()
+        if not self.is_whole():
             return False
         parts = self._parts()
-        if [part.name for part in parts] == [f"{ROWS}.parquet"]:
+        if [part.name for part in parts] in ([], [f"{ROWS}.parquet"]):
             return True
         new, old = self.path / f"{ROWS}.new", self.path / f"{ROWS}.old"
         shutil.rmtree(new, ignore_errors=True)

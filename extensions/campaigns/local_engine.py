@@ -87,8 +87,11 @@ class _Worker:
                 os.kill(pid, signal.SIGKILL)
 
     def end(self) -> None:
+        """Wait for the end of a process that was killed, or has died: a program that ends in the
+        meantime would wait for it forever.
+        """
         if self.pool is not None:
-            self.pool.shutdown(wait=False, cancel_futures=True)
+            self.pool.shutdown(wait=True, cancel_futures=True)
         self.pool = self.future = None
 
 
@@ -113,8 +116,8 @@ def fly_locally(work: Work, workers: int) -> None:
                 _look(one, work)
     finally:
         for one in crew:
-            if one.future is not None:
-                one.kill()
+            one.kill()
+        for one in crew:
             one.end()
 
 

@@ -2,107 +2,36 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
-import math
 import shutil
 import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, Field, ValidationError
 from pydantic import model_validator as validator
 
+from extensions.campaigns.factors import Correlation, Factor, Part, Range, Value, nearest
+from extensions.campaigns.search.plan import Search
 from quadrotor.errors import StorageError, UsageError, os_errors
 
-Value = bool | int | float | str
 COMPILED = "closed_loop"
 """The experiment that is flown in compiled code."""
 OWN = "own"
 """Folder of a campaign with copies of the files that its plan names."""
-MOST_FLIGHTS = 10_000_000
-Design = Literal["grid", "zip", "one_at_a_time", "random", "latin_hypercube", "sobol"]
-SAMPLED = ("random", "latin_hypercube", "sobol")
+Design = Literal["grid", "zip", "one_at_a_time", "random", "latin_hypercube", "sobol", "saltelli"]
+SALTELLI = "saltelli"
+"""The design that Sobol' indices need: samples × (number of factors + 2) cells."""
+SAMPLED = ("random", "latin_hypercube", "sobol", SALTELLI)
 """Designs with a number of samples."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
-
-
-class Range(_Part):
-    """Values from one number to another; sampled designs draw them evenly in between."""
-
-    low: float = Field(alias="from")
-    """first value"""
-    high: float = Field(alias="to")
-    """last value"""
-    number: int | None = Field(default=None, ge=2, le=MOST_FLIGHTS)
-    """how many values, for a grid, zip or one_at_a_time"""
-    log: bool = False
-    """whether the values have equal ratios, not equal differences"""
-
-    @validator(mode="after")
-    def _in_order(self) -> Range:
-        if not self.low < self.high:
-            raise ValueError(f"from = {self.low:g} is not below to = {self.high:g}")
-        if self.log and self.low <= 0.0:
-            raise ValueError(f"from = {self.low:g} has no logarithm: it must be above 0")
-        return self
-
-
-class Distribution(_Part):
-    """A distribution of scipy.stats, such as norm, with its parameters (loc, scale, a, b, …)."""
-
-    model_config = ConfigDict(extra="allow")
-    distribution: str
-    """name in scipy.stats"""
-    number: int | None = Field(default=None, ge=1, le=MOST_FLIGHTS)
-    """how many quantiles, for a grid, zip or one_at_a_time"""
-
-    @validator(mode="after")
-    def _exists(self) -> Distribution:
-        self.frozen()
-        return self
-
-    def frozen(self) -> Any:
-        """Return the frozen distribution. Raises ValueError for a wrong name or parameter."""
-        from scipy import stats
-
-        names = [n for n in dir(stats) if isinstance(getattr(stats, n), stats.rv_continuous)]
-        if self.distribution not in names:
-            raise ValueError(
-                f"scipy.stats has no distribution {self.distribution!r}"
-                f"{_nearest(self.distribution, names)}"
-            )
-        try:
-            frozen = getattr(stats, self.distribution)(**(self.model_extra or {}))
-        except TypeError as error:
-            raise ValueError(f"{self.distribution}: {error}") from None
-        if not math.isfinite(frozen.ppf(0.5)):
-            raise ValueError(f"{self.distribution} has no median with {self.model_extra}")
-        return frozen
-
-
-def _kind(found: object) -> str:
-    if isinstance(found, list):
-        return "list"
-    has = found if isinstance(found, dict) else getattr(found, "__dict__", {})
-    return "distribution" if "distribution" in has else "range"
-
-
-Factor = Annotated[
-    Annotated[list[Value], Tag("list"), Field(min_length=1)]
-    | Annotated[Range, Tag("range")]
-    | Annotated[Distribution, Tag("distribution")],
-    Discriminator(_kind),
-]
-
-
-class Keep(_Part):
+class Keep(Part):
     """The files that are kept beside the rows."""
 
     logs: Literal["none", "failed", "all", "worst"] = "none"
@@ -119,7 +48,7 @@ class Keep(_Part):
         return self
 
 
-class Plan(_Part):
+class Plan(Part):
     """The flights of a campaign: an experiment, in each cell of the factors, with several seeds."""
 
     experiment: str = Field(min_length=1)
@@ -140,21 +69,25 @@ class Plan(_Part):
     """folder of your own laws and estimators; empty for that of the data folder"""
     faults: str = ""
     """faults with schedules in every flight"""
-    fixed: dict[str, Value] = {}
+    fixed: dict[str, Value] = Field(default_factory=dict)
     """parameters of every flight, by name"""
-    factors: dict[str, Factor] = {}
+    factors: dict[str, Factor] = Field(default_factory=dict)
     """parameters that differ from cell to cell, by name"""
     design: Design = "grid"
     """how cells are made of the factors"""
     samples: int | None = Field(default=None, ge=1)
-    """cells of a sampled design: random, latin_hypercube, sobol"""
-    metrics: list[str] = []
+    """cells of a sampled design: random, latin_hypercube, sobol; saltelli has more of them"""
+    correlations: list[Correlation] = Field(default_factory=list)
+    """pairs of factors that are not independent, in a sampled design"""
+    metrics: list[str] = Field(default_factory=list)
     """the metrics to keep; empty for all"""
-    limits: dict[str, float] = {}
+    limits: dict[str, float] = Field(default_factory=dict)
     """metrics with the largest value that passes, in addition to the experiment's own limits"""
     time_limit: float = Field(default=600.0, ge=1.0, le=86_400.0)
     """s of wall time after which a flight is ended"""
     keep: Keep = Keep()
+    search: Search | None = None
+    """a search for the best parameters, instead of a fixed number of cells"""
 
     @validator(mode="after")
     def _fits(self) -> Plan:
@@ -163,7 +96,11 @@ class Plan(_Part):
             raise ValueError(f'design = "{self.design}" {what}: {", ".join(SAMPLED)} have them')
         if self.samples and not self.factors:
             raise ValueError(f'design = "{self.design}" needs factors')
-        if self.design == "sobol" and self.samples and self.samples & (self.samples - 1):
+        if (
+            self.design in ("sobol", SALTELLI)
+            and self.samples
+            and self.samples & (self.samples - 1)
+        ):
             near = 2 ** (self.samples.bit_length() - 1)
             raise ValueError(
                 f"samples = {self.samples} is no power of 2, as a Sobol' sequence needs: take "
@@ -175,7 +112,50 @@ class Plan(_Part):
                     raise ValueError(f'factors."{name}" needs number = … for {self.design}')
         if both := self.fixed.keys() & self.factors.keys():
             raise ValueError(f"{', '.join(sorted(both))} is both fixed and a factor; remove one")
+        if self.correlations:
+            self._fits_correlations()
+        if self.search is not None:
+            self._fits_search(self.search)
         return self
+
+    def _fits_correlations(self) -> None:
+        if self.design not in SAMPLED or self.design == SALTELLI:
+            raise ValueError(
+                f'correlations: design = "{self.design}" has independent factors; take random, '
+                "latin_hypercube or sobol"
+            )
+        for one in self.correlations:
+            for name in one.factors:
+                if name not in self.factors:
+                    raise ValueError(
+                        f"correlations: {name} is no factor{nearest(name, list(self.factors))}"
+                    )
+        if np.linalg.eigvalsh(self.correlation_matrix()).min() <= 1e-9:
+            raise ValueError(
+                "correlations: no factors have all of these at once (their matrix is not positive "
+                "definite); lower some"
+            )
+
+    def correlation_matrix(self) -> npt.NDArray[np.float64]:
+        """Return the correlations of the factors, in their order."""
+        names = list(self.factors)
+        found = np.eye(len(names))
+        for one in self.correlations:
+            a, b = (names.index(name) for name in one.factors)
+            found[a, b] = found[b, a] = one.rho
+        return found
+
+    def _fits_search(self, search: Search) -> None:
+        if both := search.parameters.keys() & (self.fixed.keys() | self.factors.keys()):
+            names = ", ".join(sorted(both))
+            raise ValueError(f"{names} is searched, and fixed or a factor; remove one")
+        if self.metrics and (lost := [n for n in search.metrics if n not in self.metrics]):
+            raise ValueError(f"metrics does not keep {', '.join(lost)}, which the search needs")
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Return the names of what differs between flights: searched parameters, then factors."""
+        return (*(self.search.parameters if self.search else ()), *self.factors)
 
 
 @dataclass(frozen=True)
@@ -267,7 +247,7 @@ def _said(error: ValidationError) -> str:
     said = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":
         known = _fields(place[:-1])
-        said = "is not known" + (_nearest(place[-1], known) or f"; known are {', '.join(known)}")
+        said = "is not known" + (nearest(place[-1], known) or f"; known are {', '.join(known)}")
     elif first["type"] == "missing":
         said = "is missing"
     elif first["type"] not in ("value_error",):
@@ -277,14 +257,9 @@ def _said(error: ValidationError) -> str:
 
 
 def _fields(place: list[str]) -> list[str]:
-    models: dict[str, type[BaseModel]] = {"keep": Keep, "factors": Range}
+    models: dict[str, type[BaseModel]] = {"keep": Keep, "factors": Range, "search": Search}
     model = models.get(place[0] if place else "", Plan)
     return [field.alias or name for name, field in model.model_fields.items()]
-
-
-def _nearest(word: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(word, known, n=3, cutoff=0.6)
-    return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
 def designs() -> tuple[str, ...]:

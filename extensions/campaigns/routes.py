@@ -12,8 +12,8 @@ from fastapi import FastAPI
 from extensions.campaigns.distributions import ecdf, heat_map
 from extensions.campaigns.folder import RECORD, CampaignFolder
 from extensions.campaigns.settings import Settings
-from extensions.campaigns.summary import column, command_of, summarize
-from extensions.campaigns.table import Facts, joined, metric_columns
+from extensions.campaigns.summary import command_of, summarize
+from extensions.campaigns.table import Facts, is_verdict, joined, metric_columns, numbers
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.json_object import JsonObject
 from web.feature import Feature
@@ -83,16 +83,17 @@ def _entry(path: Path) -> Facts:
 def _table(folder: CampaignFolder) -> pa.Table | None:
     parts = sorted(folder.rows.glob("*.parquet"))
     state = tuple((str(part), part.stat().st_mtime_ns) for part in parts)
-    return _read(state, tuple(folder.plan.plan.factors)) if state else None
+    return _read(state, folder.plan.plan.varied) if state else None
 
 
 @lru_cache(maxsize=2)
 def _read(parts: tuple[tuple[str, int], ...], factors: tuple[str, ...]) -> pa.Table:
-    return joined([Path(path) for path, _ in parts], factors, Path(parts[0][0]).parent)
+    paths = [Path(path) for path, _ in parts]
+    return joined(paths, factors, paths[0].parent, figures_only=True)
 
 
 def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str) -> Facts:
-    factors = list(folder.plan.plan.factors)
+    factors = list(folder.plan.plan.varied)
     metrics = metric_columns(table, factors)
     summary = summarize(folder, table)
     judged = [name for name in summary["judged"] if "rms" in name] or summary["judged"] or metrics
@@ -107,7 +108,7 @@ def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str)
         "factors": factors,
         "x": x,
         "y": y,
-        "ecdf": ecdf(column(table, metric)) if metric else None,
+        "ecdf": ecdf(numbers(table, metric)) if metric else None,
         "heat": heat_map(folder.cells, table, metric, x, y) if metric and x else None,
         "list": _listed(folder, table, metric),
     }
@@ -116,10 +117,10 @@ def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str)
 def _listed(folder: CampaignFolder, table: pa.Table, metric: str) -> list[Facts]:
     """Return the rows that did not pass, then those with the largest values."""
     settings = Settings(folder.plan, folder.cells)
-    values = column(table, metric) if metric else np.full(table.num_rows, np.nan)
-    passed = table["verdict"].to_numpy(zero_copy_only=False) == "passed"
+    values = numbers(table, metric) if metric else np.full(table.num_rows, np.nan)
+    passed = is_verdict(table, "passed")
     order = np.lexsort((-np.nan_to_num(values, nan=-np.inf), passed))[:LISTED]
-    indices = table["index"].to_numpy()
+    indices = numbers(table, "index")
     return [
         {
             "index": int(indices[k]),

@@ -15,12 +15,15 @@ import numpy as np
 
 from extensions.campaigns.closed_loop import check_compiled
 from extensions.campaigns.design import Cells
-from extensions.campaigns.flights import UNFLOWN, Outcome, Task, fly_task
+from extensions.campaigns.flights import UNFLOWN, Outcome, fly_task
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.local_engine import fly_locally
-from extensions.campaigns.plan import COMPILED, PlanFile, read_plan
+from extensions.campaigns.plan import COMPILED, SALTELLI, PlanFile, read_plan
+from extensions.campaigns.search.study import SearchWork, check_library
+from extensions.campaigns.search.told import none_feasible, outcome, told_plan
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.shard import WHOLE, Shard
+from extensions.campaigns.table import numbers
 from extensions.campaigns.work import Work
 from quadrotor.errors import UsageError
 
@@ -57,6 +60,10 @@ def checked(path: Path) -> tuple[PlanFile, Settings]:
     file = read_plan(path)
     file.own_files()
     try:
+        if file.plan.search is not None:
+            check_library("optuna", "search")
+        if file.plan.design == SALTELLI:
+            check_library("SALib", 'design = "saltelli"')
         settings = Settings(file, Cells(file.plan))
         _ = settings.experiment
         if file.plan.experiment == COMPILED:
@@ -74,8 +81,11 @@ def told(settings: Settings, processes: int) -> list[str]:
         f"{cells.flights} flights of {plan.experiment}: {cells.number} cells ({plan.design}), "
         f"{plan.seeds} seeds each"
     ]
+    lines += told_plan(plan.search) if plan.search else []
     for name in plan.factors:
-        values = cells.column(name, np.arange(cells.number))
+        values = Cells(plan.model_copy(update={"search": None})).column(
+            name, np.arange(cells.number)
+        )
         distinct = list(dict.fromkeys(values))
         shown = [f"{v:.5g}" if isinstance(v, float) else str(v) for v in distinct]
         if len(shown) > 8:
@@ -106,14 +116,20 @@ def fly(folder: CampaignFolder, engine: Engine) -> int:
     figures. Raises QuadlabError; the rows so far are kept, also at Ctrl-C.
     """
     shard = engine.shard
+    if folder.plan.plan.search and shard != WHOLE:
+        raise UsageError(
+            f"--shard {shard.number}/{shard.of}: a search chooses each trial by those before; use "
+            "--workers or --dask"
+        )
     with folder.owned(shard):
         if shard == WHOLE:
             folder.mend()
         done = folder.done()
         mine = np.arange(folder.flights)[shard.number - 1 :: shard.of]
         todo = mine[~done[mine]].tolist()
-        print(f"{len(todo)} of {len(mine)} flights to fly into {folder.path}", flush=True)
-        if todo:
+        most = "at most " if folder.plan.plan.search else ""
+        print(f"{most}{len(todo)} of {len(mine)} flights to fly into {folder.path}", flush=True)
+        if todo and not folder.is_whole():
             _fly(folder, engine, todo)
         if shard == WHOLE:
             folder.finish()
@@ -123,7 +139,8 @@ def fly(folder: CampaignFolder, engine: Engine) -> int:
 
 def _fly(folder: CampaignFolder, engine: Engine, todo: list[int]) -> None:
     with _progress(len(todo)) as progress:
-        work = Work(folder, engine.shard, todo, progress.took)
+        kind = SearchWork if folder.plan.plan.search else Work
+        work = kind(folder, engine.shard, todo, progress.took)
         try:
             if engine.dask:
                 from extensions.campaigns.dask_engine import fly_by_dask
@@ -136,30 +153,33 @@ def _fly(folder: CampaignFolder, engine: Engine, todo: list[int]) -> None:
 
 
 def _ended(folder: CampaignFolder) -> int:
-    table = folder.table()
-    counted = Counter(table["verdict"].to_pylist())
+    is_search = folder.plan.plan.search is not None
+    table = None if is_search and folder.count() == 0 else folder.table()
+    counted = Counter([] if table is None else table["verdict"].to_pylist())
     words = [f"{count} {name.replace('_', ' ')}" for name, count in sorted(counted.items())]
-    print(f"{table.num_rows} of {folder.flights} flights: {', '.join(words)}")
+    print(f"{counted.total()} of {folder.flights} flights: {', '.join(words) or 'none flown'}")
     print(f"quadlab campaign show {folder.path}")
+    if is_search and not (found := outcome(folder, table)).best:
+        print(f"quadlab: {none_feasible(found)}", file=sys.stderr)
+        return 1
     return 1 if any(counted[name] for name in UNFLOWN) else 0
 
 
 def _keep_worst(folder: CampaignFolder) -> None:
     """Fly those with the largest metric again, and keep their logs: they are the same flights."""
-    keep, file = folder.plan.plan.keep, folder.plan
+    keep = folder.plan.plan.keep
     if keep.logs != "worst":
         return
     table = folder.table()
     if keep.metric not in table.column_names:
         raise UsageError(f"keep.metric: no flight has the metric {keep.metric!r}")
-    values = table[keep.metric].to_numpy(zero_copy_only=False)
+    values = numbers(table, keep.metric)
     order = [k for k in np.argsort(-values, kind="stable") if np.isfinite(values[k])]
-    indices = table["index"].to_numpy()
+    indices = numbers(table, "index")
     for k in order[: keep.number]:
         index = int(indices[k])
         if not folder.log_of(index).exists():
-            where = str(file.folder.absolute())
-            (again,) = fly_task(Task(file.text, where, (index,), keep_logs=True))
+            (again,) = fly_task(folder.task([index], keep_logs=True))
             folder.add_log(again)
 
 

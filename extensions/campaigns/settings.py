@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from extensions.campaigns.design import Cells
-from extensions.campaigns.plan import COMPILED, Distribution, PlanFile, Value
+from extensions.campaigns.factors import Distribution, Range, Value
+from extensions.campaigns.plan import COMPILED, PlanFile
 from quadrotor.errors import ParameterError, QuadlabError, UsageError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
@@ -111,7 +112,7 @@ class Settings:
 
         Raises UsageError, which names the cell, the factor and what is allowed.
         """
-        names = list(self.file.plan.factors)
+        names = self.file.plan.varied
         columns = [self.cells.column(name, np.asarray(chosen, np.int64)) for name in names]
         rows: Iterable[tuple[Value, ...]] = (
             zip(*columns, strict=True) if names else itertools.repeat(())
@@ -126,6 +127,8 @@ class Settings:
             yield cell, found
 
     def _refused(self, cell: int, name: str, value: Value, why: str) -> str:
+        if name not in self.file.plan.factors:
+            return f"search.parameters: {why}"
         if isinstance(self.file.plan.factors[name], Distribution):
             why += (
                 "; the distribution leaves the bounds: narrow it, or take one with ends, as "
@@ -134,16 +137,23 @@ class Settings:
         return f"factors: cell {cell}: {why}"
 
     def check(self) -> None:
-        """Check each cell, and what no value shows alone. Raises UsageError."""
+        """Check each cell, and what no value shows alone; of a search the ends of its ranges.
+
+        Raises UsageError.
+        """
         from vehicle.parameters import ORDERED, check_pairs
 
+        if self.file.plan.search is not None and not self.cells.trials:
+            ends = Cells(self.file.plan, dict(enumerate(_ends(self.file.plan.search.parameters))))
+            Settings(self.file, ends).check()
+            return
         _ = self.parameters
         self._check_own(self.experiment)
         paired = {name for pair in ORDERED for name in pair}
         paired |= {"behavior.keep_out", "beacons.layout"}
         step = 65_536
-        for first in range(0, self.cells.number, step):
-            last = min(first + step, self.cells.number)
+        for first in range(0, self.cells.known, step):
+            last = min(first + step, self.cells.known)
             before: dict[str, ParameterValue] = {}
             for cell, found in self.values(range(first, last)):
                 for name in found.keys() - before.keys():
@@ -164,3 +174,13 @@ class Settings:
 
         with errors_with_line(experiment):
             experiment.check()
+
+
+def _ends(parameters: Mapping[str, list[Value] | Range]) -> list[dict[str, Value]]:
+    """Return trials in which each value of a list, and both ends of a range, are once."""
+    levels = {
+        name: one if isinstance(one, list) else [one.low, one.high]
+        for name, one in parameters.items()
+    }
+    most = max(map(len, levels.values()))
+    return [{name: one[min(k, len(one) - 1)] for name, one in levels.items()} for k in range(most)]

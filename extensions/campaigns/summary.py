@@ -10,16 +10,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from extensions.campaigns.design import seed_of
+from extensions.campaigns.analysis import sensitivity
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import COMPILED
+from extensions.campaigns.search import told as search
 from extensions.campaigns.settings import Settings
-from extensions.campaigns.table import Facts, judged_metrics, metric_columns
+from extensions.campaigns.table import (
+    Facts,
+    encoded,
+    is_verdict,
+    judged_metrics,
+    metric_columns,
+    numbers,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 Numbers = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 CONFIDENCE = 0.95
 Z = 1.959963984540054
@@ -42,19 +51,25 @@ def wilson(count: int, of: int) -> tuple[float, float]:
 def quantile_interval(ordered: Numbers, q: float) -> tuple[float, float]:
     """Return the bootstrap's percentile interval of a quantile, at CONFIDENCE.
 
-    In the limit of many resamples it has a closed form: the number of resampled values below an
-    order statistic is binomial, so the ends are order statistics at quantiles of Binomial(n, q).
-
     Args:
         ordered: the values, in order.
     """
+    low, high = quantile_places(len(ordered), q)
+    return float(ordered[low]), float(ordered[high])
+
+
+def quantile_places(n: int, q: float) -> tuple[int, int]:
+    """Return the places, among n values in order, of the ends of a quantile's interval.
+
+    In the limit of many resamples the bootstrap has a closed form: the number of resampled values
+    below an order statistic is binomial, so the ends are order statistics at quantiles of
+    Binomial(n, q).
+    """
     from scipy.stats import binom
 
-    n = len(ordered)
     tail = 0.5 * (1.0 - CONFIDENCE)
     low, high = binom.ppf([tail, 1.0 - tail], n, q)
-    last = n - 1
-    return float(ordered[min(int(low), last)]), float(ordered[min(int(high), last)])
+    return min(int(low), n - 1), min(int(high), n - 1)
 
 
 def command_of(settings: Settings, index: int) -> str:
@@ -62,7 +77,7 @@ def command_of(settings: Settings, index: int) -> str:
     file, plan = settings.file, settings.file.plan
     if plan.experiment == COMPILED:
         return ""
-    words = ["quadlab", "fly", file.experiment, "--seed", str(seed_of(plan, index))]
+    words = ["quadlab", "fly", file.experiment, "--seed", str(settings.cells.seed(index))]
     words += ["--board", plan.board] if plan.board != "mikrokopter" else []
     words += ["--true-state"] if plan.true_state else []
     words += ["--plugins", str(file.plugins)] if file.plugins is not None else []
@@ -71,33 +86,31 @@ def command_of(settings: Settings, index: int) -> str:
     return shlex.join(words)
 
 
-def column(table: pa.Table, name: str) -> Numbers:
-    """Return a metric, NaN where a flight has none."""
-    found: Numbers = table[name].to_numpy(zero_copy_only=False)
-    return found
-
-
 def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
     """Return counts, shares, quantiles, cells, and the flights that did not pass."""
-    table = folder.table() if table is None else table
+    table = folder.table(figures_only=True) if table is None else table
     plan, settings = folder.plan.plan, Settings(folder.plan, folder.cells)
-    factors = list(plan.factors)
+    factors = list(plan.varied)
     metrics = metric_columns(table, factors)
-    passed = _is(table, "passed")
+    passed = is_verdict(table, "passed")
     missed = np.flatnonzero(~passed)
-    indices = table["index"].to_numpy()
+    indices = numbers(table, "index")
+    found = search.facts(search.outcome(folder, table)) if plan.search else None
     return {
         "folder": str(folder.path),
         "experiment": plan.experiment,
         "flights": folder.flights,
         "rows": table.num_rows,
+        "is_whole": folder.is_whole(),
         "cells": folder.cells.number,
         "seeds": plan.seeds,
         "factors": factors,
         "judged": judged_metrics(table),
         "software": folder.record["software"],
         "verdicts": _verdicts(table),
-        "metrics": {name: _figures(column(table, name)) for name in metrics},
+        "metrics": {name: _figures(numbers(table, name)) for name in metrics},
+        "search": found,
+        "sensitivity": sensitivity.of_metrics(folder.cells, table, judged_metrics(table)),
         "by_cell": _by_cell(folder, table, metrics, passed) if factors else [],
         "not_passed": {
             "count": len(missed),
@@ -114,20 +127,11 @@ def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
     }
 
 
-def _is(table: pa.Table, verdict: str) -> npt.NDArray[np.bool_]:
-    import pyarrow.compute as pc
-
-    found: npt.NDArray[np.bool_] = pc.equal(table["verdict"], verdict).to_numpy()
-    return found
-
-
 def _verdicts(table: pa.Table) -> dict[str, dict[str, float]]:
-    import pyarrow.compute as pc
-
-    counted = {
-        one["values"]: one["counts"] for one in pc.value_counts(table["verdict"]).to_pylist()
-    }
-    return {name: _share(count, table.num_rows) for name, count in sorted(counted.items())}
+    places, levels = encoded(table["verdict"])
+    counts = np.bincount(places, minlength=len(levels)).tolist()
+    counted = sorted(zip(levels, counts, strict=True))
+    return {name: _share(count, table.num_rows) for name, count in counted if count}
 
 
 def _share(count: int, of: int) -> dict[str, float]:
@@ -137,43 +141,45 @@ def _share(count: int, of: int) -> dict[str, float]:
 
 def _figures(values: Numbers) -> dict[str, float | int | None]:
     """Return quantiles of the values that are finite, and the interval of the median."""
-    ordered = np.sort(values[np.isfinite(values)])
-    if not len(ordered):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return {"count": 0}
-    low, high = quantile_interval(ordered, 0.5)
-    q05, median, q95 = np.quantile(ordered, [0.05, 0.5, 0.95]).tolist()
+    q05, median, q95 = np.quantile(finite, [0.05, 0.5, 0.95]).tolist()
+    low, high = quantile_places(len(finite), 0.5)
+    finite.partition(sorted({low, high}))
     return {
-        "count": len(ordered),
+        "count": len(finite),
         "median": median,
-        "low": low,
-        "high": high,
+        "low": float(finite[low]),
+        "high": float(finite[high]),
         "q05": q05,
         "q95": q95,
-        "minimum": float(ordered[0]),
-        "maximum": float(ordered[-1]),
+        "minimum": float(finite.min()),
+        "maximum": float(finite.max()),
     }
 
 
 def _by_cell(
     folder: CampaignFolder, table: pa.Table, metrics: Sequence[str], passed: npt.NDArray[np.bool_]
 ) -> list[Facts]:
-    cells = table["index"].to_numpy() // folder.plan.plan.seeds
+    cells = numbers(table, "index") // folder.plan.plan.seeds
     starts = np.flatnonzero(np.diff(cells, prepend=-1))[:MOST_CELLS]
     ends = np.append(starts[1:], np.searchsorted(cells, cells[starts[-1]], "right"))
-    columns = {name: column(table, name) for name in metrics}
-    found: list[Facts] = []
-    for start, end in zip(starts, ends, strict=True):
-        medians = {name: _median(values[start:end]) for name, values in columns.items()}
-        found.append(
-            {
-                "cell": int(cells[start]),
-                "factors": folder.cells.factors(int(cells[start])),
-                "flights": int(end - start),
-                "passed": _share(int(passed[start:end].sum()), int(end - start)),
-                "medians": medians,
-            }
-        )
-    return found
+    medians = {name: _medians(numbers(table, name), starts, ends) for name in metrics}
+    return [
+        {
+            "cell": int(cells[start]),
+            "factors": folder.cells.factors(int(cells[start])),
+            "flights": int(end - start),
+            "passed": _share(int(passed[start:end].sum()), int(end - start)),
+            "medians": {name: found[k] for name, found in medians.items()},
+        }
+        for k, (start, end) in enumerate(zip(starts, ends, strict=True))
+    ]
+
+
+def _medians(values: Numbers, starts: Places, ends: Places) -> list[float | None]:
+    return [_median(values[start:end]) for start, end in zip(starts, ends, strict=True)]
 
 
 def _median(values: Numbers) -> float | None:
@@ -188,7 +194,7 @@ LISTED = 20
 
 def told(summary: Facts) -> list[str]:
     """Return the summary as lines of text."""
-    unflown = summary["flights"] - summary["rows"]
+    unflown = 0 if summary["is_whole"] else summary["flights"] - summary["rows"]
     head = f"{summary['experiment']}: {summary['rows']} of {summary['flights']} flights"
     lines = [f"{head}, {summary['cells']} cells of {summary['seeds']} seeds"]
     lines += [f"  {unflown} are still to be flown: quadlab campaign resume"] if unflown else []
@@ -204,12 +210,13 @@ def told(summary: Facts) -> list[str]:
             between = f"{one['low']:.4g} … {one['high']:.4g}"
             spread = f"{one['q05']:.4g} … {one['q95']:.4g}"
             lines.append(f"  {name:{width}} {one['median']:10.4g} {between:>22} {spread:>22}")
+    lines += sensitivity.told(summary["sensitivity"])
     return [*lines, *_told_cells(summary), *_told_missed(summary["not_passed"])]
 
 
 def _told_cells(summary: Facts) -> list[str]:
     cells = summary["by_cell"]
-    if not cells:
+    if not cells or summary["search"] or summary["sensitivity"]:
         return []
     figures = summary["metrics"]
     judged = [name for name in summary["judged"] if figures[name]["count"]] or list(figures)

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from extensions.campaigns.plan import Value
-from quadrotor.errors import StorageError
+from extensions.campaigns.factors import Value
+from quadrotor.errors import StorageError, os_errors
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -22,27 +23,51 @@ MACHINE = ("wall_", "processor_", "worker", "host")
 """How the names of columns begin that depend on the computer."""
 
 
-def joined(parts: Sequence[Path], factors: Sequence[str], where: Path) -> pa.Table:
+def joined(
+    parts: Sequence[Path], factors: Sequence[str], where: Path, *, figures_only: bool = False
+) -> pa.Table:
     """Return the rows of files, each flight once, in the order of their index.
 
-    Raises StorageError if there are none.
+    Args:
+        figures_only: whether what depends on the computer is left out, and texts are dictionaries:
+            a million rows then take a tenth of the memory.
+
+    Raises StorageError if there are none, or if they cannot be read.
     """
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    tables = [pq.read_table(part) for part in parts]
+    with os_errors(lambda why: f"the rows of {where} cannot be read ({why})"):
+        tables = [_read(part, figures_only) for part in parts]
     if not tables:
         raise StorageError(f"{where} has no rows yet")
     judged = sorted({name for one in tables for name in judged_metrics(one)})
-    whole = pa.concat_tables(tables, promote_options="permissive")
-    _, first = np.unique(whole["index"].to_numpy(), return_index=True)
-    if len(first) != whole.num_rows or (np.diff(first) < 0).any():
-        whole = whole.take(first)
+    whole = tables[0]
+    if len(tables) > 1:
+        whole = pa.concat_tables(tables, promote_options="permissive")
+    indices = numbers(whole, "index")
+    if (np.diff(indices) <= 0).any():
+        whole = whole.take(np.unique(indices, return_index=True)[1])
     known = [*FIXED_COLUMNS, *factors, "verdict", "reason"]
     machine = [name for name in whole.column_names if name.startswith(MACHINE)]
     metrics = sorted(set(whole.column_names) - {*known, *machine})
-    whole = whole.select([*known, *metrics, *machine]).combine_chunks()
+    whole = whole.select([*known, *metrics, *machine])
+    if len(tables) > 1:
+        whole = whole.combine_chunks()
     return whole.replace_schema_metadata({"judged": json.dumps(judged)})
+
+
+def _read(part: Path, figures_only: bool) -> pa.Table:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not figures_only:
+        return pq.read_table(part)
+    texts = ["verdict", "reason"]
+    with pq.ParquetFile(part, read_dictionary=texts, pre_buffer=False) as file:
+        kept = [name for name in file.schema_arrow.names if not name.startswith(MACHINE)]
+        # one by one, so that the file's bytes of one column alone are in memory
+        columns = [file.read([name], use_threads=False).column(0) for name in kept]
+        return pa.table(columns, kept, metadata=file.schema_arrow.metadata)
 
 
 def judged_metrics(table: pa.Table) -> list[str]:
@@ -55,6 +80,55 @@ def metric_columns(table: pa.Table, factors: Sequence[str]) -> list[str]:
     """Return the names of the metrics."""
     others = {*FIXED_COLUMNS, *factors, "verdict", "reason"}
     return [n for n in table.column_names if n not in others and not n.startswith(MACHINE)]
+
+
+def numbers(table: pa.Table, name: str) -> npt.NDArray[Any]:
+    """Return a column of numbers, NaN where a flight has none."""
+    return as_numbers(table[name])
+
+
+def as_numbers(column: pa.ChunkedArray | pa.Array) -> npt.NDArray[Any]:
+    """Return numbers of Arrow, NaN for those missing.
+
+    Arrow's own `to_numpy`, and Python scalars in its functions, import pandas where it is
+    installed, which takes a second and 50 MB.
+    """
+    import pyarrow as pa
+
+    column = _one(column)
+    if not column.null_count:
+        return np.from_dlpack(column)
+    data = np.frombuffer(column.buffers()[1], column.type.to_pandas_dtype())
+    values = data[column.offset : column.offset + len(column)].astype(np.float64)
+    values[np.from_dlpack(column.is_null().cast(pa.uint8())) == 1] = np.nan
+    return values
+
+
+def _one(column: pa.ChunkedArray | pa.Array) -> pa.Array:
+    import pyarrow as pa
+
+    if isinstance(column, pa.ChunkedArray):
+        column = column.combine_chunks()
+    if isinstance(column, pa.ChunkedArray):  # an empty one, or dictionaries of several chunks
+        column = pa.concat_arrays(column.chunks) if column.num_chunks else pa.array([], column.type)
+    return column
+
+
+def encoded(column: pa.ChunkedArray) -> tuple[npt.NDArray[np.integer], list[Any]]:
+    """Return for each row the number of its level, and the levels."""
+    import pyarrow as pa
+
+    one = _one(column)
+    if not pa.types.is_dictionary(one.type):
+        one = one.dictionary_encode()
+    return as_numbers(one.indices), one.dictionary.to_pylist()
+
+
+def is_verdict(table: pa.Table, verdict: str) -> npt.NDArray[np.bool_]:
+    """Return for each row whether it has this verdict."""
+    places, levels = encoded(table["verdict"])
+    found: npt.NDArray[np.bool_] = np.array([level == verdict for level in levels], bool)[places]
+    return found
 
 
 def array(values: Sequence[Value]) -> pa.Array:

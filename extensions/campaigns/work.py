@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from extensions.campaigns.flights import TIMED_OUT, WORKER_DIED, Outcome, Task
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.plan import COMPILED
 from extensions.campaigns.shard import Shard
 
 SHORTEST = 1.0
 """s that a task should last: the work around it then counts for little."""
+OF_EACH = 0.01
+"""s that a task should last for each worker: what hands out the tasks has then 1 ms for each, at a
+tenth of its time.
+"""
 LARGEST = 2000
 """Flights in a task at most."""
 DEATHS = 3
@@ -56,16 +59,12 @@ class Work:
         left = len(self.todo) - self._taken
         if left <= 0:
             return None
-        size = math.ceil(SHORTEST / self._cost) if self._cost > 0.0 else LARGEST
+        lasting = max(SHORTEST, OF_EACH * workers)
+        size = math.ceil(lasting / self._cost) if self._cost > 0.0 else LARGEST
         size = max(1, min(size, LARGEST, math.ceil(left / workers)))
         chosen = self.todo[self._taken : self._taken + size]
         self._taken += len(chosen)
-        return self._task(chosen)
-
-    def _task(self, indices: Iterable[int]) -> Task:
-        file = self.folder.plan
-        is_compiled = file.plan.experiment == COMPILED
-        return Task(file.text, str(file.folder.absolute()), tuple(indices), is_compiled)
+        return self.folder.task(chosen)
 
     def back(self, task: Task) -> None:
         """Take a task back that no worker has begun."""
@@ -85,7 +84,7 @@ class Work:
     def died(self, task: Task) -> None:
         """Have the flights of a worker that has died flown again, each by itself."""
         if len(task.indices) > 1:
-            self._again.extendleft(self._task([index]) for index in reversed(task.indices))
+            self._again.extendleft(self.folder.task([index]) for index in reversed(task.indices))
             return
         (index,) = task.indices
         self._deaths[index] += 1

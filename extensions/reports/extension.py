@@ -1,6 +1,6 @@
 """The declaration of the extension `reports`."""
 
-from quadrotor.extension import Command, Evidence, Extension, Judged, ReportWriter
+from quadrotor.extension import Command, Evidence, Extension, Function, Judged, ReportWriter
 
 EXTENSION = Extension(
     name="reports",
@@ -8,6 +8,7 @@ EXTENSION = Extension(
     protocol=1,
     offers=(
         ReportWriter(name="report", target=".report:write_report"),
+        Function(name="report_page", target=".html:render"),
         Command(
             name="log report",
             target=".command:Report",

@@ -11,6 +11,7 @@ from extensions.campaigns.design import Cells
 from extensions.campaigns.flights import Task, fly_task
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import read_plan
+from extensions.campaigns.search.study import SearchWork
 from extensions.campaigns.shard import WHOLE, Shard
 from extensions.campaigns.table import MACHINE
 from quadlab.__main__ import main
@@ -113,6 +114,20 @@ class Bench:
         folder = CampaignFolder.begun(self.folder / out, file, Cells(file.plan))
         mine = tuple(shard.indices(folder.flights))
         folder.add(fly_task(Task(file.text, str(folder.path), mine)), shard)
+        folder.finish()
+        return folder
+
+    def searched(self, text: str, out: str, at_most: int = 1_000_000) -> CampaignFolder:
+        """Fly a search in this process, or its first flights."""
+        file = read_plan(self.plan(text))
+        folder = CampaignFolder.begun(self.folder / out, file, Cells(file.plan))
+        work = SearchWork(folder, WHOLE, [])
+        left = at_most
+        while left > 0 and (task := work.take()) is not None:
+            found = fly_task(task)[:left]
+            left -= len(found)
+            work.finished(found)
+        work.write()
         folder.finish()
         return folder
 

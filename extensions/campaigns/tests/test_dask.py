@@ -16,11 +16,14 @@ from typing import Any
 
 import pytest
 
+from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.tests.conftest import COMPILED, rows
+from extensions.campaigns.tests.disturbed import rows_of, started, until
 from quadrotor.checkout import PACKAGES, ROOT
 
 GAINS = COMPILED + '[factors]\n"control.position.kp_xy" = [3.0, 4.0, 5.0]\n'
-START = 60.0
+SCHEDULER = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
+START = 200.0
 """s within which a process of Dask starts on a busy computer."""
 
 
@@ -60,9 +63,8 @@ def dask(
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
     """Yield the address of a scheduler without workers."""
-    words = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
     deaths = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # not 3, which takes longer
-    with dask(*words, until="Scheduler at:", environment=deaths) as (_, line):
+    with dask(*SCHEDULER, until="Scheduler at:", environment=deaths) as (_, line):
         found = re.search(r"tcp://\S+", line)
         assert found is not None
         yield found[0]
@@ -90,6 +92,28 @@ def test_rows_by_dask_are_those_of_one_process_whatever_dies(
         table = bench.run(bench.plan(cases), "hard", "--dask", scheduler).table()
     assert table["verdict"].to_pylist() == ["raised", "worker_died", "passed", "passed"]
     assert table["reason"].to_pylist()[1] == "each worker that flew it died"
+
+
+def test_a_run_whose_scheduler_is_killed_ends_in_one_line_and_is_resumed(
+    bench: Any, scheduler: str
+) -> None:
+    text = 'experiment = "cases.py"\nseeds = 12\n'
+    plan, out = bench.plan(text), bench.folder / "out"
+    with dask(*SCHEDULER, until="Scheduler at:") as (process, line):
+        address = re.search(r"tcp://\S+", line)
+        assert address is not None
+        with worker(address[0], "--no-nanny"):
+            run = started("run", plan, "--out", out, "--dask", address[0])
+            assert until(lambda: rows_of(out) >= 1, run)
+            process.kill()
+            _, said = run.communicate()
+    assert run.returncode == 1
+    assert said.strip().splitlines()[-1].startswith("quadlab: the scheduler of Dask has gone; ")
+    assert "Traceback" not in said
+    assert 1 <= rows_of(out) < 12
+    with worker(scheduler, "--no-nanny"):
+        assert bench.quadlab("resume", out, "--dask", scheduler)[0] == 0
+    assert rows(CampaignFolder(out)).equals(rows(bench.flown(text, "alone")))
 
 
 def test_a_worker_with_another_quadlab_is_refused_by_its_name(

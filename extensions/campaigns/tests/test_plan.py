@@ -68,6 +68,28 @@ def test_a_latin_hypercube_has_one_value_in_each_stripe() -> None:
     assert sorted(int(value) for (value,) in listed(made)) == list(range(8))
 
 
+@pytest.mark.parametrize("design", ["random", "latin_hypercube", "sobol"])
+def test_correlated_factors_keep_their_distributions(design: str) -> None:
+    from scipy.stats import kstest, norm
+
+    made = cells(
+        factors={
+            "a.b": {"distribution": "norm", "loc": 1.0, "scale": 0.5},
+            "c.d": {"from": 0.0, "to": 2.0},
+            "e.f": {"distribution": "norm"},
+        },
+        correlations=[{"factors": ["a.b", "c.d"], "rho": -0.8}],
+        design=design,
+        samples=1024,
+    )
+    a, c, e = (np.array(one) for one in zip(*listed(made), strict=True))
+    scores = norm.ppf(c / 2.0)
+    assert np.corrcoef((a - 1.0) / 0.5, scores)[0, 1] == pytest.approx(-0.8, abs=0.04)
+    assert abs(np.corrcoef(a, e)[0, 1]) < 0.1
+    assert kstest((a - 1.0) / 0.5, norm.cdf).pvalue > 0.01
+    assert kstest(c / 2.0, lambda x: x).pvalue > 0.01
+
+
 def test_the_seed_of_a_flight_is_a_hash_of_the_plans_seed_and_its_index() -> None:
     plan = Plan(experiment="hover", seeds=1)
     seeds = [seed_of(plan, k) for k in range(10_000)]
@@ -103,6 +125,15 @@ REFUSED = {
     'design = "sobol"\nsamples = 100\n[factors]\n"simulator.drag" = [0.0]': "take 64 or 128",
     'design = "zip"\n[factors]\n"simulator.drag" = [0.0]\n"simulator.payload" = [0.0, 0.1]': (
         "as many values of each factor; has simulator.drag 1, simulator.payload 2"
+    ),
+    'correlations = [{ factors = ["simulator.drag", "simulator.payload"], rho = 0.5 }]\n'
+    '[factors]\n"simulator.drag" = [0.0]\n"simulator.payload" = [0.0]': (
+        'correlations: design = "grid" has independent factors; take random'
+    ),
+    'design = "random"\nsamples = 4\n'
+    'correlations = [{ factors = ["simulator.drag", "simulator.drg"], rho = 0.5 }]\n'
+    '[factors]\n"simulator.drag" = [0.0]': (
+        "simulator.drg is no factor; did you mean simulator.drag"
     ),
     '[fixed]\n"simulator.drag" = 0.1\n[factors]\n"simulator.drag" = [0.0]': "both fixed and a fac",
     # each value is allowed, but not the pair of them

@@ -68,6 +68,8 @@ def test_limits_of_the_plan_fail_a_flight(bench: Any) -> None:
     table = bench.flown(plan, "out").table()
     assert set(table["verdict"].to_pylist()) == {"failed"}
     assert all(one.endswith("at most 1e-06 passes") for one in table["reason"].to_pylist())
+    said = bench.quadlab("show", bench.folder / "out")[1]
+    assert "flight 4: failed: position_rms_m is " in said
 
 
 def test_the_metrics_that_the_plan_names_are_kept(bench: Any) -> None:
