@@ -23,7 +23,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-headless-shell") o
 
 
 class Size(StrEnum):
-    """How much a benchmark measures: for a result, for a look, or to see that it still runs."""
+    """The extent of a benchmark: for a result, for a look, or to see that it still runs."""
 
     FULL = "full"
     QUICK = "quick"

@@ -1,4 +1,4 @@
-"""What a path that looks around is worth: time to a given sigma, and sigma at the end, on bearings.
+"""The worth of a path that looks around: time to a given sigma, and sigma at the end, on bearings.
 
 A point vehicle with yaw flies its own estimate along paths of several kinds within 1 m of its
 start, at up to 1 m/s and 2 m/s^2, on 4, 3 or 2 beacons, or beside a neighbour of its formation. The

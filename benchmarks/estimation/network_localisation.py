@@ -1,4 +1,4 @@
-"""How near a vehicle's filter of its formation comes to the Cramer-Rao bound of the network.
+"""The error of a vehicle's filter of its formation against the Cramer-Rao bound of the network.
 
 Random formations see each other at 30 Hz and 1.5 deg; each broadcasts its motion. The bound is the
 same recursion with the derivatives at the truth: a filter that begins at the truth and is given

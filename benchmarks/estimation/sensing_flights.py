@@ -48,7 +48,7 @@ class Path(StrEnum):
 
 @dataclass(frozen=True)
 class Case:
-    """What is seen, and how well the vehicle knows its motion.
+    """Landmarks that are seen, and how well the vehicle knows its motion.
 
     Attributes:
         landmarks_w: (N, 3) m. mutual: whether they see the vehicle too.
@@ -71,7 +71,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of flights F over frames T.
+    """The outcome of flights F over frames T.
 
     Attributes:
         sigma: (F, T) m, rms length of the position's error that the filter states.

@@ -43,7 +43,7 @@ ROWS = 1_000_000
 
 @dataclass
 class Clock:
-    """When tasks have ended, and with how many flights."""
+    """The moments at which tasks have ended, and with how many flights."""
 
     ended: list[tuple[float, int]] = field(default_factory=list)
 

@@ -1,4 +1,4 @@
-"""What the vehicles of a formation tell each other, and how it is lost and delayed on its way.
+"""Messages between the vehicles of a formation, and how they are lost and delayed on their way.
 
 A message has 18 bytes and 7 for each bearing: 46 bytes of five vehicles, which at 30 Hz are
 1.4 kB/s of each vehicle. There is no position in it.
@@ -22,7 +22,7 @@ _UNIT = 32767.0
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """What a vehicle broadcasts.
+    """A message that a vehicle broadcasts.
 
     Attributes:
         yaw: its own estimate, rad. distance: m, measured to the vehicle after it; 0 for none.

@@ -1,4 +1,4 @@
-"""Which vehicle's bearings contradict those of the others, from what all of them broadcast.
+"""The vehicle whose bearings contradict those of the others, found from what all of them broadcast.
 
 Two vehicles that see each other measure opposite bearings. A vehicle whose bearings are opposite to
 those of nearly no other has a turned sensor or confuses identities.

@@ -25,7 +25,7 @@ _SIZE = _ROW.size + MAIL_MAX
 
 
 class Row(NamedTuple):
-    """What the others learn of a vehicle at a meeting; the motion is the true one.
+    """Facts that the others learn of a vehicle at a meeting; the motion is the true one.
 
     Attributes:
         thrust: N, of its rotors together. radius: m, of a sphere around its rotors.

@@ -31,7 +31,7 @@ LAST = 60.0
 
 
 class Vehicle(msgspec.Struct, kw_only=True):
-    """What the process is told of one vehicle.
+    """A vehicle that a process is to fly.
 
     Attributes:
         index: from 0. words: NAME=VALUE of parameters. log: a new file.
@@ -44,7 +44,7 @@ class Vehicle(msgspec.Struct, kw_only=True):
 
 
 class Order(msgspec.Struct, kw_only=True):
-    """What a process is told.
+    """The order of a process.
 
     Attributes:
         parent: process that started it. names: of all vehicles. vehicles: those to fly.
@@ -64,7 +64,7 @@ class Order(msgspec.Struct, kw_only=True):
 
 @dataclass
 class Answer:
-    """How a vehicle has flown.
+    """The result of a vehicle's flight.
 
     Attributes:
         verdict, reason, metrics, limits: of its own result.
@@ -83,7 +83,7 @@ class Answer:
 
 @dataclass
 class Answers:
-    """How the vehicles of a process have flown, by index.
+    """The results of the vehicles of a process, by index.
 
     Attributes:
         wall, processor: s. error: why the process has ended early.

@@ -31,7 +31,7 @@ class Collision:
 
 
 class Neighbours:
-    """What a vehicle meets of the others.
+    """The other vehicles as one vehicle meets them.
 
     Args:
         meeting: of the vehicles. wait: waits for it. names: of all of them.

@@ -1,1 +1,1 @@
-"""What the rows of a campaign say of its factors, and the report with its figures."""
+"""Analyses of a campaign's factors by its rows, and the report with its figures."""

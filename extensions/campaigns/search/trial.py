@@ -22,7 +22,7 @@ PENALTY = 1e6
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What a search reads of a flight's row: NaN where it has no such metric."""
+    """The part of a flight's row that a search reads: NaN where it has no such metric."""
 
     is_passed: bool
     values: tuple[float, ...]

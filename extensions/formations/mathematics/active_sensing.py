@@ -111,7 +111,7 @@ class Room:
 
 @dataclass(frozen=True, slots=True)
 class Sights:
-    """What is seen from a path.
+    """Landmarks that are seen from a path.
 
     Attributes:
         landmarks_w: (N, 3) m: beacons, or neighbours.

@@ -1,4 +1,4 @@
-"""Where the others are, from bearings alone: a filter that each vehicle runs for itself.
+"""The places of the others from bearings alone: a filter that each vehicle runs for itself.
 
 The state is the network as vehicle `own` sees it: place p_j in own's yaw frame, and yaw psi_j less
 own's, of each other vehicle. No world frame is needed. It is carried by what vehicles broadcast of

@@ -204,7 +204,7 @@ def random_flights(
 
 
 class Steering:
-    """What each vehicle adds to fly a commanded motion, in the axes of vehicle 0: from the desired
+    """The part of a commanded motion that each vehicle adds, in the axes of vehicle 0: from the desired
     shape, and as its scale the distance of vehicles 0 and 1, measured with 5 cm.
     """
 
