@@ -1,4 +1,4 @@
-"""What comes from elsewhere may be nested without end: each reader refuses it in one line."""
+"""Input from elsewhere may be nested without end: each reader refuses it in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether sticks count: those that were silent while held, or are another sender's, must be seen
+"""Sticks that count: those that were silent while held, or are another sender's, must be seen
 released or centred first.
 """
 

@@ -7,10 +7,14 @@ import { drawEcdf, drawHeat, short } from "./drawings.js";
 
 const LOOK = 3000; // ms between two looks at a campaign that runs
 
-export function show(place) { new Campaigns(place); }
+export function show(place) {
+  new Campaigns(place);
+}
 
 class Campaigns {
-  chosen = ""; open = -1; shown = null; // name, index of the row whose command is shown, what was drawn last
+  chosen = "";
+  open = -1;
+  shown = null; // name, index of the row whose command is shown, what was drawn last
 
   constructor(place) {
     this.reason = element("p", { className: "reason", hidden: true });
@@ -18,7 +22,9 @@ class Campaigns {
     this.empty = element("p", { className: "empty", hidden: true });
     this.shares = element("dl", { className: "shares" });
     const choice = (label) => element("select", { ariaLabel: label, onchange: () => this.read() });
-    this.metric = choice("metric"); this.x = choice("factor across"); this.y = choice("factor down");
+    this.metric = choice("metric");
+    this.x = choice("factor across");
+    this.y = choice("factor down");
     this.by = element("span", {}, "×");
     this.curve = element("div", { className: "drawing" });
     this.map = element("div", { className: "drawing" });
@@ -26,12 +32,36 @@ class Campaigns {
     this.rows = element("ol", { className: "rows" });
     this.distribution = element("h2", {}, "Distribution");
     this.heading = element("h2", {}, "Medians");
-    this.one = element("div", { hidden: true }, this.shares, this.distribution, this.metric, this.curve,
-      this.heading, this.axes, this.map, element("h2", {}, "Flights"), this.rows);
-    const all = element("details", { ontoggle: () => { if (all.open) this.look(); } },
-      element("summary", {}, "Campaigns"), this.list, this.empty, this.reason, this.one);
+    this.one = element(
+      "div",
+      { hidden: true },
+      this.shares,
+      this.distribution,
+      this.metric,
+      this.curve,
+      this.heading,
+      this.axes,
+      this.map,
+      element("h2", {}, "Flights"),
+      this.rows,
+    );
+    const all = element(
+      "details",
+      {
+        ontoggle: () => {
+          if (all.open) this.look();
+        },
+      },
+      element("summary", {}, "Campaigns"),
+      this.list,
+      this.empty,
+      this.reason,
+      this.one,
+    );
     place.append(all);
-    setInterval(() => { if (all.open && !document.hidden) this.look(); }, LOOK);
+    setInterval(() => {
+      if (all.open && !document.hidden) this.look();
+    }, LOOK);
   }
 
   // Reads the list, and the chosen campaign if it has grown.
@@ -44,7 +74,10 @@ class Campaigns {
       this.list.replaceChildren(...campaigns.map((one) => this.entry(one)));
       const now = campaigns.find(({ name }) => name === this.chosen);
       const state = now && `${now.name} ${now.rows}`;
-      if (state && state !== this.state) { this.state = state; await this.read(); }
+      if (state && state !== this.state) {
+        this.state = state;
+        await this.read();
+      }
     });
   }
 
@@ -52,8 +85,13 @@ class Campaigns {
     const part = flights ? rows / flights : 0;
     const state = problem || (running ? "flying" : rows < flights ? "stopped" : "");
     const facts = problem || [experiment, `${rows} of ${flights}`, state].filter(Boolean).join(" · ");
-    const bar = element("i"); bar.style.width = `${100 * part}%`;
-    const choose = () => { this.chosen = name; this.open = -1; this.look(); };
+    const bar = element("i");
+    bar.style.width = `${100 * part}%`;
+    const choose = () => {
+      this.chosen = name;
+      this.open = -1;
+      this.look();
+    };
     const said = [element("b", {}, name), element("span", {}, facts)];
     const button = element("button", { onclick: choose, title: facts }, ...said);
     button.setAttribute("aria-pressed", String(name === this.chosen));
@@ -63,7 +101,8 @@ class Campaigns {
   async read() {
     await attempt(this.reason, async () => {
       const query = new URLSearchParams({ metric: this.metric.value, x: this.x.value, y: this.y.value });
-      const wanted = this.chosen, found = await get(`/api/campaigns/${encodeURIComponent(wanted)}?${query}`);
+      const wanted = this.chosen,
+        found = await get(`/api/campaigns/${encodeURIComponent(wanted)}?${query}`);
       if (wanted === this.chosen) this.draw(found);
     });
   }
@@ -71,14 +110,25 @@ class Campaigns {
   draw(found) {
     this.one.hidden = !found.list.length;
     if (this.one.hidden) return;
-    this.shares.replaceChildren(...Object.entries(found.verdicts).flatMap(([name, { count, share, low, high }]) => [
-      element("dt", {}, name.replace("_", " ")),
-      element("dd", { title: "interval of the share, 95 % (Wilson)" }, `${count}`,
-        element("span", {}, `${percent(share)}  ${percent(low)} … ${percent(high)}`)),
-    ]));
+    this.shares.replaceChildren(
+      ...Object.entries(found.verdicts).flatMap(([name, { count, share, low, high }]) => [
+        element("dt", {}, name.replace("_", " ")),
+        element(
+          "dd",
+          { title: "interval of the share, 95 % (Wilson)" },
+          `${count}`,
+          element("span", {}, `${percent(share)}  ${percent(low)} … ${percent(high)}`),
+        ),
+      ]),
+    );
     this.metric.replaceChildren(...optionsOf(found.metrics, found.metric));
     this.x.replaceChildren(...optionsOf(found.factors, found.x));
-    this.y.replaceChildren(...optionsOf(found.factors.filter((name) => name !== found.x), found.y));
+    this.y.replaceChildren(
+      ...optionsOf(
+        found.factors.filter((name) => name !== found.x),
+        found.y,
+      ),
+    );
     this.curve.replaceChildren(...(found.ecdf?.values.length ? [drawEcdf(found.ecdf, found.metric)] : []));
     this.distribution.hidden = this.metric.hidden = !found.metric;
     this.heading.hidden = this.axes.hidden = this.map.hidden = !found.heat;
@@ -96,10 +146,13 @@ class Campaigns {
       button.setAttribute("aria-expanded", String(!line.hidden));
     };
     const what = reason || verdict.replace("_", " ");
-    const button = element("button", { onclick: toggle, title: `${what}; the command that flies it again` },
+    const button = element(
+      "button",
+      { onclick: toggle, title: `${what}; the command that flies it again` },
       element("b", {}, String(index)),
       element("span", { className: verdict === "passed" ? "" : "amber" }, what),
-      element("output", {}, value === null ? "" : short(value)));
+      element("output", {}, value === null ? "" : short(value)),
+    );
     button.setAttribute("aria-expanded", String(index === this.open));
     return element("li", {}, button, line);
   }

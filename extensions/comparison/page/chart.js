@@ -23,15 +23,26 @@ export class ErrorChart extends Chart {
     const signals = new Map(description.signals.map((signal) => [signal.name, signal]));
     super(place, { axis, source: new LiveSignals(axis, signals, "chart of errors") });
     pointingByKeys(this);
-    place.prepend(element("h2", {}, "Position error", element("span", { className: "limit" }, "against the truth")));
+    place.prepend(
+      element("h2", {}, "Position error", element("span", { className: "limit" }, "against the truth")),
+    );
     const choose = () => {
       axis.setWindow(Number(span.value));
       localStorage.setItem("chart.beacons.window", span.value);
     };
-    const span = element("select", { ariaLabel: "seconds shown", onchange: choose },
-      ...optionsOf(WINDOWS.map((one) => [String(one), `${one} s`]), String(axis.window)));
-    this.log = element("button", { title: "logarithmic scale, from 1 mm", onclick: () => this.setLog(!this.isLog) },
-      "log");
+    const span = element(
+      "select",
+      { ariaLabel: "seconds shown", onchange: choose },
+      ...optionsOf(
+        WINDOWS.map((one) => [String(one), `${one} s`]),
+        String(axis.window),
+      ),
+    );
+    this.log = element(
+      "button",
+      { title: "logarithmic scale, from 1 mm", onclick: () => this.setLog(!this.isLog) },
+      "log",
+    );
     this.tools.append(span, this.log);
     this.setLog(localStorage.getItem("chart.beacons.log") === "true");
     setInterval(() => document.hidden || this.draw(), LOOK);
@@ -70,9 +81,13 @@ export class ErrorChart extends Chart {
   }
 
   labelsOf(names) {
-    return names.map((name) => (name === LIMIT ? "bound of one frame"
-      : name === DEVIATION ? "error-state's stated deviation"
-      : wordsOf(name.slice(ERROR.length)).replace("complementary, ", "compl. ").replace(" gains", "")));
+    return names.map((name) =>
+      name === LIMIT
+        ? "bound of one frame"
+        : name === DEVIATION
+          ? "error-state's stated deviation"
+          : wordsOf(name.slice(ERROR.length)).replace("complementary, ", "compl. ").replace(" gains", ""),
+    );
   }
 
   // Errors without their values, which stand in the table above.
@@ -84,7 +99,9 @@ export class ErrorChart extends Chart {
 
   drawEnds() {} // the legend has room for the names
 
-  figure(value) { return fixed(value, 1); }
+  figure(value) {
+    return fixed(value, 1);
+  }
 
   // From zero, a little under it for the labels' sake.
   range(unit, low, high) {

@@ -6,10 +6,13 @@ import { Socket } from "/static/core/sockets.js";
 import { ErrorChart } from "./chart.js";
 import { COMPARED, Errors } from "./errors.js";
 
-export function show(place, parts) { new Comparison(place, parts); }
+export function show(place, parts) {
+  new Comparison(place, parts);
+}
 
 class Comparison {
-  socket; newest;
+  socket;
+  newest;
 
   constructor(place, { beacons, events, gains, isOperator, ages, history, description }) {
     const errors = element("section", { id: "beacons-errors" });
@@ -23,13 +26,18 @@ class Comparison {
     beacons.addEventListener("close", () => this.close());
     beacons.addEventListener("draw", () => this.draw());
     gains.addEventListener("read", () => beacons.isOpen && this.errors.parameters());
-    events.on("parameter", ({ name }) => { if (name === COMPARED && beacons.isOpen) this.errors.parameters(); });
+    events.on("parameter", ({ name }) => {
+      if (name === COMPARED && beacons.isOpen) this.errors.parameters();
+    });
     if (beacons.isOpen) this.open();
   }
 
   open() {
     this.socket = new Socket("/comparison");
-    this.socket.addEventListener("message", ({ data }) => { this.newest = JSON.parse(data); this.beacons.draw(); });
+    this.socket.addEventListener("message", ({ data }) => {
+      this.newest = JSON.parse(data);
+      this.beacons.draw();
+    });
     this.errors.parameters();
   }
 
@@ -41,7 +49,8 @@ class Comparison {
 
   draw() {
     if (!this.newest) return;
-    const { estimators, sigma } = this.newest, names = estimators.map(({ name }) => name);
+    const { estimators, sigma } = this.newest,
+      names = estimators.map(({ name }) => name);
     if (names.join() !== this.names) {
       this.names = names.join();
       this.chart.compare(names);

@@ -20,11 +20,29 @@ export class Errors {
     this.reason = element("div", { className: "reason", hidden: true });
     this.boxes = element("div", { className: "boxes" });
     this.body = element("tbody");
-    const head = element("thead", {},
+    const head = element(
+      "thead",
+      {},
       element("tr", {}, element("th"), th("now"), th("last 10 s", 3), th("session", 2), th("core")),
-      element("tr", { className: "units" }, element("th"), th("mm"), th("rms"), th("max"), th("rms °"), th("rms"), th("max"), th("%")));
+      element(
+        "tr",
+        { className: "units" },
+        element("th"),
+        th("mm"),
+        th("rms"),
+        th("max"),
+        th("rms °"),
+        th("rms"),
+        th("max"),
+        th("%"),
+      ),
+    );
     this.table = element("table", { className: "errors" }, head, this.body);
-    this.empty = element("p", { className: "empty" }, "No comparison yet: it needs telemetry and a truth, the simulator's or the tracker's.");
+    this.empty = element(
+      "p",
+      { className: "empty" },
+      "No comparison yet: it needs telemetry and a truth, the simulator's or the tracker's.",
+    );
     place.append(element("h2", {}, "Errors", this.note), this.table, this.empty, this.boxes, this.reason);
     this.table.hidden = true;
     this.note.dataset.topic = this.table.dataset.topic = "comparison";
@@ -34,7 +52,10 @@ export class Errors {
     if (!comparison) return;
     this.table.hidden = false;
     this.empty.hidden = true;
-    setText(this.note, `against ${TRUTHS[comparison.truth] ?? "nothing"}, session ${duration(comparison.duration)}`);
+    setText(
+      this.note,
+      `against ${TRUTHS[comparison.truth] ?? "nothing"}, session ${duration(comparison.duration)}`,
+    );
     const names = comparison.estimators.map(({ name }) => name);
     if (names.join() !== [...this.rows.keys()].join()) this.build(names);
     for (const one of comparison.estimators) {
@@ -47,15 +68,25 @@ export class Errors {
 
   build(names) {
     this.rows.clear();
-    this.body.replaceChildren(...names.map((name) => {
-      const state = element("small"), cells = DIGITS.map(() => element("td"));
-      const title = `${wordsOf(name)}: ${this.isOperator ? "show it as the ghost in the 3D view, and its residuals" : "show its residuals"}`;
-      const button = element("button", { className: "estimate", title, onclick: () => this.choose(name) }, element("b", {}, partsOf(name)[0]), state);
-      button.style.setProperty("--c", colorOf(name));
-      button.dataset.name = name;
-      this.rows.set(name, { cells, button, state });
-      return element("tr", {}, element("td", {}, button), ...cells);
-    }));
+    this.body.replaceChildren(
+      ...names.map((name) => {
+        const state = element("small"),
+          cells = DIGITS.map(() => element("td"));
+        const title =
+          `${wordsOf(name)}: ` +
+          `${this.isOperator ? "show it as the ghost in the 3D view, and its residuals" : "show its residuals"}`;
+        const button = element(
+          "button",
+          { className: "estimate", title, onclick: () => this.choose(name) },
+          element("b", {}, partsOf(name)[0]),
+          state,
+        );
+        button.style.setProperty("--c", colorOf(name));
+        button.dataset.name = name;
+        this.rows.set(name, { cells, button, state });
+        return element("tr", {}, element("td", {}, button), ...cells);
+      }),
+    );
   }
 
   // Check boxes of what the station compares; each shows the confirmed choice.
@@ -68,9 +99,17 @@ export class Errors {
     const groups = new Map(); // by estimator, a box for each of its gains
     for (const name of names) {
       const [estimator, gains] = partsOf(name);
-      groups.set(estimator, [...(groups.get(estimator) ?? []), this.box(name, present.includes(name), gains || "default")]);
+      groups.set(estimator, [
+        ...(groups.get(estimator) ?? []),
+        this.box(name, present.includes(name), gains || "default"),
+      ]);
     }
-    this.boxes.replaceChildren(element("span", {}, "Compared at the station; not used in flight"), ...[...groups].map(([estimator, boxes]) => element("div", {}, element("span", {}, estimator), ...boxes)));
+    this.boxes.replaceChildren(
+      element("span", {}, "Compared at the station; not used in flight"),
+      ...[...groups].map(([estimator, boxes]) =>
+        element("div", {}, element("span", {}, estimator), ...boxes),
+      ),
+    );
   }
 
   box(name, checked, text) {
@@ -81,11 +120,17 @@ export class Errors {
   }
 
   async change(name, box) {
-    const present = this.gains.value(COMPARED).split(/\s+/).filter(Boolean), wanted = box.checked;
+    const present = this.gains.value(COMPARED).split(/\s+/).filter(Boolean),
+      wanted = box.checked;
     box.checked = !wanted; // until it is confirmed
     const names = wanted ? [...present, name] : present.filter((other) => other !== name);
     const order = (one) => (OFFERED.includes(one) ? OFFERED.indexOf(one) : OFFERED.length);
-    if (await attempt(this.reason, () => this.gains.set({ [COMPARED]: names.sort((a, b) => order(a) - order(b)).join(" ") }))) this.parameters();
+    if (
+      await attempt(this.reason, () =>
+        this.gains.set({ [COMPARED]: names.sort((a, b) => order(a) - order(b)).join(" ") }),
+      )
+    )
+      this.parameters();
   }
 }
 
@@ -96,4 +141,5 @@ function stateOf({ name, state }) {
 }
 
 const th = (text, colSpan = 1) => element("th", { colSpan }, text);
-const figure = (value, digits) => (value === null ? NONE : fixed(value, value < 10 && digits === 0 ? 1 : digits));
+const figure = (value, digits) =>
+  value === null ? NONE : fixed(value, value < 10 && digits === 0 ? 1 : digits);

@@ -16,7 +16,11 @@ export function colorsOf(runs) {
 export class TunePlot {
   constructor(place) {
     this.place = place;
-    this.note = element("p", { className: "empty" }, "No test yet. Hover, choose an axis and run one; it is drawn here from the vehicle's own log.");
+    this.note = element(
+      "p",
+      { className: "empty" },
+      "No test yet. Hover, choose an axis and run one; it is drawn here from the vehicle's own log.",
+    );
     this.plot = element("div", { className: "plot", role: "img" });
     place.append(this.note, this.plot);
     this.plot.hidden = true;
@@ -31,15 +35,34 @@ export class TunePlot {
     this.note.hidden = runs.length > 0;
     this.plot.hidden = runs.length === 0;
     if (!runs.length) return;
-    const colors = colorsOf(runs), isAngle = runs.every(({ plan }) => plan.axis === "yaw");
-    const scaled = (values) => (isAngle ? values.map((value) => (value === null ? null : value * DEGREES)) : values);
+    const colors = colorsOf(runs),
+      isAngle = runs.every(({ plan }) => plan.axis === "yaw");
+    const scaled = (values) =>
+      isAngle ? values.map((value) => (value === null ? null : value * DEGREES)) : values;
     const planOf = ({ plan }) => JSON.stringify(plan);
     const setpoints = runs.filter((run, i) => runs.findIndex((other) => planOf(other) === planOf(run)) === i);
     const series = [
-      ...setpoints.map((run) => ({ run, values: scaled(run.setpoint), stroke: setpoints.length > 1 ? colors[runs.indexOf(run)] : SETPOINT, dash: [5, 4], width: 1.2, letter: "" })),
-      ...runs.map((run, i) => ({ run, values: scaled(run.actual), stroke: colors[i], dash: undefined, width: 1.5, letter: letters[i] })),
+      ...setpoints.map((run) => ({
+        run,
+        values: scaled(run.setpoint),
+        stroke: setpoints.length > 1 ? colors[runs.indexOf(run)] : SETPOINT,
+        dash: [5, 4],
+        width: 1.2,
+        letter: "",
+      })),
+      ...runs.map((run, i) => ({
+        run,
+        values: scaled(run.actual),
+        stroke: colors[i],
+        dash: undefined,
+        width: 1.5,
+        letter: letters[i],
+      })),
     ];
-    this.plot.setAttribute("aria-label", `set-point and actual of ${runs.map(({ plan }, i) => `${letters[i]}: ${plan.axis} ${plan.shape}`).join(", ")}`);
+    this.plot.setAttribute(
+      "aria-label",
+      `set-point and actual of ${runs.map(({ plan }, i) => `${letters[i]}: ${plan.axis} ${plan.shape}`).join(", ")}`,
+    );
     // Runs have their own times: what one has not at another's is left out, null is a gap.
     const data = uPlot.join(series.map(({ run, values }) => [run.time, values]));
     this.uplot = new uPlot(this.options(series, isAngle ? "°" : "m"), data, this.plot);
@@ -48,26 +71,46 @@ export class TunePlot {
   options(series, unit) {
     const line = axisLook();
     return {
-      width: Math.max(50, this.plot.clientWidth), height: Math.max(50, this.plot.clientHeight),
-      legend: { show: false }, cursor: { drag: { x: true, y: false }, points: { show: false } }, padding: [6, 18, 0, 0],
+      width: Math.max(50, this.plot.clientWidth),
+      height: Math.max(50, this.plot.clientHeight),
+      legend: { show: false },
+      cursor: { drag: { x: true, y: false }, points: { show: false } },
+      padding: [6, 18, 0, 0],
       scales: { x: { time: false } },
       axes: [
-        { ...line, size: 20, gap: 3, values: (_, ticks) => ticks.map((tick) => `${Number(tick.toFixed(3))} s`) },
+        {
+          ...line,
+          size: 20,
+          gap: 3,
+          values: (_, ticks) => ticks.map((tick) => `${Number(tick.toFixed(3))} s`),
+        },
         { ...line, size: 46, gap: 5, label: unit, labelSize: 14, labelGap: 0, labelFont: "11px system-ui" },
       ],
-      series: [{}, ...series.map(({ stroke, dash, width }) => ({ stroke: () => paint(stroke), dash, width, points: { show: false }, spanGaps: false }))],
+      series: [
+        {},
+        ...series.map(({ stroke, dash, width }) => ({
+          stroke: () => paint(stroke),
+          dash,
+          width,
+          points: { show: false },
+          spanGaps: false,
+        })),
+      ],
       hooks: { draw: [(plot) => label(plot, series)] },
     };
   }
 
   resize() {
-    if (this.uplot && this.plot.clientWidth > 50) this.uplot.setSize({ width: this.plot.clientWidth, height: this.plot.clientHeight });
+    if (this.uplot && this.plot.clientWidth > 50)
+      this.uplot.setSize({ width: this.plot.clientWidth, height: this.plot.clientHeight });
   }
 }
 
 // The letter of each line behind its last point in view; letters that would meet move apart.
 function label(plot, series) {
-  const { ctx, data } = plot, { min, max } = plot.scales.x, taken = [];
+  const { ctx, data } = plot,
+    { min, max } = plot.scales.x,
+    taken = [];
   ctx.save();
   ctx.font = font(devicePixelRatio);
   ctx.textBaseline = "middle";

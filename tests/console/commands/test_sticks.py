@@ -82,7 +82,7 @@ def test_a_new_press_ends_the_repeats_of_the_drop_before() -> None:
 
 
 class Sent:
-    """What a station publishes about sticks."""
+    """Messages that a station publishes about sticks."""
 
     def __init__(self) -> None:
         self.orders: list[StickOrder] = []

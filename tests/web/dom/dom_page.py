@@ -233,7 +233,7 @@ class DomKeyboard:
 
 
 class DomLocator:
-    """What a selector finds in a page, looked up at each use."""
+    """Elements that a selector finds in a page, looked up at each use."""
 
     def __init__(self, page: DomPage, selector: str) -> None:
         self._page, self._selector = page, selector

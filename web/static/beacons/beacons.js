@@ -82,7 +82,8 @@ export class Beacons extends EventTarget {
   beacons() {
     const text = this.gains.value(LAYOUT);
     if (text === undefined) return;
-    const rows = rowsOf(text, this.presets), ids = rows.map(([id]) => id).join();
+    const rows = rowsOf(text, this.presets),
+      ids = rows.map(([id]) => id).join();
     this.layout.show(rows, this.presets, text in this.presets ? text : "");
     if (ids !== this.ids) this.residuals.beacons(rows.map(([id]) => id));
     this.ids = ids;
@@ -111,5 +112,10 @@ export class Beacons extends EventTarget {
 // [[id, x, y, z], …] of the parameter's text: a preset's name, or `id x y z; …`
 function rowsOf(text, presets) {
   if (text in presets) return presets[text];
-  return text.split(/[;\n]/).map((part) => part.trim()).filter(Boolean).map((part) => part.split(/[\s,]+/).map(Number)).filter((row) => row.length === 4);
+  return text
+    .split(/[;\n]/)
+    .map((part) => part.trim())
+    .filter(Boolean)
+    .map((part) => part.split(/[\s,]+/).map(Number))
+    .filter((row) => row.length === 4);
 }

@@ -7,7 +7,10 @@ import { icon } from "../icons/icons.js";
 import { exact, parseNumber } from "../core/format.js";
 
 // As it is, with three decimals at least, so that the points stand under each other.
-const metres = (value) => { const text = exact(value); return /^-?\d+(\.\d{0,2})?$/.test(text) ? value.toFixed(3) : text; };
+const metres = (value) => {
+  const text = exact(value);
+  return /^-?\d+(\.\d{0,2})?$/.test(text) ? value.toFixed(3) : text;
+};
 const textsOf = ([id, ...place]) => [exact(id), ...place.map(metres)];
 
 const AXES = ["x", "y", "z"];
@@ -19,23 +22,55 @@ export class Layout {
     this.confirmed = [];
     this.draft = null; // rows of texts, while something is typed
     this.presets = {};
-    this.preset = element("select", { ariaLabel: "preset of beacons", disabled: !isOperator, onchange: () => this.send({ preset: this.preset.value }) });
+    this.preset = element("select", {
+      ariaLabel: "preset of beacons",
+      disabled: !isOperator,
+      onchange: () => this.send({ preset: this.preset.value }),
+    });
     this.body = element("tbody");
     this.reason = element("div", { className: "reason", hidden: true, role: "status" });
-    this.file = element("input", { type: "file", accept: ".csv,text/csv", hidden: true, disabled: !isOperator, onchange: () => this.load() });
-    this.apply = button("Apply", "send the layout as typed to station and vehicle", () => this.send(this.rows()));
+    this.file = element("input", {
+      type: "file",
+      accept: ".csv,text/csv",
+      hidden: true,
+      disabled: !isOperator,
+      onchange: () => this.load(),
+    });
+    this.apply = button("Apply", "send the layout as typed to station and vehicle", () =>
+      this.send(this.rows()),
+    );
     this.discard = button("Discard", "back to the confirmed layout", () => this.edit(null));
     this.add = button("Add beacon", "", () => this.edit([...this.texts(), this.another()]));
     this.again = button("Edit again", "edit the refused draft again", () => this.edit(this.refused));
-    const open = button("Load CSV", "a file with the header id,x,y,z, positions in m", () => this.file.click());
-    const save = element("a", { className: "button", href: "/api/beacons/file", download: "beacons.csv", title: "the confirmed layout" }, "Save CSV");
+    const open = button("Load CSV", "a file with the header id,x,y,z, positions in m", () =>
+      this.file.click(),
+    );
+    const save = element(
+      "a",
+      {
+        className: "button",
+        href: "/api/beacons/file",
+        download: "beacons.csv",
+        title: "the confirmed layout",
+      },
+      "Save CSV",
+    );
     for (const one of [this.apply, this.discard, this.add, this.again, open]) one.disabled = !isOperator;
-    const head = element("tr", {}, element("th", {}, "id"), ...AXES.map((axis) => element("th", { className: `axis-${axis}` }, `${axis} [m]`)), element("th"));
-    place.append(element("h2", {}, "Layout"), this.file,
+    const head = element(
+      "tr",
+      {},
+      element("th", {}, "id"),
+      ...AXES.map((axis) => element("th", { className: `axis-${axis}` }, `${axis} [m]`)),
+      element("th"),
+    );
+    place.append(
+      element("h2", {}, "Layout"),
+      this.file,
       element("div", { className: "line" }, element("label", {}, "Preset", this.preset), open, save),
       element("table", { className: "layout" }, element("thead", {}, head), this.body),
       element("div", { className: "line" }, this.add, element("i"), this.discard, this.apply),
-      element("div", { className: "line refused" }, this.reason, this.again));
+      element("div", { className: "line refused" }, this.reason, this.again),
+    );
     this.draw();
   }
 
@@ -43,18 +78,26 @@ export class Layout {
   show(rows, presets, preset) {
     this.confirmed = rows;
     if (Object.keys(presets).length + 1 !== this.preset.options.length) {
-      this.preset.replaceChildren(element("option", { value: "", disabled: true }, "own"), ...optionsOf(Object.keys(presets)));
+      this.preset.replaceChildren(
+        element("option", { value: "", disabled: true }, "own"),
+        ...optionsOf(Object.keys(presets)),
+      );
     }
     this.name = preset;
     this.draw();
   }
 
-  texts() { return (this.draft ?? this.confirmed.map(textsOf)).map((row) => [...row]); }
-  rows() { return this.texts().map((row) => row.map(parseNumber)); }
+  texts() {
+    return (this.draft ?? this.confirmed.map(textsOf)).map((row) => [...row]);
+  }
+  rows() {
+    return this.texts().map((row) => row.map(parseNumber));
+  }
 
   // One more where it will do: beside the others, at their mean height.
   another() {
-    const rows = this.rows().filter((row) => row.every(Number.isFinite)), heights = rows.map((row) => row[3]);
+    const rows = this.rows().filter((row) => row.every(Number.isFinite)),
+      heights = rows.map((row) => row[3]);
     const mean = heights.reduce((sum, z) => sum + z, 0) / Math.max(1, heights.length);
     return textsOf([Math.max(0, ...rows.map(([id]) => id)) + 1, 0, 0, mean]);
   }
@@ -68,7 +111,10 @@ export class Layout {
 
   async send(body) {
     const wrong = Array.isArray(body) ? body.findIndex((row) => !row.every(Number.isFinite)) : -1;
-    if (wrong >= 0) { this.refuse(`row ${wrong + 1}: id, x, y and z are numbers, in m`, true); return; }
+    if (wrong >= 0) {
+      this.refuse(`row ${wrong + 1}: id, x, y and z are numbers, in m`, true);
+      return;
+    }
     await this.attempt(() => request("PUT", "/api/beacons", body));
   }
 
@@ -76,7 +122,9 @@ export class Layout {
     const [file] = this.file.files ?? [];
     this.file.value = "";
     if (!file) return;
-    await this.attempt(() => request("PUT", `/api/beacons?name=${encodeURIComponent(file.name.slice(0, 100))}`, file, "text/csv"));
+    await this.attempt(() =>
+      request("PUT", `/api/beacons?name=${encodeURIComponent(file.name.slice(0, 100))}`, file, "text/csv"),
+    );
   }
 
   async attempt(act) {
@@ -95,29 +143,41 @@ export class Layout {
 
   // What is confirmed stands in the table again, unless the draft never left the page.
   refuse(reason, keepsDraft = false) {
-    if (!keepsDraft) { this.refused = this.draft; this.draft = null; }
+    if (!keepsDraft) {
+      this.refused = this.draft;
+      this.draft = null;
+    }
     this.draw();
     showNote(this.reason, reason);
   }
 
   draw() {
-    this.preset.value = this.draft ? "" : this.name ?? "";
+    this.preset.value = this.draft ? "" : (this.name ?? "");
     const texts = this.texts();
-    if (this.body.contains(document.activeElement) && this.body.rows.length === texts.length) this.fill(texts);
+    if (this.body.contains(document.activeElement) && this.body.rows.length === texts.length)
+      this.fill(texts);
     else this.body.replaceChildren(...texts.map((row, index) => this.row(row, index)));
     this.mark();
   }
 
   fill(texts) {
-    texts.forEach((row, i) => row.forEach((text, k) => {
-      const input = this.body.rows[i].cells[k].firstChild;
-      setIfChanged(input, "value", text); // else the caret would jump
-    }));
+    texts.forEach((row, i) =>
+      row.forEach((text, k) => {
+        const input = this.body.rows[i].cells[k].firstChild;
+        setIfChanged(input, "value", text); // else the caret would jump
+      }),
+    );
   }
 
   row(texts, index) {
     const inputs = texts.map((text, k) => {
-      const input = element("input", { value: text, disabled: !this.isOperator, inputMode: "decimal", spellcheck: false, ariaLabel: `${["id", ...AXES][k]} of beacon ${texts[0]}` });
+      const input = element("input", {
+        value: text,
+        disabled: !this.isOperator,
+        inputMode: "decimal",
+        spellcheck: false,
+        ariaLabel: `${["id", ...AXES][k]} of beacon ${texts[0]}`,
+      });
       input.addEventListener("input", () => {
         this.draft = this.texts();
         this.draft[index][k] = input.value;
@@ -126,11 +186,23 @@ export class Layout {
       });
       input.addEventListener("keydown", (event) => {
         if (event.key === "Enter" && this.draft) this.send(this.rows());
-        if (event.key === "Escape") { input.blur(); this.edit(null); }
+        if (event.key === "Escape") {
+          input.blur();
+          this.edit(null);
+        }
       });
       return input;
     });
-    const remove = element("button", { className: "remove", disabled: !this.isOperator, title: `remove beacon ${texts[0]}`, onclick: () => this.edit(this.texts().filter((_, i) => i !== index)) }, icon("close"));
+    const remove = element(
+      "button",
+      {
+        className: "remove",
+        disabled: !this.isOperator,
+        title: `remove beacon ${texts[0]}`,
+        onclick: () => this.edit(this.texts().filter((_, i) => i !== index)),
+      },
+      icon("close"),
+    );
     return element("tr", {}, ...inputs.map((input) => element("td", {}, input)), element("td", {}, remove));
   }
 
@@ -139,7 +211,12 @@ export class Layout {
     const known = new Map(this.confirmed.map((row) => [exact(row[0]), textsOf(row)]));
     this.texts().forEach((texts, i) => {
       const before = known.get(texts[0]);
-      texts.forEach((text, k) => this.body.rows[i]?.cells[k].firstElementChild?.classList.toggle("draft", Boolean(this.draft) && before?.[k] !== text));
+      texts.forEach((text, k) =>
+        this.body.rows[i]?.cells[k].firstElementChild?.classList.toggle(
+          "draft",
+          Boolean(this.draft) && before?.[k] !== text,
+        ),
+      );
     });
     this.apply.hidden = this.discard.hidden = !this.draft;
     this.again.hidden = !this.refused || Boolean(this.draft);

@@ -21,14 +21,43 @@ export class CalibrationHistory {
     this.shown = key;
     this.title.textContent = `${label}: history`;
     if (!records) this.list.replaceChildren(element("li", { className: "empty" }, problem));
-    else if (!records.length) this.list.replaceChildren(element("li", { className: "empty" }, "None yet: the values are the vehicle's defaults, or were set by hand."));
-    else this.list.replaceChildren(...records.map((record, i) => element("li", {}, this.line(record, i ? "" : isHandMade ? "changed since" : "in force", records[i + 1]))));
+    else if (!records.length)
+      this.list.replaceChildren(
+        element(
+          "li",
+          { className: "empty" },
+          "None yet: the values are the vehicle's defaults, or were set by hand.",
+        ),
+      );
+    else
+      this.list.replaceChildren(
+        ...records.map((record, i) =>
+          element(
+            "li",
+            {},
+            this.line(record, i ? "" : isHandMade ? "changed since" : "in force", records[i + 1]),
+          ),
+        ),
+      );
   }
 
   line(record, state, before) {
     const facts = element("span", { className: "facts" }, `${when(record)} · ${who(record)}`);
-    const line = element("details", {}, element("summary", {}, facts, ...(state ? [element("b", {}, state)] : []), ...(record.quality.length ? [sign(record.good)] : [])));
-    line.addEventListener("toggle", () => { if (line.open && line.children.length === 1) line.append(recordView(record, { gains: this.gains, before, isKept: true })); });
+    const line = element(
+      "details",
+      {},
+      element(
+        "summary",
+        {},
+        facts,
+        ...(state ? [element("b", {}, state)] : []),
+        ...(record.quality.length ? [sign(record.good)] : []),
+      ),
+    );
+    line.addEventListener("toggle", () => {
+      if (line.open && line.children.length === 1)
+        line.append(recordView(record, { gains: this.gains, before, isKept: true }));
+    });
     return line;
   }
 }

@@ -23,13 +23,34 @@ export class CalibrationRun {
     this.step = element("p", { className: "step" });
     this.sphere = new PoseSphere();
     this.plots = new LivePlots();
-    this.finish = element("button", { title: "end the experiment now and judge it", onclick: () => ask("finish") }, "Finish");
-    this.stop = element("button", { title: "end without a result: on the ground the motors stop, in the air the vehicle brakes and hovers; land it", onclick: () => ask("stop") }, "Stop");
-    this.place = element("section", { className: "run", hidden: true },
-      element("div", { className: "head" }, this.title, this.time), this.guide.place, this.step, this.sphere.place, this.plots.place,
-      element("div", { className: "act" }, this.finish, this.stop));
+    this.finish = element(
+      "button",
+      { title: "end the experiment now and judge it", onclick: () => ask("finish") },
+      "Finish",
+    );
+    this.stop = element(
+      "button",
+      {
+        title:
+          "end without a result: on the ground the motors stop, in the air the vehicle brakes and hovers; land it",
+        onclick: () => ask("stop"),
+      },
+      "Stop",
+    );
+    this.place = element(
+      "section",
+      { className: "run", hidden: true },
+      element("div", { className: "head" }, this.title, this.time),
+      this.guide.place,
+      this.step,
+      this.sphere.place,
+      this.plots.place,
+      element("div", { className: "act" }, this.finish, this.stop),
+    );
     this.title.dataset.topic = "experiment_status";
-    telemetry.addEventListener("frame", ({ detail }) => { this.frame = detail; });
+    telemetry.addEventListener("frame", ({ detail }) => {
+      this.frame = detail;
+    });
   }
 
   // Each status, also while the tab is hidden, so that the plots are whole when it is opened.
@@ -47,7 +68,9 @@ export class CalibrationRun {
   }
 
   // Nobody looks: nothing is asked for.
-  rest() { this.want(false); }
+  rest() {
+    this.want(false);
+  }
 
   want(isWanted) {
     if (isWanted === this.wants) return;
@@ -58,10 +81,22 @@ export class CalibrationRun {
   draw(status, isOld) {
     this.place.hidden = !status;
     this.want(status?.name === "accelerometer");
-    if (!status) { this.guide.draw(null, isOld); return; }
-    const time = status.planned ? `${duration(status.elapsed)} of about ${duration(status.planned)}` : duration(status.elapsed);
+    if (!status) {
+      this.guide.draw(null, isOld);
+      return;
+    }
+    const time = status.planned
+      ? `${duration(status.elapsed)} of about ${duration(status.planned)}`
+      : duration(status.elapsed);
     setText(this.title, labelOf(status.name));
-    setText(this.time, status.phase === "evaluating" ? "being judged" : status.phase === "finishing" ? `finishing · ${time}` : time);
+    setText(
+      this.time,
+      status.phase === "evaluating"
+        ? "being judged"
+        : status.phase === "finishing"
+          ? `finishing · ${time}`
+          : time,
+    );
     this.guide.draw(status, isOld);
     setText(this.step, status.instruction || status.question ? "" : status.step); // an instruction says more
     this.finish.disabled = !this.isOperator || status.phase !== "flying" || isOld;
@@ -77,7 +112,8 @@ export class CalibrationRun {
 
   // Where up is in body axes by the accelerometer, while nothing else pulls at it.
   up() {
-    const force = FORCE.map((name) => this.frame?.value[name] ?? NaN), length = Math.hypot(...force);
+    const force = FORCE.map((name) => this.frame?.value[name] ?? NaN),
+      length = Math.hypot(...force);
     return Math.abs(length - 9.81) < STEADY ? force : null;
   }
 }

@@ -26,7 +26,10 @@ export class CameraPicture {
     this.quiet = element("p", { className: "quiet", hidden: true });
     this.sees = element("figcaption", {});
     this.problem = element("p", { className: "reason", hidden: true });
-    place.append(element("figure", { className: "picture" }, this.canvas, this.quiet, this.sees), this.problem);
+    place.append(
+      element("figure", { className: "picture" }, this.canvas, this.quiet, this.sees),
+      this.problem,
+    );
     document.addEventListener("visibilitychange", () => this.draw());
     setInterval(() => this.draw(), PERIOD);
     this.draw();
@@ -38,15 +41,22 @@ export class CameraPicture {
   }
 
   draw() {
-    const status = this.events.summary[this.camera], sees = status?.sees[this.number], isCamera = Boolean(sees);
+    const status = this.events.summary[this.camera],
+      sees = status?.sees[this.number],
+      isCamera = Boolean(sees);
     hide(this.place, !isCamera);
-    if (isCamera && this.isSeen) this.open(); else this.close();
+    if (isCamera && this.isSeen) this.open();
+    else this.close();
     if (!this.socket) return;
     const silent = !(this.events.age(`${this.camera}_status`) < SILENT);
-    const waited = (performance.now() - Math.max(this.painted, this.opened)) / 1e3, isQuiet = waited > QUIET;
-    setText(this.sees, silent ? "No data from the camera's process: start quadlab tracker, or check its output." : sees);
+    const waited = (performance.now() - Math.max(this.painted, this.opened)) / 1e3,
+      isQuiet = waited > QUIET;
+    setText(
+      this.sees,
+      silent ? "No data from the camera's process: start quadlab tracker, or check its output." : sees,
+    );
     showNote(this.problem, silent || this.camera === "tracker" ? "" : status.problem); // the tracker's is shown above
-    showNote(this.quiet, isQuiet ? `No picture for ${Math.floor(waited)} s` : this.refused ?? "");
+    showNote(this.quiet, isQuiet ? `No picture for ${Math.floor(waited)} s` : (this.refused ?? ""));
     this.place.classList.toggle("stale", isQuiet || silent);
     this.canvas.ariaLabel = `picture of ${this.words}, tags marked: ${isQuiet ? this.quiet.textContent : sees}`;
   }
@@ -54,7 +64,9 @@ export class CameraPicture {
   open() {
     if (this.socket) return;
     this.opened = performance.now();
-    this.socket = new Socket(`/ws/picture/${this.camera}${this.number ? `_${this.number + 1}` : ""}`, { binary: true });
+    this.socket = new Socket(`/ws/picture/${this.camera}${this.number ? `_${this.number + 1}` : ""}`, {
+      binary: true,
+    });
     this.socket.addEventListener("message", ({ data }) => this.take(data));
   }
 

@@ -4,7 +4,8 @@
 //   lines(names, styles): [{ name, stroke, dash, … }] of what was chosen; `second` ones have no name
 //   samples(line, from, to): { times, values, from, to, shift, holes } of a time, or undefined
 //   read(output, line, figure): writes the value that belongs to the cursor or to now
-//   figures(line, from, to): statistics of a time, see figures.js; table(names, from, to): groups of columns, see save.js
+// figures(line, from, to): statistics of a time, see figures.js; table(names, from, to): groups of columns,
+// see save.js
 
 import { FigureTable } from "./figures.js";
 import { extent, isReference, spread, stylesOf, trace } from "./lines.js";
@@ -16,39 +17,81 @@ import { axisLook, font, paint, theme } from "../core/theme.js";
 const PERIOD = 66; // ms between two drawings at most
 const READ = 125; // ms between two readings of the newest values
 const COUNT = 500; // ms between two statistics of what runs
-const EMPTY = [[0, 1], [0, 0]]; // uPlot wants some data; the lines take theirs from the source
+const EMPTY = [
+  [0, 1],
+  [0, 0],
+]; // uPlot wants some data; the lines take theirs from the source
 
 export class Chart {
-  names; lines; units; ends; outputs; uplot; drawn; pointer; isSeen; grow; less; // of what is selected and drawn
+  names;
+  lines;
+  units;
+  ends;
+  outputs;
+  uplot;
+  drawn;
+  pointer;
+  isSeen;
+  grow;
+  less; // of what is selected and drawn
 
-  constructor(place, { axis, source, names = [], scales = {}, limits = {}, hasFigures = false, hasEvents = false }) {
-    this.place = place; this.axis = axis; this.source = source;
+  constructor(
+    place,
+    { axis, source, names = [], scales = {}, limits = {}, hasFigures = false, hasEvents = false },
+  ) {
+    this.place = place;
+    this.axis = axis;
+    this.source = source;
     this.scales = { ...scales }; // unit → [low, high] where fixed
     this.limits = { ...limits }; // unit → where a line is drawn across
-    this.hasFigures = hasFigures; this.hasEvents = hasEvents;
+    this.hasFigures = hasFigures;
+    this.hasEvents = hasEvents;
     this.due = this.read = this.counted = 0;
     this.pieces = []; // samples of each line
-    this.legend = element("div", { className: "legend", role: "group", ariaLabel: "legend", tabIndex: 0 }); // scrolls where it is long
+    // scrolls where it is long
+    this.legend = element("div", { className: "legend", role: "group", ariaLabel: "legend", tabIndex: 0 });
     this.tools = element("div", { className: "right" });
     this.cursor = element("i", { className: "cursor", hidden: true });
     this.head = element("i", { className: "playhead", hidden: true });
-    this.plot = element("div", { className: "plot", role: "group", ariaRoleDescription: "chart" }, this.cursor,
-      this.head);
+    this.plot = element(
+      "div",
+      { className: "plot", role: "group", ariaRoleDescription: "chart" },
+      this.cursor,
+      this.head,
+    );
     this.shown = new AbortController();
     this.figures = new FigureTable(this);
     place.append(element("header", {}, this.legend, this.tools), this.figures.place, this.plot);
     this.set("hasFigures", hasFigures);
     this.select(names);
     this.attach();
-    axis.addEventListener("point", () => { this.moveLines(); this.readOut(); }, { signal: this.shown.signal });
-    theme.addEventListener("change", () => { this.uplot?.redraw(false); this.refresh(); }, { signal: this.shown.signal });
+    axis.addEventListener(
+      "point",
+      () => {
+        this.moveLines();
+        this.readOut();
+      },
+      { signal: this.shown.signal },
+    );
+    theme.addEventListener(
+      "change",
+      () => {
+        this.uplot?.redraw(false);
+        this.refresh();
+      },
+      { signal: this.shown.signal },
+    );
     this.sizes = new ResizeObserver(() => this.resize());
     this.sizes.observe(this.plot);
   }
 
-  attach() { pointing(this); }
+  attach() {
+    pointing(this);
+  }
 
-  get xName() { return "time_s"; }
+  get xName() {
+    return "time_s";
+  }
 
   // Whether statistics, or the lines of events, are shown.
   set(name, value) {
@@ -81,19 +124,24 @@ export class Chart {
     setTimeout(() => uplot?.destroy());
   }
 
-  signal(name) { return this.source.signals.get(name); }
+  signal(name) {
+    return this.source.signals.get(name);
+  }
 
   select(names) {
     this.names = names;
     this.units = [...new Set(names.map((name) => this.signal(name).unit))];
     const labels = this.labelsOf(names);
-    this.lines = this.source.lines(names, this.stylesOf(names))
-      .map((line) => ({ ...line, unit: this.signal(line.name).unit,
-        label: line.label ?? (line.second ? "" : labels[names.indexOf(line.name)]) }));
+    this.lines = this.source.lines(names, this.stylesOf(names)).map((line) => ({
+      ...line,
+      unit: this.signal(line.name).unit,
+      label: line.label ?? (line.second ? "" : labels[names.indexOf(line.name)]),
+    }));
     this.ends = this.lines.map(() => null);
     this.outputs = this.lines.map((line) => (line.label || line.second ? element("output") : null));
     this.legend.replaceChildren(...this.entries());
-    this.plot.ariaLabel = names.length ? `${names.map((name) => this.title(name)).join(", ")} over time`
+    this.plot.ariaLabel = names.length
+      ? `${names.map((name) => this.title(name)).join(", ")} over time`
       : "empty chart";
     this.rebuild();
   }
@@ -111,11 +159,20 @@ export class Chart {
   }
 
   // Draws at the next occasion even where it stands still.
-  refresh() { this.drawn = -1; this.due = this.counted = 0; }
+  refresh() {
+    this.drawn = -1;
+    this.due = this.counted = 0;
+  }
 
-  stylesOf(names) { return stylesOf(names); }
-  figure(value) { return fixed(value, Math.abs(value) < 100 ? 3 : 1); }
-  range(unit, low, high) { return this.scales[unit] ?? spread(low, high, unit); }
+  stylesOf(names) {
+    return stylesOf(names);
+  }
+  figure(value) {
+    return fixed(value, Math.abs(value) < 100 ? 3 : 1);
+  }
+  range(unit, low, high) {
+    return this.scales[unit] ?? spread(low, high, unit);
+  }
 
   title(name) {
     const { label, group, unit } = this.signal(name);
@@ -123,7 +180,9 @@ export class Chart {
   }
 
   // Beside the position it is the reference of, a reference needs no entry of its own.
-  isMerged(name) { return isReference(name) && this.names.includes(name.replace("reference.", "state.")); }
+  isMerged(name) {
+    return isReference(name) && this.names.includes(name.replace("reference.", "state."));
+  }
 
   // As short as they can be told apart; none of what is merged.
   labelsOf(names) {
@@ -138,7 +197,8 @@ export class Chart {
   entries() {
     const entries = [];
     this.lines.forEach((line, i) => {
-      if (line.label && this.isListed(line)) entries.push(this.entry(line, this.outputs[i], this.second(line)));
+      if (line.label && this.isListed(line))
+        entries.push(this.entry(line, this.outputs[i], this.second(line)));
     });
     if (this.names.some((name) => this.isMerged(name))) {
       const title = "the reference, in the same colours";
@@ -147,8 +207,12 @@ export class Chart {
     return entries;
   }
 
-  isListed(_line) { return true; }
-  pattern(stroke, dash) { return pattern(stroke, dash); }
+  isListed(_line) {
+    return true;
+  }
+  pattern(stroke, dash) {
+    return pattern(stroke, dash);
+  }
 
   // The value of the same signal in another run.
   second({ name }) {
@@ -165,61 +229,109 @@ export class Chart {
 
   options() {
     const line = axisLook();
-    const units = this.units.length ? this.units : [""], { axis } = this;
+    const units = this.units.length ? this.units : [""],
+      { axis } = this;
     const most = (u) => Math.max(2, u.bbox.width / devicePixelRatio / 70);
     return {
-      ...this.size(), legend: { show: false }, cursor: { show: false },
+      ...this.size(),
+      legend: { show: false },
+      cursor: { show: false },
       padding: [6, this.units.length > 1 ? 2 : 8, 0, 0],
-      scales: { x: { time: false }, ...Object.fromEntries(units.map((unit, i) => [`y${i}`, this.scale(unit)])) },
+      scales: {
+        x: { time: false },
+        ...Object.fromEntries(units.map((unit, i) => [`y${i}`, this.scale(unit)])),
+      },
       axes: [
         {
-          ...line, size: 20, gap: 3,
+          ...line,
+          size: 20,
+          gap: 3,
           splits: (u, _, min, max) => axis.ticks(min, max, most(u)),
           values: (_, ticks) => ticks.map((tick) => axis.label(tick)),
         },
         ...units.map((unit, i) => ({
-          ...line, ...(i ? { grid: { show: false } } : {}), scale: `y${i}`, side: i ? 1 : 3, size: 48, gap: 5,
-          label: this.axisTitle(unit) || undefined, labelSize: 15, labelGap: 0,
+          ...line,
+          ...(i ? { grid: { show: false } } : {}),
+          scale: `y${i}`,
+          side: i ? 1 : 3,
+          size: 48,
+          gap: 5,
+          label: this.axisTitle(unit) || undefined,
+          labelSize: 15,
+          labelGap: 0,
         })),
       ],
-      series: [{}, ...this.lines.map(({ unit, stroke, dash, width = 1.4 }) => ({
-        scale: `y${units.indexOf(unit)}`, auto: false, stroke: () => paint(stroke), dash, width,
-        points: { show: false }, paths: (u, index) => this.path(u, index - 1),
-      }))],
-      hooks: { drawClear: [(u) => this.drawMarks(u)], draw: [(u) => { this.drawEnds(u); this.moveLines(); }] },
+      series: [
+        {},
+        ...this.lines.map(({ unit, stroke, dash, width = 1.4 }) => ({
+          scale: `y${units.indexOf(unit)}`,
+          auto: false,
+          stroke: () => paint(stroke),
+          dash,
+          width,
+          points: { show: false },
+          paths: (u, index) => this.path(u, index - 1),
+        })),
+      ],
+      hooks: {
+        drawClear: [(u) => this.drawMarks(u)],
+        draw: [
+          (u) => {
+            this.drawEnds(u);
+            this.moveLines();
+          },
+        ],
+      },
     };
   }
 
   // "Tracking error [m]": what all lines of a unit have in common, else the unit.
   axisTitle(unit) {
-    const groups = new Set(this.names.filter((name) => !this.isMerged(name) && this.signal(name).unit === unit).map((name) => this.signal(name).group)), [group] = groups;
+    const groups = new Set(
+        this.names
+          .filter((name) => !this.isMerged(name) && this.signal(name).unit === unit)
+          .map((name) => this.signal(name).group),
+      ),
+      [group] = groups;
     if (groups.size !== 1 || !group) return unit;
     return `${group.charAt(0).toUpperCase()}${group.slice(1)}${unit ? ` [${unit}]` : ""}`;
   }
 
   // Never so small that uPlot finds no room for its axes.
-  size() { return { width: Math.max(160, this.plot.clientWidth), height: Math.max(50, this.plot.clientHeight) }; }
+  size() {
+    return { width: Math.max(160, this.plot.clientWidth), height: Math.max(50, this.plot.clientHeight) };
+  }
 
-  scale(unit) { return { range: () => this.rangeOf(unit) }; }
+  scale(unit) {
+    return { range: () => this.rangeOf(unit) };
+  }
 
   // Least and greatest of what is shown in a unit; null of nothing.
   extentOf(unit) {
-    let low = /** @type {number | null} */ (null), high = /** @type {number | null} */ (null);
+    let low = /** @type {number | null} */ (null),
+      high = /** @type {number | null} */ (null);
     this.pieces.forEach((piece, i) => {
-      if (piece && this.lines[i]?.unit === unit) [low, high] = extent(piece.values, piece.from, piece.to, low, high);
+      if (piece && this.lines[i]?.unit === unit)
+        [low, high] = extent(piece.values, piece.from, piece.to, low, high);
     });
     return [low, high];
   }
 
   rangeOf(unit) {
     let [low, high] = this.extentOf(unit);
-    if (unit in this.limits && low !== null && high !== null) [low, high] = [Math.min(low, this.limits[unit]), Math.max(high, this.limits[unit])];
+    if (unit in this.limits && low !== null && high !== null)
+      [low, high] = [Math.min(low, this.limits[unit]), Math.max(high, this.limits[unit])];
     return this.range(unit, low, high);
   }
 
   // Below the lines: where limits are, and when something happened.
   drawMarks(u) {
-    const { ctx, bbox: { left, top, width, height } } = u, ratio = devicePixelRatio, { min, max } = u.scales.x;
+    const {
+        ctx,
+        bbox: { left, top, width, height },
+      } = u,
+      ratio = devicePixelRatio,
+      { min, max } = u.scales.x;
     ctx.save();
     ctx.beginPath();
     ctx.rect(left, top, width, height);
@@ -246,7 +358,7 @@ export class Chart {
     for (const { t: time, text, kind } of this.hasEvents ? this.axis.events : []) {
       const t = time - this.axis.origin;
       if (t < min || t > max) continue;
-      const x = Math.round(left + (t - min) / (max - min) * width) + 0.5;
+      const x = Math.round(left + ((t - min) / (max - min)) * width) + 0.5;
       stroke(kind === "warn" ? "var(--amber)" : "var(--strong)", [], [x, top], [x, top + height]);
       if (x < free) continue;
       const words = text.length > 28 ? `${text.slice(0, 27)}…` : text;
@@ -258,11 +370,19 @@ export class Chart {
   }
 
   // A mark at the bottom where samples are missing, and how many; those of neighbouring holes together.
-  drawHoles({ ctx, bbox: { left, top, width, height }, scales: { x: { min, max } } }) {
-    const ratio = devicePixelRatio, apart = 74 * ratio, groups = [];
+  drawHoles({
+    ctx,
+    bbox: { left, top, width, height },
+    scales: {
+      x: { min, max },
+    },
+  }) {
+    const ratio = devicePixelRatio,
+      apart = 74 * ratio,
+      groups = [];
     ctx.fillStyle = paint("var(--amber)");
     for (const { t, count } of this.pieces[0]?.holes ?? []) {
-      const x = left + (t - min) / (max - min) * width;
+      const x = left + ((t - min) / (max - min)) * width;
       if (t < min || t > max || !count) continue;
       ctx.fillRect(x - ratio, top + height - 5 * ratio, 2 * ratio, 5 * ratio);
       const last = groups.at(-1);
@@ -271,17 +391,23 @@ export class Chart {
     }
     ctx.textBaseline = "bottom";
     ctx.textAlign = "center";
-    for (const { x, count } of groups) ctx.fillText(`${count} missing`, Math.max(left + apart / 2, x), top + height - 6 * ratio);
+    for (const { x, count } of groups)
+      ctx.fillText(`${count} missing`, Math.max(left + apart / 2, x), top + height - 6 * ratio);
   }
 
   path(u, i) {
     this.ends[i] = null;
     const piece = this.pieces[i];
     if (!piece) return null;
-    const { times, values, from, to, shift = 0 } = piece, key = u.series[i + 1].scale, y = u.scales[key];
-    const { left, width, top, height } = u.bbox, { min, max } = u.scales.x;
-    const slope = width / (max - min), rise = height / (y.max - y.min);
-    const yOf = y.distr === 3 ? (value) => u.valToPos(value, key, true) : (value) => top + (y.max - value) * rise;
+    const { times, values, from, to, shift = 0 } = piece,
+      key = u.series[i + 1].scale,
+      y = u.scales[key];
+    const { left, width, top, height } = u.bbox,
+      { min, max } = u.scales.x;
+    const slope = width / (max - min),
+      rise = height / (y.max - y.min);
+    const yOf =
+      y.distr === 3 ? (value) => u.valToPos(value, key, true) : (value) => top + (y.max - value) * rise;
     const { path, end } = trace(times, values, from, to, (time) => left + (time - shift - min) * slope, yOf);
     this.ends[i] = end;
     return { stroke: path, fill: null, clip: null, band: null, gaps: null, flags: 1 };
@@ -289,13 +415,18 @@ export class Chart {
 
   // The name of each line where it ends, moved apart where they would cover each other.
   drawEnds(u) {
-    const { ctx, bbox } = u, ratio = devicePixelRatio, least = 11 * ratio, right = bbox.left + bbox.width;
-    const ends = this.lines.map(({ label, stroke }, i) => ({ label, end: this.ends[i], color: stroke }))
+    const { ctx, bbox } = u,
+      ratio = devicePixelRatio,
+      least = 11 * ratio,
+      right = bbox.left + bbox.width;
+    const ends = this.lines
+      .map(({ label, stroke }, i) => ({ label, end: this.ends[i], color: stroke }))
       .filter(({ label, end }) => label && end);
     if (!ends.length || this.names.length < 2 || this.axis.head !== null) return; // a replay's lines go to the edge
     ends.sort((a, b) => a.end[1] - b.end[1]);
     let below = bbox.top - least / 2;
-    for (const one of ends) below = one.y = Math.max(below + least, Math.min(one.end[1], bbox.top + bbox.height));
+    for (const one of ends)
+      below = one.y = Math.max(below + least, Math.min(one.end[1], bbox.top + bbox.height));
     let above = bbox.top + bbox.height + least / 2;
     for (const one of ends.reverse()) above = one.y = Math.min(one.y, above - least);
     ctx.save();
@@ -303,7 +434,8 @@ export class Chart {
     ctx.textBaseline = "middle";
     ctx.textAlign = "left";
     for (const { label, end, y, color } of ends) {
-      const text = label.length > 18 ? `${label.slice(0, 17)}…` : label, wide = ctx.measureText(text).width;
+      const text = label.length > 18 ? `${label.slice(0, 17)}…` : label,
+        wide = ctx.measureText(text).width;
       const x = Math.min(end[0] + 5 * ratio, right - wide - 2 * ratio);
       if (x < end[0]) {
         ctx.fillStyle = paint("var(--veil)");
@@ -326,34 +458,51 @@ export class Chart {
     if (!this.isSeen || !axis.isKnown || !uplot) return; // also not in a tab that is hidden
     if (axis.paused ? this.drawn === axis.version : at < this.due) return;
     this.drawn = axis.version;
-    const [min, to] = axis.span, width = Math.max(60, uplot.bbox.width / devicePixelRatio);
-    const max = axis.hasRoom ? to + (to - min) * this.room / Math.max(40, width - this.room) : to;
+    const [min, to] = axis.span,
+      width = Math.max(60, uplot.bbox.width / devicePixelRatio);
+    const max = axis.hasRoom ? to + ((to - min) * this.room) / Math.max(40, width - this.room) : to;
     this.pieces = this.lines.map((line) => this.source.samples(line, min, max));
-    this.due = at + Math.max(PERIOD, 500 * (max - min) / width); // half a pixel later
+    this.due = at + Math.max(PERIOD, (500 * (max - min)) / width); // half a pixel later
     this.show(min, max);
-    if (this.hasFigures && this.source.figures && (axis.paused || at >= this.counted)) { this.counted = at + COUNT; this.figures.draw(); }
+    if (this.hasFigures && this.source.figures && (axis.paused || at >= this.counted)) {
+      this.counted = at + COUNT;
+      this.figures.draw();
+    }
     // It runs on under the pointer.
     if (this.pointer !== undefined && !axis.paused) axis.point(this.timeAt(this.pointer));
-    if (at - this.read >= READ || axis.paused) { this.read = at; this.readOut(); }
+    if (at - this.read >= READ || axis.paused) {
+      this.read = at;
+      this.readOut();
+    }
   }
 
-  show(min, max) { this.uplot.setScale("x", { min, max }); }
+  show(min, max) {
+    this.uplot.setScale("x", { min, max });
+  }
 
   // css: pixels from the left of the plot
   timeAt(css) {
-    const { left, width } = this.uplot.bbox, { min, max } = this.uplot.scales.x;
-    return min + (css * devicePixelRatio - left) / width * (max - min);
+    const { left, width } = this.uplot.bbox,
+      { min, max } = this.uplot.scales.x;
+    return min + ((css * devicePixelRatio - left) / width) * (max - min);
   }
 
   // The shared cursor and a replay's play-head.
   moveLines() {
-    const { left, width, top, height } = this.uplot?.bbox ?? {}, { min, max } = this.uplot?.scales.x ?? {};
-    for (const [line, time] of [[this.cursor, this.axis.cursor], [this.head, this.axis.head]]) {
+    const { left, width, top, height } = this.uplot?.bbox ?? {},
+      { min, max } = this.uplot?.scales.x ?? {};
+    for (const [line, time] of [
+      [this.cursor, this.axis.cursor],
+      [this.head, this.axis.head],
+    ]) {
       line.hidden = !(time !== null && time >= min && time <= max);
       if (line.hidden) continue;
-      const x = (left + (time - min) / (max - min) * width) / devicePixelRatio;
+      const x = (left + ((time - min) / (max - min)) * width) / devicePixelRatio;
       line.style.transform = `translateX(${x.toFixed(1)}px)`;
-      Object.assign(line.style, { top: `${top / devicePixelRatio}px`, height: `${height / devicePixelRatio}px` });
+      Object.assign(line.style, {
+        top: `${top / devicePixelRatio}px`,
+        height: `${height / devicePixelRatio}px`,
+      });
     }
   }
 
@@ -376,6 +525,6 @@ export class Chart {
 function pattern(stroke, dash) {
   if (!dash?.length) return stroke;
   let at = 0;
-  const stops = dash.map((length, i) => `${i % 2 ? "transparent" : stroke} ${at}px ${at += length}px`);
+  const stops = dash.map((length, i) => `${i % 2 ? "transparent" : stroke} ${at}px ${(at += length)}px`);
   return `repeating-linear-gradient(to right, ${stops.join(", ")})`;
 }

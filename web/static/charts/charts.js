@@ -23,25 +23,38 @@ const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s
 const MOST_EVENTS = 400; // lines
 const RENEW = 1000; // ms between two spectra
 const LINES = { time: Chart, xy: XyChart };
-const DENSITIES = { spectrum: [LiveSpectra, SpectrumChart], spectrogram: [LiveSpectrogram, SpectrogramChart] };
+const DENSITIES = {
+  spectrum: [LiveSpectra, SpectrumChart],
+  spectrogram: [LiveSpectrogram, SpectrogramChart],
+};
 const LOOK = 66; // ms; each chart knows when it is due
 
 // What the server says of the texts of derived signals.
-export const liveExpressions = (texts) => get(`/api/expressions?${texts.map((text) => `text=${encodeURIComponent(text)}`).join("&")}`);
+export const liveExpressions = (texts) =>
+  get(`/api/expressions?${texts.map((text) => `text=${encodeURIComponent(text)}`).join("&")}`);
 
 // A chart as a layout keeps it: what is usual is left out.
 function lookOf({ names, scales, limits, view, hasFigures, hasEvents }) {
-  return { signals: names, scales: { ...scales }, ...(view === "time" ? {} : { view }), ...(Object.keys(limits).length ? { limits: { ...limits } } : {}),
-    ...(hasFigures ? { hasFigures } : {}), ...(hasEvents ? { hasEvents } : {}) };
+  return {
+    signals: names,
+    scales: { ...scales },
+    ...(view === "time" ? {} : { view }),
+    ...(Object.keys(limits).length ? { limits: { ...limits } } : {}),
+    ...(hasFigures ? { hasFigures } : {}),
+    ...(hasEvents ? { hasEvents } : {}),
+  };
 }
 
 export class Charts {
-  chosen; add; pause; // made by the tools
+  chosen;
+  add;
+  pause; // made by the tools
   slowness = 1;
 
   // events: of this page; what happens is a line in the charts
   constructor(place, telemetry, description, events) {
-    this.place = place; this.telemetry = telemetry;
+    this.place = place;
+    this.telemetry = telemetry;
     this.signals = new Map(description.signals.map((signal) => [signal.name, signal]));
     this.history = new History(telemetry);
     this.layouts = new Layouts(this.signals);
@@ -62,16 +75,31 @@ export class Charts {
     setInterval(() => this.drawBar(), 500);
     setInterval(() => this.renew(), RENEW);
     new ResizeObserver(() => this.cover()).observe($("view"));
-    place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.expand(null); });
+    place.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") this.expand(null);
+    });
     // One column: nothing to cover.
-    document.addEventListener("tab", ({ detail }) => { if (detail === "charts") this.expand(null); });
+    document.addEventListener("tab", ({ detail }) => {
+      if (detail === "charts") this.expand(null);
+    });
   }
 
   follow(events) {
-    const { axis, history } = this, add = ({ time, text, level }) => { axis.events = [...axis.events.slice(-MOST_EVENTS), { t: time, text, kind: level === "info" ? "" : "warn" }]; };
-    events.on("hello", ({ events: lines }) => { axis.events = []; lines.filter(({ time }) => time).forEach(add); });
+    const { axis, history } = this,
+      add = ({ time, text, level }) => {
+        axis.events = [
+          ...axis.events.slice(-MOST_EVENTS),
+          { t: time, text, kind: level === "info" ? "" : "warn" },
+        ];
+      };
+    events.on("hello", ({ events: lines }) => {
+      axis.events = [];
+      lines.filter(({ time }) => time).forEach(add);
+    });
     events.on("event", (line) => add({ ...line, time: line.time ?? history.origin + axis.now }));
-    this.telemetry.addEventListener("frame", ({ detail }) => { this.slowness = detail.slowness; });
+    this.telemetry.addEventListener("frame", ({ detail }) => {
+      this.slowness = detail.slowness;
+    });
   }
 
   // A signal from now on, in all menus; throws what is wrong with the text.
@@ -83,23 +111,59 @@ export class Charts {
   }
 
   bar() {
-    this.pause = element("button", { title: "pause or resume (space); recording of data goes on",
-      onclick: () => this.axis.toggle() }, "Pause");
-    this.windows = element("select", { ariaLabel: "seconds shown",
-      onchange: () => { this.axis.setWindow(Number(this.windows.value)); this.changed(); } });
-    this.reset = element("button", { title: "reset the zoom (double-click in a chart)", hidden: true,
-      onclick: () => this.axis.reset() }, "Whole window");
+    this.pause = element(
+      "button",
+      { title: "pause or resume (space); recording of data goes on", onclick: () => this.axis.toggle() },
+      "Pause",
+    );
+    this.windows = element("select", {
+      ariaLabel: "seconds shown",
+      onchange: () => {
+        this.axis.setWindow(Number(this.windows.value));
+        this.changed();
+      },
+    });
+    this.reset = element(
+      "button",
+      { title: "reset the zoom (double-click in a chart)", hidden: true, onclick: () => this.axis.reset() },
+      "Whole window",
+    );
     this.state = element("output", { className: "state" });
     this.at = element("output", { className: "at" });
-    this.chosen = element("select", { ariaLabel: "layout of the charts", onchange: () => this.chooseLayout() });
-    this.add = element("button", { title: "add a chart", ariaLabel: "add a chart",
-      onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, icon("add"));
-    this.layoutMenu = new LayoutMenu(this.layouts, { current: () => this.layout, shown: () => this.name,
-      show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list(),
-      derive: (text) => this.derive(text) });
-    return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows,
-      this.reset, this.state, this.at,
-      element("span", { className: "right" }, this.chosen, this.layoutMenu.button, this.add), this.layoutMenu.place);
+    this.chosen = element("select", {
+      ariaLabel: "layout of the charts",
+      onchange: () => this.chooseLayout(),
+    });
+    this.add = element(
+      "button",
+      {
+        title: "add a chart",
+        ariaLabel: "add a chart",
+        onclick: () => {
+          this.addChart({ signals: [], scales: {} });
+          this.changed();
+        },
+      },
+      icon("add"),
+    );
+    this.layoutMenu = new LayoutMenu(this.layouts, {
+      current: () => this.layout,
+      shown: () => this.name,
+      show: (name) => this.show(this.layouts.of(name), name),
+      listed: () => this.list(),
+      derive: (text) => this.derive(text),
+    });
+    return element(
+      "div",
+      { className: "bar", role: "toolbar", ariaLabel: "charts" },
+      this.pause,
+      this.windows,
+      this.reset,
+      this.state,
+      this.at,
+      element("span", { className: "right" }, this.chosen, this.layoutMenu.button, this.add),
+      this.layoutMenu.place,
+    );
   }
 
   get layout() {
@@ -114,7 +178,9 @@ export class Charts {
   }
 
   // What is shown is kept; a name stays while nothing is changed.
-  changed() { this.named(""); }
+  changed() {
+    this.named("");
+  }
 
   named(name) {
     this.name = name;
@@ -128,8 +194,10 @@ export class Charts {
     this.chosen.replaceChildren(
       ...(this.name ? [] : [element("option", { value: "" }, "changed")]),
       element("optgroup", { label: "built in" }, ...Object.keys(BUILT_IN).map(option)),
-      ...(this.layouts.names.length ? [element("optgroup", { label: "saved here" }, ...this.layouts.names.map(option))]
-        : []));
+      ...(this.layouts.names.length
+        ? [element("optgroup", { label: "saved here" }, ...this.layouts.names.map(option))]
+        : []),
+    );
     this.chosen.value = this.name;
   }
 
@@ -147,7 +215,10 @@ export class Charts {
   }
 
   make(place, /** @type {any} */ { signals: names, view = "time", ...look }) {
-    const made = view in LINES ? this.overTime(LINES[view], place, names, look) : this.overFrequency(DENSITIES[view], place, names, look);
+    const made =
+      view in LINES
+        ? this.overTime(LINES[view], place, names, look)
+        : this.overFrequency(DENSITIES[view], place, names, look);
     return Object.assign(made, { view });
   }
 
@@ -159,7 +230,8 @@ export class Charts {
   }
 
   overFrequency([Source, Kind], place, names, look) {
-    const source = new Source(this.signals, this.axis), chart = new Kind(place, { axis: source.axis ?? this.axis, source, ...look });
+    const source = new Source(this.signals, this.axis),
+      chart = new Kind(place, { axis: source.axis ?? this.axis, source, ...look });
     chart.select(names);
     const problem = element("output", { className: "state" });
     chart.tools.append(problem);
@@ -172,7 +244,8 @@ export class Charts {
   // The same signals in another view.
   change(chart, view) {
     if (this.menu.isOpen) this.menu.close();
-    const at = this.charts.indexOf(chart), { place } = chart;
+    const at = this.charts.indexOf(chart),
+      { place } = chart;
     chart.close();
     place.replaceChildren();
     this.charts.splice(at, 1);
@@ -185,14 +258,50 @@ export class Charts {
   put(chart, at) {
     const { place } = chart;
     pointingByKeys(chart);
-    const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false",
-      onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
-    chart.grow = element("button", { className: "icon", title: "expand over the 3D view; Escape restores it",
-      ariaLabel: "expand", ariaPressed: String(place.classList.contains("expanded")),
-      onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, icon("expand"));
-    chart.less = element("button", { className: "icon", title: "remove this chart", ariaLabel: "remove chart",
-      onclick: () => { this.removeChart(chart); this.changed(); } }, icon("close"));
-    chart.tools.append(choose, viewMenu(chart, chart.view, (view) => this.change(chart, view), () => this.changed()), chart.grow, chart.less);
+    const choose = element(
+      "button",
+      {
+        title: "choose signals, set scales",
+        ariaExpanded: "false",
+        onclick: () => this.menu.toggle(chart, choose, () => this.changed()),
+      },
+      "Signals",
+    );
+    chart.grow = element(
+      "button",
+      {
+        className: "icon",
+        title: "expand over the 3D view; Escape restores it",
+        ariaLabel: "expand",
+        ariaPressed: String(place.classList.contains("expanded")),
+        onclick: () => this.expand(place.classList.contains("expanded") ? null : chart),
+      },
+      icon("expand"),
+    );
+    chart.less = element(
+      "button",
+      {
+        className: "icon",
+        title: "remove this chart",
+        ariaLabel: "remove chart",
+        onclick: () => {
+          this.removeChart(chart);
+          this.changed();
+        },
+      },
+      icon("close"),
+    );
+    chart.tools.append(
+      choose,
+      viewMenu(
+        chart,
+        chart.view,
+        (view) => this.change(chart, view),
+        () => this.changed(),
+      ),
+      chart.grow,
+      chart.less,
+    );
     this.charts.splice(at, 0, chart);
   }
 
@@ -224,11 +333,17 @@ export class Charts {
   }
 
   cover() {
-    const place = this.row.querySelector(".expanded"), { left, top, width, height } = $("view").getBoundingClientRect();
+    const place = this.row.querySelector(".expanded"),
+      { left, top, width, height } = $("view").getBoundingClientRect();
     for (const { place: one } of this.charts) if (one !== place) one.removeAttribute("style");
     this.row.style.setProperty("--count", String(Math.max(1, this.charts.length - (place ? 1 : 0))));
-    if (place) Object.assign(place.style, { left: `${left}px`, top: `${top + 40}px`, width: `${width}px`,
-      height: `${height - 40}px` });
+    if (place)
+      Object.assign(place.style, {
+        left: `${left}px`,
+        top: `${top + 40}px`,
+        width: `${width}px`,
+        height: `${height - 40}px`,
+      });
   }
 
   renew() {
@@ -243,12 +358,17 @@ export class Charts {
   }
 
   drawBar() {
-    const { axis } = this, { paused, zoom } = axis, seconds = Math.round(axis.window);
-    const choices = (WINDOWS.includes(seconds) ? WINDOWS : [...WINDOWS, seconds].sort((a, b) => a - b));
+    const { axis } = this,
+      { paused, zoom } = axis,
+      seconds = Math.round(axis.window);
+    const choices = WINDOWS.includes(seconds) ? WINDOWS : [...WINDOWS, seconds].sort((a, b) => a - b);
     if (choices.join() !== this.choices) {
       this.choices = choices.join();
-      this.windows.replaceChildren(...choices.map((one) => element("option", { value: one },
-        one < 120 ? `${one} s` : `${Number((one / 60).toFixed(1))} min`)));
+      this.windows.replaceChildren(
+        ...choices.map((one) =>
+          element("option", { value: one }, one < 120 ? `${one} s` : `${Number((one / 60).toFixed(1))} min`),
+        ),
+      );
     }
     if (this.windows.value !== String(seconds)) this.windows.value = seconds;
     this.pause.ariaPressed = String(paused);
@@ -256,14 +376,19 @@ export class Charts {
     hide(this.reset, !zoom);
     this.place.classList.toggle("paused", paused);
     const shown = zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : "";
-    const coarse = this.slowness > 1 ? `coarser, for this connection is slow: least and greatest of ${this.slowness} samples` : "";
+    const coarse =
+      this.slowness > 1
+        ? `coarser, for this connection is slow: least and greatest of ${this.slowness} samples`
+        : "";
     setText(this.state, paused ? `paused for ${duration(axis.pausedFor)}${shown}` : coarse);
     setText(this.at, this.stamp);
   }
 
   // When the sample under the cursor was taken.
   get stamp() {
-    const { axis } = this, { source, names: [name] = [] } = this.charts.find(({ source: one, names }) => one.stamp && names.length) ?? {};
+    const { axis } = this,
+      { source, names: [name] = [] } =
+        this.charts.find(({ source: one, names }) => one.stamp && names.length) ?? {};
     const time = name && axis.cursor !== null ? source.stamp(name) : undefined;
     return time === undefined ? "" : `at ${axis.clock(time, 4)}`;
   }

@@ -4,7 +4,8 @@
 /** @typedef {{ name: string, label: string, unit: string, group: string, topic: string, problem?: string }} Signal */
 /** @typedef {(texts: string[]) => Promise<Signal[]>} Ask what the server says of texts */
 
-const KEY = "charts.derived", MOST = 24;
+const KEY = "charts.derived",
+  MOST = 24;
 
 /** @param {string} name */
 export const isDerived = (name) => name.includes("=");
@@ -14,7 +15,9 @@ function kept() {
   try {
     const names = JSON.parse(localStorage.getItem(KEY) ?? "[]");
     return Array.isArray(names) ? names.filter((name) => typeof name === "string" && isDerived(name)) : [];
-  } catch { return []; }
+  } catch {
+    return [];
+  }
 }
 
 /** @param {string[]} names */
@@ -31,9 +34,11 @@ export async function derivedSignals(ask, more = /** @type {string[]} */ ([])) {
 // A new one, kept from now on; throws the one line that says what is wrong with it.
 /** @param {string} text @param {Ask} ask */
 export async function derive(text, ask) {
-  const [signal] = await ask([text]), names = kept();
+  const [signal] = await ask([text]),
+    names = kept();
   if (signal.problem) throw new Error(signal.problem);
-  if (names.length >= MOST && !names.includes(signal.name)) throw new Error(`${names.length} derived signals are kept; remove one first`);
+  if (names.length >= MOST && !names.includes(signal.name))
+    throw new Error(`${names.length} derived signals are kept; remove one first`);
   keep([...new Set([...names, signal.name])]);
   return signal;
 }

@@ -10,7 +10,8 @@ const LEAST = 1024; // samples
 export class Series {
   /** @type {Hole[]} */
   holes = [];
-  start = 0; end = 0;
+  start = 0;
+  end = 0;
 
   /** @param {string[]} names */
   constructor(names) {
@@ -20,7 +21,9 @@ export class Series {
     this.columns = new Map(names.map((name) => [name, new Float32Array(LEAST)]));
   }
 
-  get last() { return this.end > this.start ? this.times[this.end - 1] : undefined; }
+  get last() {
+    return this.end > this.start ? this.times[this.end - 1] : undefined;
+  }
 
   /** @param {Float64Array} times @param {Float32Array[]} columns @param {Hole[]} [holes] */
   add(times, columns, holes = []) {
@@ -30,7 +33,10 @@ export class Series {
     this.end += times.length;
     const oldest = (this.last ?? 0) - KEPT;
     this.start = indexAt(this.times, oldest, this.start, this.end);
-    this.holes = [...(this.holes[0]?.t < oldest ? this.holes.filter(({ t }) => t >= oldest) : this.holes), ...holes];
+    this.holes = [
+      ...(this.holes[0]?.t < oldest ? this.holes.filter(({ t }) => t >= oldest) : this.holes),
+      ...holes,
+    ];
   }
 
   clear() {
@@ -41,11 +47,16 @@ export class Series {
   // For so many more: at most half of it is in use afterwards.
   /** @param {number} count */
   room(count) {
-    const { start, end, times: { length } } = this, needed = 2 * (end - start + count);
+    const {
+        start,
+        end,
+        times: { length },
+      } = this,
+      needed = 2 * (end - start + count);
     if (end + count <= length) return;
     /** @template {Float64Array | Float32Array} T @param {T} old @returns {T} */
     const moved = (old) => {
-      const all = /** @type {T} */ (needed > length ? new (/** @type {any} */ (old.constructor))(needed) : old);
+      const all = /** @type {T} */ (needed > length ? new /** @type {any} */ (old.constructor)(needed) : old);
       if (all === old) all.copyWithin(0, start, end);
       else all.set(old.subarray(start, end));
       return all;
@@ -60,12 +71,15 @@ export class Series {
   /** @param {Set<string>} wanted */
   narrow(wanted) {
     this.names = this.names.filter((name) => wanted.has(name));
-    this.columns = new Map(this.names.map((name) => [name, /** @type {Float32Array} */ (this.columns.get(name))]));
+    this.columns = new Map(
+      this.names.map((name) => [name, /** @type {Float32Array} */ (this.columns.get(name))]),
+    );
   }
 
   // A copy that stays as it is.
   freeze() {
-    const { start, end, names } = this, copy = new Series(names);
+    const { start, end, names } = this,
+      copy = new Series(names);
     copy.times = this.times.slice(start, end);
     copy.columns = new Map([...this.columns].map(([name, column]) => [name, column.slice(start, end)]));
     return Object.assign(copy, { end: end - start, holes: this.holes });
@@ -86,11 +100,17 @@ export class History {
     telemetry.addEventListener("origin", () => this.series.forEach((one) => one.clear())); // all of it comes anew
   }
 
-  get origin() { return this.telemetry.origin; }
+  get origin() {
+    return this.telemetry.origin;
+  }
   /** @returns {any} the oldest time; undefined while it is empty */
-  get first() { return first(this.series); }
+  get first() {
+    return first(this.series);
+  }
   /** @param {string} name */
-  of(name) { return this.series.find(({ columns }) => columns.has(name)); }
+  of(name) {
+    return this.series.find(({ columns }) => columns.has(name));
+  }
 
   /**
    * @param {string} who
@@ -99,21 +119,31 @@ export class History {
   want(who, names) {
     if (names.length) this.wants.set(who, names);
     else this.wants.delete(who);
-    const wanted = new Set([...this.wants.values()].flat()), news = [...wanted].filter((name) => !this.of(name));
+    const wanted = new Set([...this.wants.values()].flat()),
+      news = [...wanted].filter((name) => !this.of(name));
     const size = this.series.flatMap((one) => one.names).length;
     for (const one of this.series) one.narrow(wanted);
     this.series = this.series.filter((one) => one.names.length);
     if (!news.length && size === this.series.flatMap((one) => one.names).length) return;
-    const { topicOf } = this.telemetry, topics = new Set(news.map((name) => topicOf.get(name)));
-    this.series.push(...[...topics].map((topic) => new Series(news.filter((name) => topicOf.get(name) === topic))));
+    const { topicOf } = this.telemetry,
+      topics = new Set(news.map((name) => topicOf.get(name)));
+    this.series.push(
+      ...[...topics].map((topic) => new Series(news.filter((name) => topicOf.get(name) === topic))),
+    );
     this.telemetry.chart(this.series);
   }
 
   // A copy that stays as it is.
   freeze() {
     const series = this.series.map((one) => one.freeze());
-    return { origin: this.origin, series, get first() { return first(series); },
-      of: (/** @type {string} */ name) => series.find(({ columns }) => columns.has(name)) };
+    return {
+      origin: this.origin,
+      series,
+      get first() {
+        return first(series);
+      },
+      of: (/** @type {string} */ name) => series.find(({ columns }) => columns.has(name)),
+    };
   }
 }
 
@@ -141,6 +171,8 @@ export function indexAt(times, time, start, end) {
  * @param {number} start @param {number} end
  */
 export function between(times, min, max, start, end) {
-  return { from: Math.max(start, indexAt(times, min, start, end) - 1),
-    to: Math.min(end, indexAt(times, max, start, end) + 1) };
+  return {
+    from: Math.max(start, indexAt(times, min, start, end) - 1),
+    to: Math.min(end, indexAt(times, max, start, end) + 1),
+  };
 }

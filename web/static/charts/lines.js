@@ -1,10 +1,20 @@
 // How lines look, and their way through samples: gaps stay gaps, many samples a pixel become one stroke.
 
 /** @type {Record<string, string>} */
-const AXIS = { x: "var(--x)", y: "var(--y)", z: "var(--z)", roll: "var(--x)", pitch: "var(--y)", yaw: "var(--z)" };
-const OTHERS = ["teal", "violet", "gold", "rose", "accent", "amber", "y", "text"].map((name) => `var(--${name})`);
+const AXIS = {
+  x: "var(--x)",
+  y: "var(--y)",
+  z: "var(--z)",
+  roll: "var(--x)",
+  pitch: "var(--y)",
+  yaw: "var(--z)",
+};
+const OTHERS = ["teal", "violet", "gold", "rose", "accent", "amber", "y", "text"].map(
+  (name) => `var(--${name})`,
+);
 const DASHES = [[], [9, 3], [2, 3], [9, 3, 2, 3]];
-const REFERENCE = [5, 4], TRUTH = [1.5, 3];
+const REFERENCE = [5, 4],
+  TRUTH = [1.5, 3];
 
 /** @param {string} name */
 export const isReference = (name) => name.startsWith("reference.");
@@ -17,7 +27,9 @@ export function stylesOf(names) {
   const vectors = [];
   let others = 0;
   return names.map((name) => {
-    const parts = name.split("."), axis = parts.pop() ?? "", of = parts.join(".");
+    const parts = name.split("."),
+      axis = parts.pop() ?? "",
+      of = parts.join(".");
     if (!(axis in AXIS)) {
       const i = others++;
       return { stroke: OTHERS[i % OTHERS.length], dash: DASHES[i % DASHES.length] };
@@ -60,12 +72,27 @@ export function extent(values, from, to, low = null, high = null) {
  */
 export function trace(times, values, from, to, xOf, yOf) {
   const path = new Path2D();
-  let pen = false, column = NaN, first = 0, low = 0, high = 0, last = 0, count = 0, end = null, start = 0;
-  const flush = () => { // one stroke for all samples of a pixel
+  let pen = false,
+    column = NaN,
+    first = 0,
+    low = 0,
+    high = 0,
+    last = 0,
+    count = 0,
+    end = null,
+    start = 0;
+  const flush = () => {
+    // one stroke for all samples of a pixel
     if (!count) return;
     if (pen) path.lineTo(column, first);
-    else { path.moveTo(column, first); start = 0; }
-    if (count > 2) { path.lineTo(column, low); path.lineTo(column, high); }
+    else {
+      path.moveTo(column, first);
+      start = 0;
+    }
+    if (count > 2) {
+      path.lineTo(column, low);
+      path.lineTo(column, high);
+    }
     if (count > 1) path.lineTo(column, last);
     start += count;
     pen = true;
@@ -78,9 +105,16 @@ export function trace(times, values, from, to, xOf, yOf) {
   };
   for (let i = from; i < to; i++) {
     const value = values[i];
-    if (!(Math.abs(value) < Infinity)) { lift(); continue; }
-    const x = Math.round(xOf(times[i])), y = yOf(value);
-    if (x !== column) { flush(); column = x; }
+    if (!(Math.abs(value) < Infinity)) {
+      lift();
+      continue;
+    }
+    const x = Math.round(xOf(times[i])),
+      y = yOf(value);
+    if (x !== column) {
+      flush();
+      column = x;
+    }
     if (!count) first = low = high = y;
     else if (y < low) low = y;
     else if (y > high) high = y;
@@ -94,13 +128,29 @@ export function trace(times, values, from, to, xOf, yOf) {
 
 // A little air, and a least height for each unit: noise should look like noise.
 /** @type {Record<string, number>} */
-const LEAST = { m: 0.02, "m/s": 0.05, "m/s²": 0.2, "°": 1, "°/s": 2, N: 0.5, "N m": 0.02, kg: 0.01, V: 0.2, mm: 2,
-  ms: 5, "µs": 50, count: 2, "%": 1, Hz: 2 };
+const LEAST = {
+  m: 0.02,
+  "m/s": 0.05,
+  "m/s²": 0.2,
+  "°": 1,
+  "°/s": 2,
+  N: 0.5,
+  "N m": 0.02,
+  kg: 0.01,
+  V: 0.2,
+  mm: 2,
+  ms: 5,
+  µs: 50,
+  count: 2,
+  "%": 1,
+  Hz: 2,
+};
 
 /** @param {number | null} low @param {number | null} high @param {string} unit @returns {[number, number]} */
 export function spread(low, high, unit) {
   if (low === null || high === null) return [-1, 1];
-  const height = high - low, scale = Math.max(Math.abs(low), Math.abs(high));
+  const height = high - low,
+    scale = Math.max(Math.abs(low), Math.abs(high));
   const least = LEAST[unit] ?? (scale > 0 ? Math.min(0.01, 0.1 * scale) : 1);
   const room = Math.max(0.08 * height, 0.5 * (least - height), 1e-9 * scale);
   return [low - room, high + room];

@@ -7,7 +7,8 @@ const LEAST = 5; // px of a drag
 
 // Drag: zoom to it. Shift and drag, or a wheel sideways: pan. Wheel: zoom. Double click: all of it.
 export function pointing(chart) {
-  const { axis, plot } = chart, { signal } = chart.shown;
+  const { axis, plot } = chart,
+    { signal } = chart.shown;
   const mark = element("i", { className: "marked", hidden: true });
   let down = null; // where a drag began: { x, time, pans }
   let dragged = false; // until the click that follows
@@ -45,36 +46,58 @@ export function pointing(chart) {
     const [start, end] = [from.time, chart.timeAt(at(event))].sort((a, b) => a - b);
     axis.show(start, end);
   });
-  on("pointercancel", () => { down = null; mark.hidden = true; });
+  on("pointercancel", () => {
+    down = null;
+    mark.hidden = true;
+  });
   on("click", (event) => {
     if (!dragged && chart.uplot) axis.choose(chart.timeAt(at(event)));
     dragged = false;
   });
   on("dblclick", () => axis.reset());
-  on("wheel", (event) => {
-    if (!axis.isKnown || !chart.uplot) return;
-    event.preventDefault();
-    const [from, to] = axis.span, sideways = event.shiftKey ? event.deltaY : event.deltaX;
-    if (Math.abs(sideways) > Math.abs(event.shiftKey ? 0 : event.deltaY)) axis.pan((to - from) * sideways / 1000);
-    else axis.scale(Math.exp(event.deltaY * 1.5e-3), chart.timeAt(at(event)));
-  }, { passive: false });
+  on(
+    "wheel",
+    (event) => {
+      if (!axis.isKnown || !chart.uplot) return;
+      event.preventDefault();
+      const [from, to] = axis.span,
+        sideways = event.shiftKey ? event.deltaY : event.deltaX;
+      if (Math.abs(sideways) > Math.abs(event.shiftKey ? 0 : event.deltaY))
+        axis.pan(((to - from) * sideways) / 1000);
+      else axis.scale(Math.exp(event.deltaY * 1.5e-3), chart.timeAt(at(event)));
+    },
+    { passive: false },
+  );
 }
 
 // The same by keys, in the chart that has the focus.
 export function pointingByKeys(chart) {
-  const { axis, plot } = chart, { signal } = chart.shown;
+  const { axis, plot } = chart,
+    { signal } = chart.shown;
   plot.tabIndex = 0;
-  plot.addEventListener("blur", () => { if (chart.pointer === undefined) axis.point(null); }, { signal });
-  plot.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey || !axis.isKnown) return;
-    const [from, to] = axis.span, cursor = axis.cursor ?? to, side = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (side && event.shiftKey) axis.pan(side * 0.2 * (to - from));
-    else if (side) axis.point(Math.min(to, Math.max(from, cursor + side * STEP * (to - from))));
-    else if (event.key === "+" || event.key === "-") axis.scale(event.key === "+" ? 0.7 : 1 / 0.7, cursor);
-    else if (event.key === "Home") axis.reset();
-    else if (event.key === "Escape") axis.point(null);
-    else return;
-    event.preventDefault();
-    event.stopPropagation();
-  }, { signal });
+  plot.addEventListener(
+    "blur",
+    () => {
+      if (chart.pointer === undefined) axis.point(null);
+    },
+    { signal },
+  );
+  plot.addEventListener(
+    "keydown",
+    (event) => {
+      if (event.ctrlKey || event.altKey || event.metaKey || !axis.isKnown) return;
+      const [from, to] = axis.span,
+        cursor = axis.cursor ?? to,
+        side = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (side && event.shiftKey) axis.pan(side * 0.2 * (to - from));
+      else if (side) axis.point(Math.min(to, Math.max(from, cursor + side * STEP * (to - from))));
+      else if (event.key === "+" || event.key === "-") axis.scale(event.key === "+" ? 0.7 : 1 / 0.7, cursor);
+      else if (event.key === "Home") axis.reset();
+      else if (event.key === "Escape") axis.point(null);
+      else return;
+      event.preventDefault();
+      event.stopPropagation();
+    },
+    { signal },
+  );
 }

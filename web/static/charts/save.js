@@ -4,25 +4,35 @@ import { element } from "../core/dom.js";
 import { font, paint } from "../core/theme.js";
 import { documentOf, recorded } from "./svg.js";
 
-/** @typedef {{ names: string[], times: ArrayLike<number>, columns: ArrayLike<number>[] }} Group signals of the same instants */
+/**
+ * Signals of the same instants.
+ * @typedef {{ names: string[], times: ArrayLike<number>, columns: ArrayLike<number>[] }} Group
+ */
 
 // A row an instant, a column a signal; empty where a signal has no value then.
 /** @param {string} time the first column's name @param {Group[]} groups */
 export function csvOf(time, groups) {
-  const names = groups.flatMap((group) => group.names), width = names.length;
+  const names = groups.flatMap((group) => group.names),
+    width = names.length;
   /** @type {Map<number, string[]>} */
   const rows = new Map();
   let first = 0;
   for (const { names: own, times, columns } of groups) {
     for (let i = 0; i < times.length; i++) {
       const row = rows.get(times[i]) ?? Array(width).fill("");
-      columns.forEach((column, k) => { if (Number.isFinite(column[i])) row[first + k] = String(column[i]); });
+      columns.forEach((column, k) => {
+        if (Number.isFinite(column[i])) row[first + k] = String(column[i]);
+      });
       if (row.some(Boolean)) rows.set(times[i], row);
     }
     first += own.length;
   }
-  const quoted = [time, ...names].map((name) => (/[",\n]/.test(name) ? `"${name.replaceAll('"', '""')}"` : name));
-  const lines = [...rows].sort(([a], [b]) => a - b).map(([at, row]) => `${Number(at.toFixed(6))},${row.join(",")}`);
+  const quoted = [time, ...names].map((name) =>
+    /[",\n]/.test(name) ? `"${name.replaceAll('"', '""')}"` : name,
+  );
+  const lines = [...rows]
+    .sort(([a], [b]) => a - b)
+    .map(([at, row]) => `${Number(at.toFixed(6))},${row.join(",")}`);
   return `${[quoted.join(","), ...lines].join("\n")}\n`;
 }
 
@@ -34,25 +44,43 @@ function save(blob, name) {
 }
 
 /** @param {any} chart */
-const fileName = (chart) => (chart.names.slice(0, 3).join("_") || "chart").replace(/[^\w.-]+/g, "_").slice(0, 80);
+const fileName = (chart) =>
+  (chart.names.slice(0, 3).join("_") || "chart").replace(/[^\w.-]+/g, "_").slice(0, 80);
 
 // All samples of the time shown where the source has them, else what is drawn.
 /** @param {any} chart */
 export async function saveNumbers(chart) {
-  const { source, axis, lines, pieces } = chart, [from, to] = axis.span;
-  const groups = source.table ? await source.table(chart.names, from, to)
+  const { source, axis, lines, pieces } = chart,
+    [from, to] = axis.span;
+  const groups = source.table
+    ? await source.table(chart.names, from, to)
     : lines.flatMap((/** @type {any} */ { name, rotor, motor }, /** @type {number} */ i) => {
-      const piece = pieces[i], part = (/** @type {any} */ list) => Array.from(list).slice(piece.from, piece.to);
-      return piece ? [{ names: [motor ? `rotor ${motor ?? rotor}` : name], times: part(piece.times), columns: [part(piece.values)] }] : [];
-    });
+        const piece = pieces[i],
+          part = (/** @type {any} */ list) => Array.from(list).slice(piece.from, piece.to);
+        return piece
+          ? [
+              {
+                names: [motor ? `rotor ${motor ?? rotor}` : name],
+                times: part(piece.times),
+                columns: [part(piece.values)],
+              },
+            ]
+          : [];
+      });
   save(new Blob([csvOf(chart.xName, groups)], { type: "text/csv" }), `${fileName(chart)}.csv`);
 }
 
 // A canvas with the names of the lines, on which what the chart shows is then drawn at `at`.
 /** @param {any} chart */
 function sheet(chart) {
-  const { canvas } = chart.uplot.ctx, ratio = devicePixelRatio, margin = 10 * ratio, row = 16 * ratio;
-  const picture = element("canvas", { width: canvas.width + 2 * margin, height: canvas.height + row + 2 * margin });
+  const { canvas } = chart.uplot.ctx,
+    ratio = devicePixelRatio,
+    margin = 10 * ratio,
+    row = 16 * ratio;
+  const picture = element("canvas", {
+    width: canvas.width + 2 * margin,
+    height: canvas.height + row + 2 * margin,
+  });
   const context = /** @type {CanvasRenderingContext2D} */ (picture.getContext("2d"));
   const drawNames = () => {
     context.fillStyle = paint("var(--panel)");
@@ -79,17 +107,40 @@ function sheet(chart) {
 
 /** @param {any} chart */
 export function savePicture(chart) {
-  const { canvas, picture, context, drawNames, at: [x, y] } = sheet(chart);
+  const {
+    canvas,
+    picture,
+    context,
+    drawNames,
+    at: [x, y],
+  } = sheet(chart);
   drawNames();
   context.drawImage(canvas, x, y);
-  picture.toBlob((blob) => { if (blob) save(blob, `${fileName(chart)}.png`); });
+  picture.toBlob((blob) => {
+    if (blob) save(blob, `${fileName(chart)}.png`);
+  });
 }
 
 /** @param {any} chart */
 export async function saveDrawing(chart) {
-  const { uplot } = chart, { picture, context, drawNames, at: [x, y], ratio } = sheet(chart);
+  const { uplot } = chart,
+    {
+      picture,
+      context,
+      drawNames,
+      at: [x, y],
+      ratio,
+    } = sheet(chart);
   const names = await recorded(context, drawNames);
-  const plot = await recorded(uplot.ctx, () => { uplot.redraw(); return new Promise((done) => { setTimeout(done); }); });
+  const plot = await recorded(uplot.ctx, () => {
+    uplot.redraw();
+    return new Promise((done) => {
+      setTimeout(done);
+    });
+  });
   const parts = [...names, `<g transform="translate(${x} ${y})">`, ...plot, "</g>"];
-  save(new Blob([documentOf(parts, picture.width, picture.height, ratio)], { type: "image/svg+xml" }), `${fileName(chart)}.svg`);
+  save(
+    new Blob([documentOf(parts, picture.width, picture.height, ratio)], { type: "image/svg+xml" }),
+    `${fileName(chart)}.svg`,
+  );
 }

@@ -4,7 +4,8 @@
 
 import { partsOf, zoneMark } from "../core/time_zone.js";
 
-export const SHORTEST = 5, LONGEST = 600; // s
+export const SHORTEST = 5;
+export const LONGEST = 600; // s
 const FRAMES = 0.12; // s without a frame that are nothing: three frames
 const FINEST = 0.2; // s, of a zoom into what is paused
 const STEPS = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300]; // s between ticks
@@ -17,10 +18,14 @@ export class Axis extends EventTarget {
   events = []; // in order of time; t less the origin is a time of the axis
   version = 0; // counts what makes a chart that stands still draw again
 
-  get origin() { return 0; }
+  get origin() {
+    return 0;
+  }
 
   /** @returns {number | null} s, where a replay is */
-  get head() { return null; }
+  get head() {
+    return null;
+  }
 
   /** @param {number | null} time */
   point(time) {
@@ -38,10 +43,11 @@ export class Axis extends EventTarget {
 /** @param {number} min @param {number} max @param {number} most @param {number} [now] */
 export function ticksOf(min, max, most, now) {
   if (!(max > min)) return [];
-  const least = (max - min) / most, step = STEPS.find((one) => one >= least) ?? 600 * Math.ceil(least / 600);
+  const least = (max - min) / most,
+    step = STEPS.find((one) => one >= least) ?? 600 * Math.ceil(least / 600);
   const ticks = [];
-  const last = now === undefined ? Math.floor(max / step) * step
-    : now - Math.ceil(Math.max(0, now - max) / step) * step;
+  const last =
+    now === undefined ? Math.floor(max / step) * step : now - Math.ceil(Math.max(0, now - max) / step) * step;
   for (let tick = last; tick >= min; tick -= step) ticks.push(tick);
   return ticks.reverse();
 }
@@ -67,17 +73,29 @@ export class TimeAxis extends Axis {
     history.telemetry.addEventListener("origin", () => this.resume());
   }
 
-  get origin() { return this.source.origin; }
-  get isKnown() { return !Number.isNaN(this.received); }
+  get origin() {
+    return this.source.origin;
+  }
+  get isKnown() {
+    return !Number.isNaN(this.received);
+  }
   // The vehicle's time, which runs on while nothing comes.
   get now() {
     const waited = (performance.now() - this.received) / 1e3;
     return this.reached + (waited > FRAMES ? waited : 0);
   }
-  get paused() { return this.frozen !== null; }
-  get pausedFor() { return this.paused ? this.now - this.pausedAt : 0; }
-  get hasRoom() { return !this.zoom; } // for the lines' names, on the right
-  get source() { return this.frozen ?? this.history; }
+  get paused() {
+    return this.frozen !== null;
+  }
+  get pausedFor() {
+    return this.paused ? this.now - this.pausedAt : 0;
+  }
+  get hasRoom() {
+    return !this.zoom;
+  } // for the lines' names, on the right
+  get source() {
+    return this.frozen ?? this.history;
+  }
 
   // What is shown, without the room on its right.
   get span() {
@@ -104,13 +122,20 @@ export class TimeAxis extends Axis {
     this.changed();
   }
 
-  toggle() { if (this.paused) this.resume(); else this.pause(); }
+  toggle() {
+    if (this.paused) this.resume();
+    else this.pause();
+  }
 
   // Closer (factor < 1) or farther around a time. What runs stays at now.
   /** @param {number} factor @param {number} time */
   scale(factor, time) {
-    if (!this.paused) { this.setWindow(this.window * factor); return; }
-    const [from, to] = this.span, length = Math.min(LONGEST, Math.max(FINEST, (to - from) * factor));
+    if (!this.paused) {
+      this.setWindow(this.window * factor);
+      return;
+    }
+    const [from, to] = this.span,
+      length = Math.min(LONGEST, Math.max(FINEST, (to - from) * factor));
     const share = (time - from) / (to - from);
     this.show(time - share * length, time + (1 - share) * length);
   }
@@ -126,7 +151,8 @@ export class TimeAxis extends Axis {
   /** @param {number} from @param {number} to */
   show(from, to) {
     this.pause();
-    const first = this.source.first ?? from, length = Math.max(FINEST, to - from);
+    const first = this.source.first ?? from,
+      length = Math.max(FINEST, to - from);
     const start = Math.min(this.pausedAt - 0.1 * length, Math.max(first - 0.9 * length, from));
     this.zoom = [start, start + length];
     this.changed();
@@ -155,7 +181,9 @@ export class TimeAxis extends Axis {
   // 14:03:27 by the vehicle's clock, with so many digits.
   /** @param {number} time @param {number} digits */
   clock(time, digits) {
-    const steps = 10 ** digits, count = Math.floor(time * steps + 1e-6), [hour, ...rest] = partsOf(new Date((this.origin + count / steps) * 1e3 + 1e-3)).slice(3);
+    const steps = 10 ** digits,
+      count = Math.floor(time * steps + 1e-6),
+      [hour, ...rest] = partsOf(new Date((this.origin + count / steps) * 1e3 + 1e-3)).slice(3);
     const text = [hour, ...rest].map((n) => String(n).padStart(2, "0")).join(":");
     return `${digits ? `${text}.${String(count % steps).padStart(digits, "0")}` : text}${zoneMark()}`;
   }
@@ -165,4 +193,3 @@ export class TimeAxis extends Axis {
     this.dispatchEvent(new Event("change"));
   }
 }
-

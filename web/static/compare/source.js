@@ -6,23 +6,33 @@ import { indexAt } from "../charts/history.js";
 import { setText } from "../core/dom.js";
 import { RecordedSignals } from "../replay/recorded_signals.js";
 
-const COLORS = ["accent", "flown", "teal", "violet", "rose", "y", "gold", "z"].map((name) => `var(--${name})`);
+const COLORS = ["accent", "flown", "teal", "violet", "rose", "y", "gold", "z"].map(
+  (name) => `var(--${name})`,
+);
 const DASHES = [[], [8, 3], [2, 3], [8, 3, 2, 3]];
 const LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ";
 
 // How the k-th run looks everywhere on the page.
-export const look = (k) => ({ letter: LETTERS[k], stroke: COLORS[k % COLORS.length], dash: DASHES[Math.floor(k / 2) % DASHES.length] });
+export const look = (k) => ({
+  letter: LETTERS[k],
+  stroke: COLORS[k % COLORS.length],
+  dash: DASHES[Math.floor(k / 2) % DASHES.length],
+});
 
 export class ComparedSignals extends RecordedSignals {
   // all: the runs, with `number`; shown: those whose lines these are; isDifference: to the first of all
   constructor(clock, range, points, all, shown, isDifference = false) {
     super(clock, range, points, !isDifference);
     this.known = new Map(all.flatMap((run) => [...run.signals]));
-    this.runs = all; this.shown = shown; this.isDifference = isDifference;
+    this.runs = all;
+    this.shown = shown;
+    this.isDifference = isDifference;
     this.differences = new Map(); // run → what was computed of which windows
   }
 
-  get signals() { return this.known; }
+  get signals() {
+    return this.known;
+  }
 
   lines(names) {
     this.names = names;
@@ -31,10 +41,18 @@ export class ComparedSignals extends RecordedSignals {
   }
 
   linesOf(names) {
-    return this.shown.flatMap((run) => run.known(names).map((name) => {
-      const { letter, stroke, dash } = look(run.number);
-      return { name, run, stroke, dash, label: this.isDifference ? `${letter} − ${look(this.runs[0].number).letter}` : letter };
-    }));
+    return this.shown.flatMap((run) =>
+      run.known(names).map((name) => {
+        const { letter, stroke, dash } = look(run.number);
+        return {
+          name,
+          run,
+          stroke,
+          dash,
+          label: this.isDifference ? `${letter} − ${look(this.runs[0].number).letter}` : letter,
+        };
+      }),
+    );
   }
 
   samples(line, min, max) {
@@ -44,7 +62,12 @@ export class ComparedSignals extends RecordedSignals {
     if (!first) return undefined;
     const known = this.differences.get(line.run);
     if (known?.values !== piece.values || known.of !== first.values || known.shift !== piece.shift) {
-      this.differences.set(line.run, { values: piece.values, of: first.values, shift: piece.shift, found: difference(piece, first) });
+      this.differences.set(line.run, {
+        values: piece.values,
+        of: first.values,
+        shift: piece.shift,
+        found: difference(piece, first),
+      });
     }
     return { ...piece, values: this.differences.get(line.run).found };
   }
@@ -60,20 +83,32 @@ export class ComparedSignals extends RecordedSignals {
     return this.linesOf(names).flatMap(({ name, run, label }) => {
       const piece = this.samples({ name, run }, from, to);
       const part = (list) => Array.from(list.slice(piece?.from, piece?.to));
-      return piece ? [{ names: [`${name}, ${label}`], times: part(piece.times).map((time) => time - piece.shift), columns: [part(piece.values)] }] : [];
+      return piece
+        ? [
+            {
+              names: [`${name}, ${label}`],
+              times: part(piece.times).map((time) => time - piece.shift),
+              columns: [part(piece.values)],
+            },
+          ]
+        : [];
     });
   }
 
   // The value at the cursor, of what is drawn.
   read(output, line, figure) {
-    const { cursor, span: [from, to] } = this.range;
+    const {
+      cursor,
+      span: [from, to],
+    } = this.range;
     setText(output, cursor === null ? "" : figure(valueAt(this.samples(line, from, to), cursor)));
   }
 }
 
 function valueAt(piece, time) {
   if (!piece) return NaN;
-  const { times, values, shift } = piece, next = indexAt(times, time + shift, 0, times.length);
+  const { times, values, shift } = piece,
+    next = indexAt(times, time + shift, 0, times.length);
   if (next === 0 || next === times.length) return NaN;
   const share = (time + shift - times[next - 1]) / (times[next] - times[next - 1]);
   return values[next - 1] + (share > 0 ? share * (values[next] - values[next - 1]) : 0);

@@ -34,8 +34,12 @@ import { DraftBar } from "../view/draft.js";
 import { $, showNote } from "../core/dom.js";
 
 async function start() {
-  const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/api/behaviors")]);
-  description.signals.push(...await derivedSignals(liveExpressions));
+  const [session, description, behaviors] = await Promise.all([
+    get("/api/session"),
+    get("/api/signals"),
+    get("/api/behaviors"),
+  ]);
+  description.signals.push(...(await derivedSignals(liveExpressions)));
   const events = new Events();
   const emergency = addEmergency($("emergency"), events, session); // first, whatever fails below
   const telemetry = new Telemetry(description);

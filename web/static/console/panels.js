@@ -24,7 +24,11 @@ function fill(name, show) {
   const place = document.querySelector(`[data-panel="${name}"]`);
   place.dataset.shown = "";
   place.replaceChildren();
-  try { show(place, parts); } catch (error) { tell(place, error.message); }
+  try {
+    show(place, parts);
+  } catch (error) {
+    tell(place, error.message);
+  }
 }
 
 // All scripts have run or failed by then.

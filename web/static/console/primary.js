@@ -11,7 +11,8 @@ export class Primary {
     this.place = place;
     this.buttons = [...place.children];
     this.disarm = disarm;
-    for (const type of ["pointerdown", "keydown", "click"]) place.addEventListener(type, (event) => this.keepCalm(event), true);
+    for (const type of ["pointerdown", "keydown", "click"])
+      place.addEventListener(type, (event) => this.keepCalm(event), true);
     this.show(null);
   }
 
@@ -24,11 +25,14 @@ export class Primary {
   beNew() {
     this.place.dataset.new = "";
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => { delete this.place.dataset.new; }, CALM);
+    this.timer = setTimeout(() => {
+      delete this.place.dataset.new;
+    }, CALM);
   }
 
   show(status) {
-    const next = nextStep(status), shown = this.buttons.find(({ id }) => id === next);
+    const next = nextStep(status),
+      shown = this.buttons.find(({ id }) => id === next);
     setIfChanged(this.disarm.style, "visibility", maySwitchOff(status) ? "visible" : "hidden"); // its place stays
     if (shown === this.shown) return;
     const hadFocus = document.activeElement !== null && document.activeElement === this.shown;

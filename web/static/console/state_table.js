@@ -17,13 +17,24 @@ const VECTORS = [
 ];
 /** @type {[label: string, signal: string, digits: number, unit: string][]} */
 const SCALARS = [
-  ["thrust", "thrust", 2, "N"], ["mass", "mass", 3, "kg"], ["thrust scaling", "scaling", 2, ""],
-  ["innovation", "innovation.position", 1, "mm"], ["innovation", "innovation.attitude", 2, "°"], ["pose age", "measurement.age", 0, "ms"],
-  ["poses used", "measurements.used", 0, ""], ["refused", "measurements.refused", 0, ""], ["NIS", "nis", 2, ""],
-  ["error to truth", "truth.position_error", 1, "mm"], ["error to truth", "truth.velocity_error", 3, "m/s"],
+  ["thrust", "thrust", 2, "N"],
+  ["mass", "mass", 3, "kg"],
+  ["thrust scaling", "scaling", 2, ""],
+  ["innovation", "innovation.position", 1, "mm"],
+  ["innovation", "innovation.attitude", 2, "°"],
+  ["pose age", "measurement.age", 0, "ms"],
+  ["poses used", "measurements.used", 0, ""],
+  ["refused", "measurements.refused", 0, ""],
+  ["NIS", "nis", 2, ""],
+  ["error to truth", "truth.position_error", 1, "mm"],
+  ["error to truth", "truth.velocity_error", 3, "m/s"],
 ];
 /** @type {[label: string, of: (tracking: any) => number | undefined][]} */
-const FLOWN = [["error rms", (one) => one.position_rms_m], ["error max", (one) => one.position_max_m], ["lap rms", (one) => one.lap?.position_rms_m]];
+const FLOWN = [
+  ["error rms", (one) => one.position_rms_m],
+  ["error max", (one) => one.position_max_m],
+  ["lap rms", (one) => one.lap?.position_rms_m],
+];
 
 export class StateTable {
   constructor(place, { telemetry, description, ages, events }) {
@@ -35,33 +46,74 @@ export class StateTable {
     const row = (label, names, digits, unit) => {
       const cells = names.map(() => element("td"));
       const age = element("td", { className: "age" });
-      const line = element("tr", { className: "stale" }, element("td", {}, label), ...cells, element("td", { className: "unit" }, unit), age);
+      const line = element(
+        "tr",
+        { className: "stale" },
+        element("td", {}, label),
+        ...cells,
+        element("td", { className: "unit" }, unit),
+        age,
+      );
       const { topic } = signals.get(names[0]);
       line.dataset.topic = topic;
       body.append(line);
       this.rows.push({ names, digits, cells, age, topic });
     };
-    for (const [label, names, digits] of VECTORS) row(label, names, [digits, digits, digits], signals.get(names[0]).unit);
+    for (const [label, names, digits] of VECTORS)
+      row(label, names, [digits, digits, digits], signals.get(names[0]).unit);
     const numbers = element("dl", { className: "numbers" });
     const number = (label, topic, unit, title = "") => {
-      const value = element("b", {}, "–"), line = element("div", { className: "stale", title }, element("dt", {}, label), element("dd", {}, value, element("span", { className: "unit" }, unit)));
+      const value = element("b", {}, "–"),
+        line = element(
+          "div",
+          { className: "stale", title },
+          element("dt", {}, label),
+          element("dd", {}, value, element("span", { className: "unit" }, unit)),
+        );
       line.dataset.topic = topic;
       numbers.append(line);
       return value;
     };
-    const figures = FLOWN.map(([label]) => number(label, "state", "mm", "position error of the behavior that is flown, from every pose, as its verdict computes it"));
+    const figures = FLOWN.map(([label]) =>
+      number(
+        label,
+        "state",
+        "mm",
+        "position error of the behavior that is flown, from every pose, as its verdict computes it",
+      ),
+    );
     for (const [label, name, digits, unit] of SCALARS) {
       const { topic } = signals.get(name);
-      this.rows.push({ names: [name], digits: [digits], cells: [number(label, topic, unit)], age: null, topic });
+      this.rows.push({
+        names: [name],
+        digits: [digits],
+        cells: [number(label, topic, unit)],
+        age: null,
+        topic,
+      });
     }
     events.on("summary", ({ tracking }) => {
       if (tracking === undefined) return;
-      FLOWN.forEach(([, of], i) => setText(figures[i], fixed(tracking ? 1e3 * (of(tracking) ?? NaN) : NaN, 2)));
+      FLOWN.forEach(([, of], i) =>
+        setText(figures[i], fixed(tracking ? 1e3 * (of(tracking) ?? NaN) : NaN, 2)),
+      );
     });
-    const head = element("tr", {}, element("th"), ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)), element("th"), element("th", {}, "age"));
+    const head = element(
+      "tr",
+      {},
+      element("th"),
+      ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)),
+      element("th"),
+      element("th", {}, "age"),
+    );
     place.append(element("table", {}, element("thead", {}, head), body), numbers);
-    telemetry.want("table", this.rows.flatMap((entry) => entry.names));
-    telemetry.addEventListener("frame", ({ detail }) => { this.frame = detail; });
+    telemetry.want(
+      "table",
+      this.rows.flatMap((entry) => entry.names),
+    );
+    telemetry.addEventListener("frame", ({ detail }) => {
+      this.frame = detail;
+    });
     setInterval(() => this.draw(), 125);
   }
 
@@ -70,12 +122,22 @@ export class StateTable {
     for (const { names, digits, cells, age, topic } of this.rows) {
       const old = this.ages.age(topic);
       names.forEach((name, i) => {
-        const value = this.frame.value[name], isKnown = Number.isFinite(value);
-        if (isKnown) setText(cells[i], fixed(value, digits[i])); // else the last one stays, grey
+        const value = this.frame.value[name],
+          isKnown = Number.isFinite(value);
+        if (isKnown)
+          setText(cells[i], fixed(value, digits[i])); // else the last one stays, grey
         else if (cells[i].textContent === "") setText(cells[i], "–");
         cells[i].classList.toggle("stale", !isKnown); // also where another message is missing
       });
-      if (age) setText(age, Number.isFinite(old) ? (this.ages.isOld(topic) ? `○${coarse(old)}` : `${Math.round(old * 1e3)} ms`) : "–");
+      if (age)
+        setText(
+          age,
+          Number.isFinite(old)
+            ? this.ages.isOld(topic)
+              ? `○${coarse(old)}`
+              : `${Math.round(old * 1e3)} ms`
+            : "–",
+        );
     }
   }
 }

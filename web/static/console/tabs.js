@@ -21,7 +21,8 @@ export function tabs() {
   };
   const selected = () => shown().find((button) => button.getAttribute("aria-selected") === "true") ?? wide[0];
   const fit = () => {
-    const { matches } = narrow, place = $("tab-charts");
+    const { matches } = narrow,
+      place = $("tab-charts");
     $("open-charts").hidden = !matches;
     if (matches) place.setAttribute("role", "tabpanel");
     else {
@@ -32,14 +33,16 @@ export function tabs() {
     open(selected());
   };
   for (const link of document.querySelectorAll(".pages a")) link.prepend(icon(link.getAttribute("href")));
-  for (const button of [...wide, $("open-charts")]) button.prepend(icon(button.dataset.tab, button.dataset.icon));
+  for (const button of [...wide, $("open-charts")])
+    button.prepend(icon(button.dataset.tab, button.dataset.icon));
   wide.forEach((button, i) => onKey(String(i + 1), `open ${button.textContent}`, () => button.click()));
   for (const button of [...wide, $("open-charts")]) {
     button.addEventListener("click", () => open(button));
     button.addEventListener("keydown", (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (!step) return;
-      const all = shown(), next = all[(all.indexOf(button) + step + all.length) % all.length];
+      const all = shown(),
+        next = all[(all.indexOf(button) + step + all.length) % all.length];
       next.focus();
       open(next);
     });

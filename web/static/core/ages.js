@@ -14,16 +14,22 @@ export class Ages {
    * @param {Record<string, number>} deadlines s by topic, of /api/signals
    */
   constructor(events, telemetry, deadlines) {
-    this.events = events; this.telemetry = telemetry; this.deadlines = deadlines;
+    this.events = events;
+    this.telemetry = telemetry;
+    this.deadlines = deadlines;
     this.titles = new WeakMap(); // an element's own title, while it is old
     setInterval(() => this.draw(), PERIOD);
   }
 
   // s since the newest message of a topic; what comes 25 times a second knows best.
   /** @param {string} topic */
-  age(topic) { return Math.min(this.events.age(topic), this.telemetry.age(topic)); }
+  age(topic) {
+    return Math.min(this.events.age(topic), this.telemetry.age(topic));
+  }
   /** @param {string} topic */
-  isOld(topic) { return !(this.age(topic) < (this.deadlines[topic] ?? 1)); }
+  isOld(topic) {
+    return !(this.age(topic) < (this.deadlines[topic] ?? 1));
+  }
 
   draw() {
     if (document.hidden) return;
@@ -32,11 +38,15 @@ export class Ages {
 
   /** @param {any} place */
   mark(place) {
-    const { topic } = place.dataset, age = this.age(topic), isOld = this.isOld(topic);
+    const { topic } = place.dataset,
+      age = this.age(topic),
+      isOld = this.isOld(topic);
     if (place.classList.contains("stale") !== isOld) place.classList.toggle("stale", isOld);
     if (isOld) {
       if (!this.titles.has(place)) this.titles.set(place, place.title);
-      const text = Number.isFinite(age) ? `last received ${seconds(Math.round(age * 10) / 10)} ago` : "never received";
+      const text = Number.isFinite(age)
+        ? `last received ${seconds(Math.round(age * 10) / 10)} ago`
+        : "never received";
       setIfChanged(place, "title", text);
     } else if (this.titles.has(place)) {
       place.title = this.titles.get(place);

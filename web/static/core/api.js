@@ -4,7 +4,9 @@ import { here } from "./vehicle_path.js";
 
 /** @param {string} path @param {RequestInit} [how] */
 async function answer(path, how) {
-  const response = await fetch(here(path), how).catch(() => { throw new Error("this page's server does not answer; is it running?"); });
+  const response = await fetch(here(path), how).catch(() => {
+    throw new Error("this page's server does not answer; is it running?");
+  });
   if (response.ok) return response;
   const { error = `error ${response.status}` } = await response.json().catch(() => ({}));
   throw Object.assign(new Error(error), { status: response.status });
@@ -14,7 +16,10 @@ async function answer(path, how) {
 /** @param {string} method @param {string} path @param {any} [body] @returns {Promise<any>} */
 export async function request(method, path, body, type = "") {
   const headers = { "Content-Type": type || "application/json" };
-  const response = await answer(path, body === undefined ? { method } : { method, headers, body: type ? body : JSON.stringify(body) });
+  const response = await answer(
+    path,
+    body === undefined ? { method } : { method, headers, body: type ? body : JSON.stringify(body) },
+  );
   return response.json().catch(() => ({}));
 }
 

@@ -5,7 +5,10 @@ import { $, element, showNote } from "./dom.js";
 
 // "Signed out" in `place` where that is why the server does not answer; whether it is.
 export async function showSignedOut(place, isWanted = () => true) {
-  const status = await get("/api/session").then(() => 200, (error) => error.status);
+  const status = await get("/api/session").then(
+    () => 200,
+    (error) => error.status,
+  );
   if (status !== 401 || !isWanted()) return false;
   place.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back");
   return true;

@@ -6,7 +6,13 @@ export const ONLY_CUT = "only Cut is obeyed";
 /** @type {Record<string, { text: string, tone: string, title: string }>} */
 const CONTROL = {
   direct: { text: "direct", tone: "", title: "the flight computer commands the motors" },
-  near_hovering: { text: "near-hovering", tone: "warn", title: "the flight computer sends angles and thrust; the microcontroller holds them with its own filter, but does not hold position" },
+  near_hovering: {
+    text: "near-hovering",
+    tone: "warn",
+    title:
+      "the flight computer sends angles and thrust; the microcontroller holds them with its own " +
+      "filter, but does not hold position",
+  },
   emergency: { text: "emergency", tone: "alarm", title: `the microcontroller lands alone; ${ONLY_CUT}` },
 };
 
@@ -30,6 +36,9 @@ export const pressed = (chosen) => PRESSED[chosen] ?? "";
 export function landing(status) {
   if (isAlone(status)) return CONTROL.emergency.title;
   if (status?.mode?.toLowerCase() !== "emergency_land" || status.airborne === false) return "";
-  const how = status.behavior?.toLowerCase() === "emergency_landing" ? "level descent by the barometer, position not held" : "landing under control";
+  const how =
+    status.behavior?.toLowerCase() === "emergency_landing"
+      ? "level descent by the barometer, position not held"
+      : "landing under control";
   return `${how}; ${ONLY_CUT}`;
 }

@@ -7,7 +7,9 @@ export const $ = (id) => document.getElementById(id);
 
 // Even an equal value makes the browser style and draw a frame.
 /** @type {(place: any, name: string, value: unknown) => void} */
-export function setIfChanged(place, name, value) { if (place[name] !== value) place[name] = value; }
+export function setIfChanged(place, name, value) {
+  if (place[name] !== value) place[name] = value;
+}
 
 /** @type {(place: any, text: unknown) => void} */
 export const setText = (place, text) => setIfChanged(place, "textContent", text);
@@ -25,7 +27,11 @@ export function showNote(place, text) {
 /** @type {(place: any, act: () => unknown) => Promise<boolean>} */
 export async function attempt(place, act) {
   showNote(place, "");
-  try { await act(); } catch (error) { showNote(place, /** @type {Error} */ (error).message); }
+  try {
+    await act();
+  } catch (error) {
+    showNote(place, /** @type {Error} */ (error).message);
+  }
   return place.hidden;
 }
 
@@ -52,22 +58,25 @@ export function element(tag, attributes = {}, ...children) {
 /** @type {(tag: string, attributes?: Record<string, any>, ...children: (Node | string)[]) => any} */
 export function svg(tag, attributes = {}, ...children) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, typeof value === "number" ? String(Number(value.toFixed(1))) : value);
+  for (const [name, value] of Object.entries(attributes))
+    made.setAttribute(name, typeof value === "number" ? String(Number(value.toFixed(1))) : value);
   made.append(...children);
   return made;
 }
 
 // The head of a table: a text for each column.
 /** @type {(...columns: string[]) => HTMLElement} */
-export const tableHead = (...columns) => element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text))));
+export const tableHead = (...columns) =>
+  element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text))));
 
 // The options of a select, each a value or [value, text].
 /** @type {(choices: Iterable<string | string[]>, chosen?: string) => HTMLOptionElement[]} */
-export const optionsOf = (choices, chosen) => [...choices].map((one) => {
-  const [value, text = value] = [one].flat();
-  return element("option", { value, selected: value === chosen }, text);
-});
+export const optionsOf = (choices, chosen) =>
+  [...choices].map((one) => {
+    const [value, text = value] = [one].flat();
+    return element("option", { value, selected: value === chosen }, text);
+  });
 
 // The window in a frame of our own; null while the browser shows an error of its own in it, as when the server is away.
 /** @type {(frame: HTMLIFrameElement) => any} */
-export const windowIn = (frame) => frame.contentDocument ? frame.contentWindow : null;
+export const windowIn = (frame) => (frame.contentDocument ? frame.contentWindow : null);

@@ -5,7 +5,9 @@
 /** @template {HTMLElement} T @param {T} button */
 export function flightButton(button) {
   /** @param {KeyboardEvent} event */
-  const leave = (event) => { if (event.key === " ") event.preventDefault(); };
+  const leave = (event) => {
+    if (event.key === " ") event.preventDefault();
+  };
   button.dataset.flight = "";
   button.addEventListener("keydown", leave);
   button.addEventListener("keyup", leave); // where browsers press at the release

@@ -26,7 +26,8 @@ export function seconds(value) {
 /** @param {number | null | undefined} value */
 export function duration(value) {
   if (!known(value)) return NONE;
-  const whole = Math.floor(value), hours = Math.floor(whole / 3600);
+  const whole = Math.floor(value),
+    hours = Math.floor(whole / 3600);
   const text = [Math.floor(whole / 60) % 60, whole % 60].map(two).join(":");
   return hours ? `${hours}:${text}` : text;
 }
@@ -36,10 +37,16 @@ export function duration(value) {
 /** @type {(at: Date | number) => Date} */
 const dateOf = (at) => (at instanceof Date ? at : new Date(at * 1e3));
 /** @type {(at: Date | number) => string} */
-export const day = (at) => { const [year, month, date] = partsOf(dateOf(at)); return [year, month + 1, date].map(two).join("-"); };
+export const day = (at) => {
+  const [year, month, date] = partsOf(dateOf(at));
+  return [year, month + 1, date].map(two).join("-");
+};
 /** @type {(at: Date | number, digits?: number) => string} */
 export function clock(at, digits = 0) {
-  const date = dateOf(at), share = digits ? `.${String(Math.floor(date.getMilliseconds() / 10 ** (3 - digits))).padStart(digits, "0")}` : "";
+  const date = dateOf(at),
+    share = digits
+      ? `.${String(Math.floor(date.getMilliseconds() / 10 ** (3 - digits))).padStart(digits, "0")}`
+      : "";
   return `${partsOf(date).slice(3).map(two).join(":")}${share}${zoneMark()}`;
 }
 /** @type {(at: Date | number) => string} */
@@ -70,7 +77,8 @@ export function bytes(value) {
 
 // A number as people type it, also with a decimal comma; NaN for anything else.
 /** @param {string} text */
-export const parseNumber = (text) => (text.trim() === "" ? NaN : Number(text.trim().replace(",", ".").replace("−", "-")));
+export const parseNumber = (text) =>
+  text.trim() === "" ? NaN : Number(text.trim().replace(",", ".").replace("−", "-"));
 
 // As many digits as a step of this size needs.
 /** @param {number} step */
@@ -87,7 +95,14 @@ export function exact(value) {
 export const shortName = (name) => name.slice(name.lastIndexOf(".") + 1);
 
 /** @param {string | null | undefined} name */
-export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replace(/^excite$/, "step test").replaceAll("_", " ") : NONE);
+export const words = (name) =>
+  name
+    ? String(name)
+        .toLowerCase()
+        .replace("near_hovering", "near-hovering")
+        .replace(/^excite$/, "step test")
+        .replaceAll("_", " ")
+    : NONE;
 
 // A refusal without the name of what was refused, where that stands beside it.
 /** @param {string} text */

@@ -11,12 +11,21 @@ let hiding = 0;
 // `note` is asked at the press, and its answer given to `act`.
 /** @param {() => any} note */
 export function onHold(button, milliseconds, act, note = () => undefined) {
-  let timer = null, since = 0, noted;
+  let timer = null,
+    since = 0,
+    noted;
   button.classList.add("hold");
   button.style.setProperty("--hold", `${milliseconds}ms`);
   if (!hint.isConnected) document.body.append(hint);
-  const stop = () => { clearTimeout(timer); timer = null; button.classList.remove("holding"); };
-  const fire = () => { stop(); act(noted); };
+  const stop = () => {
+    clearTimeout(timer);
+    timer = null;
+    button.classList.remove("holding");
+  };
+  const fire = () => {
+    stop();
+    act(noted);
+  };
   const start = (event) => {
     if (button.disabled || timer !== null) return;
     hint.textContent = "";
@@ -29,9 +38,14 @@ export function onHold(button, milliseconds, act, note = () => undefined) {
   const release = (event) => {
     if (timer === null) return;
     if (event.timeStamp - since >= milliseconds) fire();
-    else { stop(); tell(button, `keep holding, ${milliseconds / 1e3} s`); }
+    else {
+      stop();
+      tell(button, `keep holding, ${milliseconds / 1e3} s`);
+    }
   };
-  button.addEventListener("pointerdown", (event) => { if (event.button === 0) start(event); });
+  button.addEventListener("pointerdown", (event) => {
+    if (event.button === 0) start(event);
+  });
   button.addEventListener("pointerup", release);
   for (const type of ["pointerleave", "pointercancel", "blur"]) button.addEventListener(type, stop);
   button.addEventListener("keydown", (event) => {
@@ -50,5 +64,7 @@ function tell(button, text) {
   hint.style.left = `${Math.max(GAP, Math.min((left + right - width) / 2, innerWidth - width - GAP))}px`;
   hint.style.top = `${Math.min(bottom + GAP, innerHeight - height - GAP)}px`;
   clearTimeout(hiding);
-  hiding = setTimeout(() => { hint.textContent = ""; }, SHOWN);
+  hiding = setTimeout(() => {
+    hint.textContent = "";
+  }, SHOWN);
 }

@@ -3,7 +3,8 @@
 import { windowIn } from "./dom.js";
 
 const ACTIONS = new Map(); // by key
-export const TYPING = "input:not([type=range], [type=checkbox], [type=radio]), select, textarea, [contenteditable]";
+export const TYPING =
+  "input:not([type=range], [type=checkbox], [type=radio]), select, textarea, [contenteditable]";
 const PRESSED = "button:not([data-flight]), a, summary, input"; // what the space bar presses
 
 // act(event) on `key` (as in KeyboardEvent.key), except while somebody types or holds a modifier.
@@ -28,7 +29,10 @@ export function characterOf({ key, code = "", shiftKey }) {
 
 const actionOf = (event) => ACTIONS.get(characterOf(event));
 
-function stop(action) { clearTimeout(action.timer); action.timer = null; }
+function stop(action) {
+  clearTimeout(action.timer);
+  action.timer = null;
+}
 
 function down(event) {
   const action = actionOf(event);
@@ -40,7 +44,10 @@ function down(event) {
   if (!action.hold) action.act(event);
   else {
     action.since = event.timeStamp;
-    action.timer = setTimeout(() => { action.timer = null; action.act(event); }, action.hold);
+    action.timer = setTimeout(() => {
+      action.timer = null;
+      action.act(event);
+    }, action.hold);
   }
 }
 
@@ -52,7 +59,9 @@ function up(event) {
   if (event.timeStamp - action.since >= action.hold) action.act(event);
 }
 
-function stopAll() { for (const action of ACTIONS.values()) stop(action); }
+function stopAll() {
+  for (const action of ACTIONS.values()) stop(action);
+}
 
 document.addEventListener("keydown", down);
 document.addEventListener("keyup", up);

@@ -9,7 +9,8 @@ const FRAME = 120; // ms without a frame that add nothing to an age: three frame
 const padded = (bytes) => 8 * Math.ceil(bytes / 8);
 
 export class Socket extends EventTarget {
-  socket; isClosed;
+  socket;
+  isClosed;
 
   constructor(path, { binary = false } = {}) {
     super();
@@ -19,14 +20,19 @@ export class Socket extends EventTarget {
     this.open();
   }
 
-  get connected() { return this.socket.readyState === WebSocket.OPEN; }
+  get connected() {
+    return this.socket.readyState === WebSocket.OPEN;
+  }
 
   open() {
     if (this.isClosed) return;
     const url = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${here(this.path)}`;
     this.socket = new WebSocket(url);
     if (this.binary) this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => { this.failures = 0; this.dispatchEvent(new Event("open")); };
+    this.socket.onopen = () => {
+      this.failures = 0;
+      this.dispatchEvent(new Event("open"));
+    };
     this.socket.onmessage = (event) => this.dispatchEvent(new MessageEvent("message", { data: event.data }));
     this.socket.onclose = () => {
       this.dispatchEvent(new Event("close"));
@@ -36,7 +42,9 @@ export class Socket extends EventTarget {
     };
   }
 
-  send(data) { if (this.connected) this.socket.send(data); }
+  send(data) {
+    if (this.connected) this.socket.send(data);
+  }
 
   // For good.
   close() {
@@ -61,7 +69,9 @@ export class Events extends Socket {
       if (message.type === "hello") this.hello = message;
       this.dispatchEvent(new CustomEvent(message.type, { detail: message }));
     });
-    this.addEventListener("close", () => { this.hello = null; });
+    this.addEventListener("close", () => {
+      this.hello = null;
+    });
   }
 
   // Who comes after the hello of this connection, as a panel whose script was slow, gets it too.
@@ -96,8 +106,12 @@ export class Telemetry extends Socket {
     this.received = -Infinity;
     this.roundTrip = null; // s, between this page and web
     this.addEventListener("open", () => this.subscribe());
-    this.addEventListener("close", () => { this.roundTrip = null; });
-    this.addEventListener("message", ({ data }) => (typeof data === "string" ? this.pong(JSON.parse(data)) : this.read(data)));
+    this.addEventListener("close", () => {
+      this.roundTrip = null;
+    });
+    this.addEventListener("message", ({ data }) =>
+      typeof data === "string" ? this.pong(JSON.parse(data)) : this.read(data),
+    );
     setInterval(() => this.send(`{"ping":${performance.now()}}`), PING);
   }
 
@@ -124,8 +138,11 @@ export class Telemetry extends Socket {
   read(buffer) {
     const view = new DataView(buffer);
     if (view.getUint16(0, true) !== this.id) return; // of the selection before
-    const [parts, count, slowness] = [2, 4, 6].map((at) => view.getUint16(at, true)), age = {}, value = {};
-    const origin = view.getFloat64(8, true), time = view.getFloat64(16, true);
+    const [parts, count, slowness] = [2, 4, 6].map((at) => view.getUint16(at, true)),
+      age = {},
+      value = {};
+    const origin = view.getFloat64(8, true),
+      time = view.getFloat64(16, true);
     this.topics.forEach((topic, i) => {
       const milliseconds = view.getUint16(HEAD + 2 * i, true);
       age[topic] = milliseconds === 65535 ? Infinity : milliseconds / 1e3;
@@ -145,7 +162,8 @@ export class Telemetry extends Socket {
 
   // Gives one of the series its new samples; where the next one begins.
   readSeries(buffer, start) {
-    const [place, count, holes] = new Uint32Array(buffer, start, 3), series = this.series[place];
+    const [place, count, holes] = new Uint32Array(buffer, start, 3),
+      series = this.series[place];
     let at = start + 16;
     const times = new Float64Array(buffer, at, count);
     at += 8 * count;

@@ -4,7 +4,11 @@
 import { element, optionsOf } from "./dom.js";
 
 const COOKIE = "quadlab_theme"; // as in web/theme.py
-const CHOICES = [["", "System"], ["light", "Light"], ["dark", "Dark"]];
+const CHOICES = [
+  ["", "System"],
+  ["light", "Light"],
+  ["dark", "Dark"],
+];
 const root = document.documentElement;
 const resolved = new Map(); // of the theme that is shown
 /** @type {HTMLElement | null} */
@@ -35,9 +39,9 @@ export function onTheme(place, draw) {
 export function paint(color) {
   let found = resolved.get(color);
   if (found === undefined) {
-    if (!probe?.isConnected) document.body.append(probe = element("i", { hidden: true }));
+    if (!probe?.isConnected) document.body.append((probe = element("i", { hidden: true })));
     probe.style.color = color;
-    resolved.set(color, found = getComputedStyle(probe).color);
+    resolved.set(color, (found = getComputedStyle(probe).color));
   }
   return found;
 }
@@ -46,11 +50,18 @@ export function paint(color) {
 export const faint = (color, percent) => `color-mix(in srgb, ${color} ${percent}%, transparent)`;
 
 // Of small text on a canvas whose pixels are `ratio` times as fine as the page's.
-export const font = (ratio = 1, style = "") => `${style} ${ratio * parseFloat(getComputedStyle(root).getPropertyValue("--small"))}px system-ui, sans-serif`.trim();
+export const font = (ratio = 1, style = "") =>
+  `${style} ${ratio * parseFloat(getComputedStyle(root).getPropertyValue("--small"))}px system-ui, sans-serif`.trim();
 
 // What the axes of all plots have in common, for uPlot.
-export const axisLook = () => ({ stroke: () => paint("var(--dim)"), font: font(), labelFont: font(), ticks: { show: false },
-  grid: { stroke: () => paint("var(--grid)"), width: 1 }, values: (_, ticks) => ticks.map(numberText) });
+export const axisLook = () => ({
+  stroke: () => paint("var(--dim)"),
+  font: font(),
+  labelFont: font(),
+  ticks: { show: false },
+  grid: { stroke: () => paint("var(--grid)"), width: 1 },
+  values: (_, ticks) => ticks.map(numberText),
+});
 
 // uPlot's own text has three decimals at most, so that ticks of 0.0005 read as 0.001.
 /** @param {number | null} tick */
@@ -66,9 +77,13 @@ function choose(choice) {
   changed();
 }
 
-export const themeChoice = () => element("label", { className: "theme" }, "Theme",
-  element("select", { onchange: ({ target }) => choose(target.value) },
-    ...optionsOf(CHOICES, chosen())));
+export const themeChoice = () =>
+  element(
+    "label",
+    { className: "theme" },
+    "Theme",
+    element("select", { onchange: ({ target }) => choose(target.value) }, ...optionsOf(CHOICES, chosen())),
+  );
 
 // A frame's document, of our own origin, has the page's theme.
 /** @param {HTMLIFrameElement} frame */

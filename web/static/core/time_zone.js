@@ -6,17 +6,29 @@ let chosen = kept();
 // "change" when times are written in another zone.
 export const timeZone = new EventTarget();
 
-function kept() { try { return localStorage.getItem(KEPT) ?? ""; } catch { return ""; } }
+function kept() {
+  try {
+    return localStorage.getItem(KEPT) ?? "";
+  } catch {
+    return "";
+  }
+}
 
 export const zone = () => chosen;
 
 /** @param {string} choice */
 export function chooseZone(choice) {
   chosen = choice;
-  try { localStorage.setItem(KEPT, choice); } catch { /* a private window forgets */ }
+  try {
+    localStorage.setItem(KEPT, choice);
+  } catch {
+    /* a private window forgets */
+  }
   timeZone.dispatchEvent(new Event("change"));
 }
-globalThis.addEventListener?.("storage", ({ key }) => { if (key === KEPT) chooseZone(kept()); }); // in another window
+globalThis.addEventListener?.("storage", ({ key }) => {
+  if (key === KEPT) chooseZone(kept());
+}); // in another window
 
 const isUtc = () => chosen === "utc";
 
@@ -24,13 +36,28 @@ const isUtc = () => chosen === "utc";
 /** @param {Date} date */
 export function partsOf(date) {
   return isUtc()
-    ? [date.getUTCFullYear(), date.getUTCMonth(), date.getUTCDate(), date.getUTCHours(), date.getUTCMinutes(), date.getUTCSeconds()]
-    : [date.getFullYear(), date.getMonth(), date.getDate(), date.getHours(), date.getMinutes(), date.getSeconds()];
+    ? [
+        date.getUTCFullYear(),
+        date.getUTCMonth(),
+        date.getUTCDate(),
+        date.getUTCHours(),
+        date.getUTCMinutes(),
+        date.getUTCSeconds(),
+      ]
+    : [
+        date.getFullYear(),
+        date.getMonth(),
+        date.getDate(),
+        date.getHours(),
+        date.getMinutes(),
+        date.getSeconds(),
+      ];
 }
 
 // ms of a date in the chosen zone at its beginning: a day may have 23 or 25 hours.
 /** @param {number} year @param {number} month @param {number} day */
-export const startOfDay = (year, month, day) => (isUtc() ? Date.UTC(year, month, day) : new Date(year, month, day).getTime());
+export const startOfDay = (year, month, day) =>
+  isUtc() ? Date.UTC(year, month, day) : new Date(year, month, day).getTime();
 
 // What a time of this zone ends with.
 export const zoneMark = () => (isUtc() ? "Z" : "");

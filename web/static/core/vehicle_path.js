@@ -6,7 +6,8 @@ const OF_ALL = /^\/(static|vendor|login|v|signed|favicon)\b|^\/\//; // the same 
 
 // A path of ours ("/api/…") as it is for this page's vehicle; any other address as it is.
 /** @param {any} path */
-export const here = (path) => (typeof path === "string" && path.startsWith("/") && !OF_ALL.test(path) ? PREFIX + path : path);
+export const here = (path) =>
+  typeof path === "string" && path.startsWith("/") && !OF_ALL.test(path) ? PREFIX + path : path;
 
 // The page's own path, as if there were one vehicle only.
 export const pathname = location.pathname.slice(PREFIX.length);

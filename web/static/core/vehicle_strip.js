@@ -31,8 +31,12 @@ class VehicleStrip {
   constructor(session, before) {
     this.received = -Infinity;
     this.chips = new Map(session.vehicles.map((name) => [name, this.chip(name, name === session.vehicle)]));
-    this.place = element("nav", { id: "vehicles", ariaLabel: "vehicles" },
-      element("a", { href: "/fleet", title: "all vehicles on one page" }, "Fleet"), ...[...this.chips.values()].map(({ link }) => link));
+    this.place = element(
+      "nav",
+      { id: "vehicles", ariaLabel: "vehicles" },
+      element("a", { href: "/fleet", title: "all vehicles on one page" }, "Fleet"),
+      ...[...this.chips.values()].map(({ link }) => link),
+    );
     before.before(this.place);
     onKey("v", "choose the next vehicle, Enter opens it", () => this.next());
     this.socket = new Socket("/ws/fleet");
@@ -46,19 +50,39 @@ class VehicleStrip {
   }
 
   chip(name, isHere) {
-    const sign = element("i", { ariaHidden: "true" }), word = element("span"), more = element("small");
-    const link = element("a", { className: "vehicle", href: sameFor(name), ...(isHere ? { ariaCurrent: "page" } : {}) }, sign, element("b", {}, name), word, more);
-    link.addEventListener("click", () => { link.href = sameFor(name, tab() || location.hash); });
+    const sign = element("i", { ariaHidden: "true" }),
+      word = element("span"),
+      more = element("small");
+    const link = element(
+      "a",
+      { className: "vehicle", href: sameFor(name), ...(isHere ? { ariaCurrent: "page" } : {}) },
+      sign,
+      element("b", {}, name),
+      word,
+      more,
+    );
+    link.addEventListener("click", () => {
+      link.href = sameFor(name, tab() || location.hash);
+    });
     return { link, sign, word, more };
   }
 
   show(vehicle) {
     const chip = this.chips.get(vehicle.name);
     if (!chip) return;
-    const { word, tone } = stateOf(vehicle), alarms = vehicle.alarms.length;
+    const { word, tone } = stateOf(vehicle),
+      alarms = vehicle.alarms.length;
     setText(chip.sign, SIGNS[tone]);
     setText(chip.word, word);
-    setText(chip.more, `${vehicle.battery === null ? "" : `${fixed(vehicle.battery, 1)} V`}${alarms ? ` · ${alarms} alarm${alarms > 1 ? "s" : ""}` : ""}`);
+    setText(
+      chip.more,
+      [
+        vehicle.battery === null ? "" : `${fixed(vehicle.battery, 1)} V`,
+        alarms ? `${alarms} alarm${alarms > 1 ? "s" : ""}` : "",
+      ]
+        .filter(Boolean)
+        .join(" · "),
+    );
     setIfChanged(chip.link.dataset, "tone", tone);
     const title = [vehicle.link ? `link ${vehicle.link.state}` : "no link yet", ...vehicle.alarms].join("\n");
     setIfChanged(chip.link, "title", title);

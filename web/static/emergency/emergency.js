@@ -21,8 +21,25 @@ class Emergency {
     this.events = events;
     this.mayCut = session.role !== "viewer";
     this.sent = new EmergencyPress(events, session.label);
-    this.land = flightButton(element("button", { id: "emergency-land", className: "caution", onclick: () => this.press("land") }, "Emergency land"));
-    this.cut = element("button", { id: "cut", className: "cut hold", disabled: !this.mayCut, title: this.mayCut ? "emergency: stop the motors; the vehicle falls. Hold for 0.5 s (key x)" : "viewers may land the vehicle but not cut its motors" }, "Cut motors");
+    this.land = flightButton(
+      element(
+        "button",
+        { id: "emergency-land", className: "caution", onclick: () => this.press("land") },
+        "Emergency land",
+      ),
+    );
+    this.cut = element(
+      "button",
+      {
+        id: "cut",
+        className: "cut hold",
+        disabled: !this.mayCut,
+        title: this.mayCut
+          ? "emergency: stop the motors; the vehicle falls. Hold for 0.5 s (key x)"
+          : "viewers may land the vehicle but not cut its motors",
+      },
+      "Cut motors",
+    );
     onHold(this.cut, CUT_HOLD, () => this.press("cut"));
     this.said = element("span", { ariaLive: "assertive" });
     this.running = element("span", { ariaHidden: "true" });
@@ -41,8 +58,11 @@ class Emergency {
   }
 
   draw() {
-    const { tone, said, running } = this.sent.state, how = pressed(this.events.summary.emergency_land);
-    const title = `emergency: land now, overriding everything else${how && `: ${how}`}. Every command but Cut is refused until it is down (key e)`;
+    const { tone, said, running } = this.sent.state,
+      how = pressed(this.events.summary.emergency_land);
+    const more = how && `: ${how}`;
+    const rest = "Every command but Cut is refused until it is down (key e)";
+    const title = `emergency: land now, overriding everything else${more}. ${rest}`;
     setIfChanged(this.land, "title", title);
     const idle = this.mayCut ? KEYS.operator : KEYS.viewer;
     setText(this.said, tone === "idle" ? "" : said);

@@ -13,7 +13,8 @@ const LATE = 7000; // ms: the three tries of the web process take less
 const UNTOLD = 12_000; // ms: web has given up by then
 const FORGET = { acknowledged: 60, failed: 300 }; // s
 
-const newId = () => [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+const newId = () =>
+  [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
 export class EmergencyPress {
@@ -34,13 +35,24 @@ export class EmergencyPress {
 
   // Sent under one id until quadlab web has answered, for 3 s.
   async press(action) {
-    const own = { id: newId(), action, by: this.label, phase: "sent", since: performance.now(), web: true, reason: "", tries: 1 };
+    const own = {
+      id: newId(),
+      action,
+      by: this.label,
+      phase: "sent",
+      since: performance.now(),
+      web: true,
+      reason: "",
+      tries: 1,
+    };
     this.own = this.last = own;
     for (;;) {
       try {
         const { id } = await Promise.race([
           command("emergency", { action, request_id: own.id }),
-          pause(LATE).then(() => { throw new Error("this page's server does not answer"); }),
+          pause(LATE).then(() => {
+            throw new Error("this page's server does not answer");
+          }),
         ]);
         own.id = id; // of another's press, if ours came while that was under way
         own.phase = "accepted";
@@ -73,7 +85,8 @@ export class EmergencyPress {
   }
 
   get shown() {
-    const own = this.own, reported = this.reported;
+    const own = this.own,
+      reported = this.reported;
     if (own?.phase === "accepted" && performance.now() - own.since > UNTOLD) this.own = null; // of a land under a cut
     return own && (!reported || own.since >= reported.since || own.phase === "sent") ? own : reported;
   }
@@ -81,7 +94,8 @@ export class EmergencyPress {
   // {tone: idle, waiting, done, failed or landing, with "alone" while the microcontroller lands;
   // said: for a screen reader too; running: what counts up}
   get state() {
-    const press = this.pressState, { status } = this.events.summary;
+    const press = this.pressState,
+      { status } = this.events.summary;
     const who = this.events.age("status") < 1 ? landing(status) : "";
     if (!who || !["idle", "done"].includes(press.tone)) return press;
     const tone = `${press.tone === "idle" ? "landing" : press.tone}${isAlone(status) ? " alone" : ""}`;
@@ -91,18 +105,37 @@ export class EmergencyPress {
   get pressState() {
     const press = this.shown;
     if (!press) return { tone: "idle", said: "", running: "" };
-    const age = (performance.now() - press.since) / 1e3, of = press.by === this.label ? "" : ` by ${press.by}`;
-    const name = `${NAMES[press.action]}${of}`, ago = `${age.toFixed(1)} s`;
+    const age = (performance.now() - press.since) / 1e3,
+      of = press.by === this.label ? "" : ` by ${press.by}`;
+    const name = `${NAMES[press.action]}${of}`,
+      ago = `${age.toFixed(1)} s`;
     if (age > (FORGET[press.phase] ?? Infinity)) return { tone: "idle", said: "", running: "" };
     if (press.phase === "acknowledged") {
-      const note = press.reason ? `; ${press.reason}` : "", answered = `acknowledged after ${press.after.toFixed(2)} s${note}`;
-      return { tone: "done", said: `${DONE[press.action]}${of}, ${answered}`, answered: `${of && `pressed${of}, `}${answered}`, running: "" };
+      const note = press.reason ? `; ${press.reason}` : "",
+        answered = `acknowledged after ${press.after.toFixed(2)} s${note}`;
+      return {
+        tone: "done",
+        said: `${DONE[press.action]}${of}, ${answered}`,
+        answered: `${of && `pressed${of}, `}${answered}`,
+        running: "",
+      };
     }
-    if (press.phase === "failed") return { tone: "failed", said: `${name} failed: ${press.reason}. Press again.`, running: "" };
-    if (press.web === false && press.phase === "sent") return { tone: "waiting", said: `${name}: this page's server does not answer, retrying`, running: `, pressed ${ago} ago` };
+    if (press.phase === "failed")
+      return { tone: "failed", said: `${name} failed: ${press.reason}. Press again.`, running: "" };
+    if (press.web === false && press.phase === "sent")
+      return {
+        tone: "waiting",
+        said: `${name}: this page's server does not answer, retrying`,
+        running: `, pressed ${ago} ago`,
+      };
     const silent = this.events.age("status") > 1 ? "; no data from the vehicle" : "";
     const isTaken = press.action === "land" && this.events.summary.emergency_land === "emergency";
-    const what = press.phase === "sent" ? "not acknowledged" : isTaken ? "accepted; the microcontroller does not fly yet" : "accepted, not yet shown by the vehicle";
+    const what =
+      press.phase === "sent"
+        ? "not acknowledged"
+        : isTaken
+          ? "accepted; the microcontroller does not fly yet"
+          : "accepted, not yet shown by the vehicle";
     const tries = press.try > 1 ? `, try ${press.try} of ${press.tries}` : "";
     return { tone: "waiting", said: `${name}: ${what}${tries}${silent}`, running: `, sent ${ago} ago` };
   }

@@ -7,9 +7,16 @@ import { timeZone } from "../core/time_zone.js";
 import { icon } from "../icons/icons.js";
 
 const MOST = 500;
-const GAP = 6, EDGE = 12; // px
+const GAP = 6,
+  EDGE = 12; // px
 const GESTURE = 5; // s between two values of one motion
-const SHOWN = [["", "all"], ["warn", "warnings and errors"], ["error", "errors"], ["change", "parameter changes"], ["act", "people"]];
+const SHOWN = [
+  ["", "all"],
+  ["warn", "warnings and errors"],
+  ["error", "errors"],
+  ["change", "parameter changes"],
+  ["act", "people"],
+];
 
 export class EventCenter {
   // vehicle: whose events; before: the element that the bell is put before.
@@ -20,21 +27,38 @@ export class EventCenter {
     this.number = element("b");
     this.newest = element("span", { className: "unseen", ariaLive: "polite" });
     this.list = element("ol", { id: "events", tabIndex: 0, ariaLabel: "events, newest first" });
-    const choose = element("select", { ariaLabel: "events shown", onchange: ({ target }) => { this.list.dataset.shown = target.value; } },
-      ...optionsOf(SHOWN));
-    this.panel = element("section", { id: "event-center", popover: "auto", ariaLabel: "events" },
-      element("header", {}, element("h1", {}, "Events"), choose), this.list);
+    const choose = element(
+      "select",
+      {
+        ariaLabel: "events shown",
+        onchange: ({ target }) => {
+          this.list.dataset.shown = target.value;
+        },
+      },
+      ...optionsOf(SHOWN),
+    );
+    this.panel = element(
+      "section",
+      { id: "event-center", popover: "auto", ariaLabel: "events" },
+      element("header", {}, element("h1", {}, "Events"), choose),
+      this.list,
+    );
     this.bell = element("button", { id: "bell", popovertarget: "event-center" }, icon("bell"), this.number);
-    this.panel.addEventListener("beforetoggle", ({ newState }) => { if (newState === "open") this.place(); });
+    this.panel.addEventListener("beforetoggle", ({ newState }) => {
+      if (newState === "open") this.place();
+    });
     this.panel.addEventListener("toggle", () => this.draw());
     addEventListener("resize", () => this.place());
-    timeZone.addEventListener("change", () => { for (const line of this.lines) setText(line.time, clock(line.stamp)); });
+    timeZone.addEventListener("change", () => {
+      for (const line of this.lines) setText(line.time, clock(line.stamp));
+    });
     before.before(this.bell, this.newest);
     document.body.append(this.panel);
     events.on("hello", ({ events: lines }) => {
       this.lines = [];
       this.list.replaceChildren();
-      for (const line of lines) this.add(line.type === "parameter" ? { ...line, level: "change", text: "" } : line);
+      for (const line of lines)
+        this.add(line.type === "parameter" ? { ...line, level: "change", text: "" } : line);
       if (Number.isNaN(this.seen)) this.see();
       this.draw();
     });
@@ -48,19 +72,40 @@ export class EventCenter {
   }
 
   place() {
-    const { right } = this.bell.getBoundingClientRect(), { bottom } = this.bell.closest("header").getBoundingClientRect();
+    const { right } = this.bell.getBoundingClientRect(),
+      { bottom } = this.bell.closest("header").getBoundingClientRect();
     this.panel.style.top = `${bottom + GAP}px`; // no control of the bar is covered
     this.panel.style.right = `clamp(${EDGE}px, ${innerWidth - right}px, 100vw - 440px - ${EDGE}px)`;
   }
 
   add({ level, text, stamp, act = false, name = "", old = undefined, value = undefined, requester = "" }) {
     const [last] = this.lines; // a slider in motion is one line
-    const same = name ? (last?.name === name && last.who === requester && stamp - last.stamp < GESTURE ? last : null) : this.lines.find((one) => one.level === level && one.text === text);
-    const line = same ?? { level, name, who: requester, count: 0, values: [exact(old)], time: element("time"), said: element("span"), times: element("b") };
-    line.item ??= element("li", { className: `${level}${act || (requester && requester !== "vehicle") ? " act" : ""}` }, line.time, line.said, line.times);
+    const same = name
+      ? last?.name === name && last.who === requester && stamp - last.stamp < GESTURE
+        ? last
+        : null
+      : this.lines.find((one) => one.level === level && one.text === text);
+    const line = same ?? {
+      level,
+      name,
+      who: requester,
+      count: 0,
+      values: [exact(old)],
+      time: element("time"),
+      said: element("span"),
+      times: element("b"),
+    };
+    line.item ??= element(
+      "li",
+      { className: `${level}${act || (requester && requester !== "vehicle") ? " act" : ""}` },
+      line.time,
+      line.said,
+      line.times,
+    );
     if (name) {
       line.values.push(exact(value));
-      text = `${name} ${line.values[0]} → ${line.values.at(-1)}${line.count ? ` (${line.count + 1} values)` : ""}${requester ? `, ${requester}` : ""}`;
+      const count = line.count ? ` (${line.count + 1} values)` : "";
+      text = `${name} ${line.values[0]} → ${line.values.at(-1)}${count}${requester ? `, ${requester}` : ""}`;
       line.item.title = line.values.join(" → ");
     }
     Object.assign(line, { text, stamp, count: line.count + 1 });

@@ -16,22 +16,59 @@ export class Guide {
     this.number = element("p", { className: "number" });
     this.instruction = element("p", { className: "instruction", role: "status" });
     this.bar = element("i");
-    this.progress = element("div", { className: "progress", role: "progressbar", ariaLabel: "progress of all steps", ariaValueMin: "0", ariaValueMax: "100" }, this.bar);
+    this.progress = element(
+      "div",
+      {
+        className: "progress",
+        role: "progressbar",
+        ariaLabel: "progress of all steps",
+        ariaValueMin: "0",
+        ariaValueMax: "100",
+      },
+      this.bar,
+    );
     this.text = element("p");
-    this.yes = element("button", { className: "hold caution", title: "hold for 0.8 s to continue; motors may spin" }, "Yes");
+    this.yes = element(
+      "button",
+      { className: "hold caution", title: "hold for 0.8 s to continue; motors may spin" },
+      "Yes",
+    );
     this.question = element("div", { className: "question", role: "alert" }, this.text, this.yes);
     this.live = element("dl", { className: "live" });
-    this.place = element("div", { className: "guide", hidden: true }, this.number, this.progress, this.instruction, this.question, this.live);
+    this.place = element(
+      "div",
+      { className: "guide", hidden: true },
+      this.number,
+      this.progress,
+      this.instruction,
+      this.question,
+      this.live,
+    );
     this.cells = new Map();
-    onHold(this.yes, 800, (question) => ask("confirm", { question }), () => this.asked);
+    onHold(
+      this.yes,
+      800,
+      (question) => ask("confirm", { question }),
+      () => this.asked,
+    );
   }
 
   // status: of the summary; isOld: nobody has told it for a while.
   draw(status, isOld) {
     const runs = Boolean(status) && RUNNING.includes(status.phase);
-    const { instruction = "", question = "", step_count: count = 0, step_number: number = 0, step_share: share = 0, live = [] } = runs ? status : {};
+    const {
+      instruction = "",
+      question = "",
+      step_count: count = 0,
+      step_number: number = 0,
+      step_share: share = 0,
+      live = [],
+    } = runs ? status : {};
     hide(this.place, !runs || !(instruction || question || count || live.length));
-    if (this.place.hidden) { this.asked = ""; return; }
+    if (this.place.hidden) {
+      this.asked = "";
+      return;
+    }
     this.place.classList.toggle("old", isOld);
     setText(this.number, count ? `Step ${number} of ${count}` : "");
     setText(this.instruction, status.phase === "evaluating" ? JUDGED : instruction);
@@ -48,16 +85,32 @@ export class Guide {
 
   // A figure's standard deviation stands behind it.
   drawLive(all) {
-    const live = all.filter(({ name }) => !name.endsWith(SPREAD) || !all.some((one) => name === one.name + SPREAD));
+    const live = all.filter(
+      ({ name }) => !name.endsWith(SPREAD) || !all.some((one) => name === one.name + SPREAD),
+    );
     const names = live.map(({ name, unit }) => `${name} ${unit}`).join("|");
     if (names !== this.names) {
       this.names = names;
       this.cells = new Map(live.map(({ name }) => [name, element("output")]));
-      this.live.replaceChildren(...live.map(({ name, unit }) => element("div", {}, element("dt", {}, name), element("dd", {}, this.cells.get(name), unit ? ` ${unit}` : ""))));
+      this.live.replaceChildren(
+        ...live.map(({ name, unit }) =>
+          element(
+            "div",
+            {},
+            element("dt", {}, name),
+            element("dd", {}, this.cells.get(name), unit ? ` ${unit}` : ""),
+          ),
+        ),
+      );
     }
     for (const { name, value } of live) {
       const spread = all.find((one) => one.name === name + SPREAD)?.value;
-      setText(this.cells.get(name), spread === undefined ? figure(value) : `${figure(value)} ± ${spread === null ? "?" : Number(spread.toPrecision(2))}`);
+      setText(
+        this.cells.get(name),
+        spread === undefined
+          ? figure(value)
+          : `${figure(value)} ± ${spread === null ? "?" : Number(spread.toPrecision(2))}`,
+      );
     }
   }
 }

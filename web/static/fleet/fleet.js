@@ -15,9 +15,11 @@ async function start() {
   $("vehicle").textContent = `${session.vehicles.length} vehicle${session.vehicles.length > 1 ? "s" : ""}`;
   document.title = "Fleet · quadlab";
   const land = new LandAll($("head-controls"), session.role !== "viewer");
-  const table = new FleetTable($("table"), session.vehicles), plot = new FleetPlot($("plot"), session.vehicles);
+  const table = new FleetTable($("table"), session.vehicles),
+    plot = new FleetPlot($("plot"), session.vehicles);
   const socket = new Socket("/ws/fleet?plot=1");
-  let vehicles = [], received = -Infinity;
+  let vehicles = [],
+    received = -Infinity;
   socket.addEventListener("message", ({ data }) => {
     const message = JSON.parse(data);
     if (message.vehicles) {
@@ -29,9 +31,11 @@ async function start() {
     plot.add(message.positions);
   });
   table.addEventListener("point", ({ detail }) => plot.mark(detail));
-  setInterval(() => { // what was heard grows old while nothing comes
+  setInterval(() => {
+    // what was heard grows old while nothing comes
     const silence = (performance.now() - received) / 1e3;
-    if (silence > 0.8) table.show(vehicles.map((one) => ({ ...one, age: one.age === null ? null : one.age + silence })));
+    if (silence > 0.8)
+      table.show(vehicles.map((one) => ({ ...one, age: one.age === null ? null : one.age + silence })));
   }, 500);
   followConnection(socket, "; Emergency land all still tries");
 }

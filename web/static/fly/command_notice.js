@@ -9,12 +9,14 @@ import { reasonOf, seconds, words } from "../core/format.js";
 
 const SOON = 400; // ms without an answer, after which it is told how long
 const UNKNOWN = 10_000; // ms from the press: what is not shown by then is not known
-const GOOD = 4000, BAD = 60_000; // ms a notice stays at most
+const GOOD = 4000,
+  BAD = 60_000; // ms a notice stays at most
 const READ = 3000; // ms bad news stays at least
 const TICK = 100; // ms
 /** @type {Record<string, string>} */
 const DONE = { arm: "Armed", disarm: "Disarmed" }; // what has happened when the answer comes
-const NOBODY = 503, NO_ANSWER = 504; // statuses of the API
+const NOBODY = 503,
+  NO_ANSWER = 504; // statuses of the API
 
 // Whether an error leaves it open what became of a command.
 const isOpen = ({ status }) => status === undefined || status === NO_ANSWER;
@@ -27,7 +29,15 @@ export class CommandNotice {
     this.events = events;
     this.text = element("span", { className: "said" });
     this.since = element("span", { className: "running", ariaHidden: "true" });
-    place.append(this.text, this.since, element("button", { className: "small", ariaLabel: "dismiss", onclick: () => this.clear() }, icon("close")));
+    place.append(
+      this.text,
+      this.since,
+      element(
+        "button",
+        { className: "small", ariaLabel: "dismiss", onclick: () => this.clear() },
+        icon("close"),
+      ),
+    );
     this.asked = null; // {label, shows, pressed, before} of a command without an answer
     this.clear();
     setInterval(() => this.draw(), TICK);
@@ -41,7 +51,12 @@ export class CommandNotice {
   async run(label, act, shows = null) {
     this.clear();
     const status = this.status; // without it, what the vehicle shows later may have been so before
-    const asked = this.asked = { label, shows: !status || shows?.(status) ? null : shows, pressed: performance.now(), problem: "" };
+    const asked = (this.asked = {
+      label,
+      shows: !status || shows?.(status) ? null : shows,
+      pressed: performance.now(),
+      problem: "",
+    });
     this.show(`${label || "Command"}: sent`, "pending", Infinity); // at once: the press was heard
     try {
       await act();
@@ -49,7 +64,8 @@ export class CommandNotice {
       if (this.asked !== asked) return false; // shown by the vehicle meanwhile, or a newer command
       if (isOpen(error) && asked.shows) asked.problem = error.message;
       else if (isOpen(error) && shows) this.unknown(label);
-      else this.refuse(label ? `${label}: ${reasonOf(error.message)}` : error.message, error.status === NOBODY);
+      else
+        this.refuse(label ? `${label}: ${reasonOf(error.message)}` : error.message, error.status === NOBODY);
       this.isArming = label === "arm";
       return false;
     }
@@ -62,7 +78,9 @@ export class CommandNotice {
   }
 
   // Good news; content of elements stays until the next notice.
-  say(content) { this.show(content, "good", typeof content === "string" ? GOOD : Infinity); }
+  say(content) {
+    this.show(content, "good", typeof content === "string" ? GOOD : Infinity);
+  }
 
   // isStation: the station was not reached; true only while it is not heard.
   refuse(content, isStation = false) {
@@ -92,8 +110,13 @@ export class CommandNotice {
   }
 
   // The newest status, if it came after the press.
-  get status() { return this.events.age("status") < 1 ? this.events.summary.status : null; }
-  stateKey() { const status = this.status; return status && JSON.stringify([status.mode, status.behavior, status.airborne]); }
+  get status() {
+    return this.events.age("status") < 1 ? this.events.summary.status : null;
+  }
+  stateKey() {
+    const status = this.status;
+    return status && JSON.stringify([status.mode, status.behavior, status.airborne]);
+  }
 
   draw() {
     if (this.asked) this.reconcile(this.asked);
@@ -114,7 +137,10 @@ export class CommandNotice {
   }
 
   unknown(label) {
-    const { status } = this, shown = status ? `The vehicle shows ${words(status.mode)}, ${words(status.behavior)}.` : "No data from the vehicle.";
+    const { status } = this,
+      shown = status
+        ? `The vehicle shows ${words(status.mode)}, ${words(status.behavior)}.`
+        : "No data from the vehicle.";
     this.asked = null;
     this.show(`${label}: not known whether it was carried out. ${shown}`, "bad", BAD);
     this.state = this.stateKey();
@@ -122,7 +148,9 @@ export class CommandNotice {
   }
 
   reconcile(asked) {
-    const { label, shows, pressed, problem } = asked, waited = performance.now() - pressed, status = this.status;
+    const { label, shows, pressed, problem } = asked,
+      waited = performance.now() - pressed,
+      status = this.status;
     const isNewer = status !== null && 1e3 * this.events.age("status") < waited;
     if (isNewer && shows?.(status)) {
       this.asked = null;

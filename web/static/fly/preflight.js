@@ -14,7 +14,8 @@ const several = (number, word) => `${number} ${word}${number === 1 ? "" : "s"}`;
 export function armNote(preflight) {
   const bad = failing(preflight);
   if (!bad.length) return "";
-  return `not ready: ${bad.map(({ name, found, advice }) => `${name} ${found}${advice ? `: ${advice}` : ""}`).join("; ")}`;
+  const reasons = bad.map(({ name, found, advice }) => `${name} ${found}${advice ? `: ${advice}` : ""}`);
+  return `not ready: ${reasons.join("; ")}`;
 }
 
 export class Preflight {
@@ -29,19 +30,35 @@ export class Preflight {
     button.setAttribute("aria-describedby", this.note.id);
     events.on("summary", () => this.draw());
     this.timer = setInterval(() => this.draw(), 1000);
-    place.addEventListener("toggle", () => { this.drawn = ""; this.draw(); });
+    place.addEventListener("toggle", () => {
+      this.drawn = "";
+      this.draw();
+    });
     this.draw();
   }
 
   draw() {
-    const { preflight, status } = this.events.summary, old = !preflight || !(this.events.age("preflight") < STALE);
+    const { preflight, status } = this.events.summary,
+      old = !preflight || !(this.events.age("preflight") < STALE);
     const armed = Boolean(status?.armed);
     const note = armed || old ? "" : armNote(preflight);
     setText(this.note, note);
-    const open = this.place.open, key = JSON.stringify([armed, old, preflight?.ready, preflight?.blocks, ...(old ? [] : preflight.checks.map((one) => (open || one.state !== "ok" ? [one.name, one.state, one.found] : one.state)))]);
+    const open = this.place.open,
+      key = JSON.stringify([
+        armed,
+        old,
+        preflight?.ready,
+        preflight?.blocks,
+        ...(old
+          ? []
+          : preflight.checks.map((one) =>
+              open || one.state !== "ok" ? [one.name, one.state, one.found] : one.state,
+            )),
+      ]);
     if (key === this.drawn) return;
     this.drawn = key;
-    if (armed) { // it keeps its row: what stands below must not come under the pointer
+    if (armed) {
+      // it keeps its row: what stands below must not come under the pointer
       this.head("ok", "Armed", "checked before arming");
       return;
     }
@@ -50,16 +67,29 @@ export class Preflight {
       this.body.replaceChildren();
       return;
     }
-    const checks = [...preflight.checks].sort((one, other) => order.indexOf(one.state) - order.indexOf(other.state));
-    const bad = failing(preflight), warned = checks.filter(({ state }) => state === "warn");
-    if (bad.length) this.head("fail", `Not ready: ${several(bad.length, "reason")}`, `${bad[0].name}: ${bad[0].found}`);
+    const checks = [...preflight.checks].sort(
+      (one, other) => order.indexOf(one.state) - order.indexOf(other.state),
+    );
+    const bad = failing(preflight),
+      warned = checks.filter(({ state }) => state === "warn");
+    if (bad.length)
+      this.head("fail", `Not ready: ${several(bad.length, "reason")}`, `${bad[0].name}: ${bad[0].found}`);
     else if (warned.length) this.head("warn", "Ready to arm", `${warned[0].name}: ${warned[0].found}`);
     else this.head("ok", "Ready to arm", "");
-    this.body.replaceChildren(...(preflight.blocks ? [] : [element("p", {}, "These checks do not prevent arming (station.preflight.blocks).")]), ...(open ? [checkList(checks)] : []));
+    this.body.replaceChildren(
+      ...(preflight.blocks
+        ? []
+        : [element("p", {}, "These checks do not prevent arming (station.preflight.blocks).")]),
+      ...(open ? [checkList(checks)] : []),
+    );
   }
 
   head(state, text, first) {
     this.place.className = state;
-    this.summary.replaceChildren(badge(state), element("b", {}, text), element("span", { className: "first" }, first));
+    this.summary.replaceChildren(
+      badge(state),
+      element("b", {}, text),
+      element("span", { className: "first" }, first),
+    );
   }
 }

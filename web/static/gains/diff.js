@@ -13,15 +13,24 @@ export class Diff {
     this.boxes = new Map();
     this.cells = new Map();
     this.reason = element("div", { className: "reason", hidden: true, role: "status" });
-    this.all = element("input", { type: "checkbox", checked: true, onchange: () => this.tickAll(), ariaLabel: "all of them" });
+    this.all = element("input", {
+      type: "checkbox",
+      checked: true,
+      onchange: () => this.tickAll(),
+      ariaLabel: "all of them",
+    });
     this.apply = element("button", { className: "apply", onclick: () => this.send() });
     const equal = same ? `${same} ${same === 1 ? "value is" : "values are"} the same.` : "";
     const steps = Math.max(1, ...this.good.map((line) => line.steps));
     const walk = steps > 1 ? `In flight it takes ${steps} steps, all values together.` : "";
     this.place = element("section", { className: "diff" }, element("h2", {}, title));
-    for (const text of [note, this.good.length ? "" : empty, equal, walk].filter(Boolean)) this.place.append(element("p", { className: "facts" }, text));
+    for (const text of [note, this.good.length ? "" : empty, equal, walk].filter(Boolean))
+      this.place.append(element("p", { className: "facts" }, text));
     if (this.good.length) {
-      this.place.append(element("div", { className: "diff-head" }, element("label", {}, this.all, " all"), this.apply), this.reason);
+      this.place.append(
+        element("div", { className: "diff-head" }, element("label", {}, this.all, " all"), this.apply),
+        this.reason,
+      );
     }
     this.place.append(element("ul", {}, ...lines.map((line) => this.line(line))));
     this.onConfirmed = ({ detail }) => this.confirmed(detail.name);
@@ -29,19 +38,45 @@ export class Diff {
     this.count();
   }
 
-  stop() { this.gains.removeEventListener("confirmed", this.onConfirmed); }
+  stop() {
+    this.gains.removeEventListener("confirmed", this.onConfirmed);
+  }
 
   line({ name, unit, now, new: value, reason }) {
-    const box = element("input", { type: "checkbox", checked: !reason, disabled: Boolean(reason), onchange: () => this.count(), ariaLabel: `${name} to ${exact(value)}` });
+    const box = element("input", {
+      type: "checkbox",
+      checked: !reason,
+      disabled: Boolean(reason),
+      onchange: () => this.count(),
+      ariaLabel: `${name} to ${exact(value)}`,
+    });
     const cell = element("span", { className: "now" }, now === null ? "–" : exact(now));
-    const text = element("span", { className: "values" }, cell, " → ", element("b", {}, exact(value)), unit ? ` ${unit}` : "");
-    if (!reason) { this.boxes.set(name, { box, value }); this.cells.set(name, cell); }
-    return element("li", { className: reason ? "bad" : "" }, element("label", {}, box, element("span", { className: "name" }, name), text), ...(reason ? [element("div", { className: "reason" }, reason)] : []));
+    const text = element(
+      "span",
+      { className: "values" },
+      cell,
+      " → ",
+      element("b", {}, exact(value)),
+      unit ? ` ${unit}` : "",
+    );
+    if (!reason) {
+      this.boxes.set(name, { box, value });
+      this.cells.set(name, cell);
+    }
+    return element(
+      "li",
+      { className: reason ? "bad" : "" },
+      element("label", {}, box, element("span", { className: "name" }, name), text),
+      ...(reason ? [element("div", { className: "reason" }, reason)] : []),
+    );
   }
 
   // Somebody changed it meanwhile.
   confirmed(name) {
-    if (!this.place.isConnected) { this.stop(); return; }
+    if (!this.place.isConnected) {
+      this.stop();
+      return;
+    }
     const cell = this.cells.get(name);
     if (cell) cell.textContent = exact(this.gains.value(name));
   }
@@ -51,7 +86,9 @@ export class Diff {
     this.count();
   }
 
-  get chosen() { return [...this.boxes].filter(([, { box }]) => box.checked); }
+  get chosen() {
+    return [...this.boxes].filter(([, { box }]) => box.checked);
+  }
 
   count() {
     const count = this.chosen.length;
@@ -65,7 +102,10 @@ export class Diff {
     this.busy = true;
     this.count();
     await attempt(this.reason, async () => {
-      const applied = await this.gains.set(Object.fromEntries(this.chosen.map(([name, { value }]) => [name, value])), true);
+      const applied = await this.gains.set(
+        Object.fromEntries(this.chosen.map(([name, { value }]) => [name, value])),
+        true,
+      );
       this.stop();
       this.done(applied);
     });

@@ -10,14 +10,37 @@ export class Files {
   constructor(gains, place, show) {
     this.show = show;
     this.reason = element("div", { className: "reason", hidden: true, role: "status" });
-    this.input = element("input", { type: "file", accept: ".toml", disabled: !gains.isOperator, ariaLabel: "file of parameters to load", onchange: () => this.load() });
+    this.input = element("input", {
+      type: "file",
+      accept: ".toml",
+      disabled: !gains.isOperator,
+      ariaLabel: "file of parameters to load",
+      onchange: () => this.load(),
+    });
     place.append(
       element("h2", {}, "Save"),
-      element("p", { className: "facts" }, "A TOML file with unit, bounds, default and meaning of each as comments."),
-      element("p", { className: "links" }, element("a", { href: PATH, download: "" }, "All values"), element("a", { href: `${PATH}?which=modified`, download: "" }, "Modified values")),
+      element(
+        "p",
+        { className: "facts" },
+        "A TOML file with unit, bounds, default and meaning of each as comments.",
+      ),
+      element(
+        "p",
+        { className: "links" },
+        element("a", { href: PATH, download: "" }, "All values"),
+        element("a", { href: `${PATH}?which=modified`, download: "" }, "Modified values"),
+      ),
       element("h2", {}, "Load"),
-      element("p", { className: "facts" }, gains.isOperator ? "It is compared first; you choose what is applied." : "Viewers cannot load a file; ask an operator."),
-      this.input, this.reason);
+      element(
+        "p",
+        { className: "facts" },
+        gains.isOperator
+          ? "It is compared first; you choose what is applied."
+          : "Viewers cannot load a file; ask an operator.",
+      ),
+      this.input,
+      this.reason,
+    );
   }
 
   async load() {

@@ -27,7 +27,14 @@ export class Gains extends Parameters {
     $("modified").addEventListener("change", () => this.filter());
     $("undo").addEventListener("click", () => this.undo());
     document.addEventListener("keydown", (event) => {
-      if (event.key !== "z" || event.shiftKey || !(event.ctrlKey || event.metaKey) || /** @type {any} */ (event.target)?.closest?.(TYPING) || $("undo").disabled) return;
+      if (
+        event.key !== "z" ||
+        event.shiftKey ||
+        !(event.ctrlKey || event.metaKey) ||
+        /** @type {any} */ (event.target)?.closest?.(TYPING) ||
+        $("undo").disabled
+      )
+        return;
       event.preventDefault();
       this.undo();
     });
@@ -36,21 +43,36 @@ export class Gains extends Parameters {
   showAll() {
     const parameters = [...this.known.values()];
     if (parameters.length === 0) {
-      $("gains").replaceChildren(element("p", { className: "empty" }, "The vehicle's parameters have not been read yet. They appear here when it is connected."));
+      $("gains").replaceChildren(
+        element(
+          "p",
+          { className: "empty" },
+          "The vehicle's parameters have not been read yet. They appear here when it is connected.",
+        ),
+      );
       this.rows.clear();
       return;
     }
-    if (parameters.length !== this.rows.size || !parameters.every(({ name }) => this.rows.has(name))) this.build(parameters);
+    if (parameters.length !== this.rows.size || !parameters.every(({ name }) => this.rows.has(name)))
+      this.build(parameters);
     for (const { name, value } of parameters) this.rows.get(name).confirm(value);
     this.filter();
     this.readFlight();
   }
 
   build(parameters) {
-    this.rows = new Map(parameters.map((description) => [description.name, new GainRow(
-      description, this.isOperator, (value, walks, press) => this.change(description.name, value, walks, press),
-      (row) => this.tree.changed(row), (row, place) => unfold(this, row, place),
-    )]));
+    this.rows = new Map(
+      parameters.map((description) => [
+        description.name,
+        new GainRow(
+          description,
+          this.isOperator,
+          (value, walks, press) => this.change(description.name, value, walks, press),
+          (row) => this.tree.changed(row),
+          (row, place) => unfold(this, row, place),
+        ),
+      ]),
+    );
     this.tree.build([...this.rows.values()]);
   }
 
@@ -66,12 +88,14 @@ export class Gains extends Parameters {
 
   status(status) {
     if (!status) return;
-    if (this.isArmed === false && status.armed) for (const row of this.rows.values()) row.flightBegan(undefined);
+    if (this.isArmed === false && status.armed)
+      for (const row of this.rows.values()) row.flightBegan(undefined);
     this.isArmed = status.armed;
   }
 
   show({ name, before }) {
-    const row = this.rows.get(name), value = this.value(name);
+    const row = this.rows.get(name),
+      value = this.value(name);
     row?.confirm(value);
     if (this.isArmed && row?.flightValue === undefined && before !== value) row?.flightBegan(before);
   }
@@ -81,8 +105,11 @@ export class Gains extends Parameters {
   async change(name, value, walks = false, press = null) {
     const { value: before, revision: from } = this.known.get(name);
     const applied = await this.set({ [name]: value }, walks);
-    const now = performance.now(), last = this.mine.at(-1), to = this.known.get(name).revision;
-    if (last?.name === name && last.press === press && (press || now - last.time < KEYS)) Object.assign(last, { time: now, to });
+    const now = performance.now(),
+      last = this.mine.at(-1),
+      to = this.known.get(name).revision;
+    if (last?.name === name && last.press === press && (press || now - last.time < KEYS))
+      Object.assign(last, { time: now, to });
     else if (before !== this.value(name)) {
       const act = { name, value: before, press, time: now, from, to };
       this.mine = [...this.mine.slice(-99), act];
@@ -96,17 +123,24 @@ export class Gains extends Parameters {
     const step = this.mine.pop();
     this.showUndo();
     if (!step) return;
-    try { await this.set({ [step.name]: step.value }, true); } catch (error) { this.rows.get(step.name).fail(error.message); }
+    try {
+      await this.set({ [step.name]: step.value }, true);
+    } catch (error) {
+      this.rows.get(step.name).fail(error.message);
+    }
   }
 
   showUndo() {
     const last = this.mine.at(-1);
     $("undo").disabled = !last || !this.isOperator;
-    $("undo").title = last ? `${last.name} back to ${exact(last.value)}` : "take back this page's last change";
+    $("undo").title = last
+      ? `${last.name} back to ${exact(last.value)}`
+      : "take back this page's last change";
   }
 
   filter() {
-    const text = $("search").value.trim().toLowerCase(), which = $("modified").value;
+    const text = $("search").value.trim().toLowerCase(),
+      which = $("modified").value;
     const only = { modified: (row) => row.isModified, flight: (row) => row.isChangedInFlight }[which] ?? null;
     const found = this.tree.filter(text, only);
     $("nothing-found").hidden = !this.tree.isSearching || found > 0 || this.rows.size === 0;

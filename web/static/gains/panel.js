@@ -21,16 +21,27 @@ export class ParameterPanel {
     this.gains = gains;
     this.place = place;
     this.instead = instead;
-    this.buttons = new Map(VIEWS.map(([view, label, title]) => [view, element("button", { title, ariaPressed: "false", onclick: () => this.toggle(view) }, label)]));
+    this.buttons = new Map(
+      VIEWS.map(([view, label, title]) => [
+        view,
+        element("button", { title, ariaPressed: "false", onclick: () => this.toggle(view) }, label),
+      ]),
+    );
     $("parameter-views").append(...this.buttons.values());
   }
 
-  toggle(view) { if (this.view === view) this.close(); else this.open(view); }
+  toggle(view) {
+    if (this.view === view) this.close();
+    else this.open(view);
+  }
 
   open(view) {
     this.clear();
     this.view = view;
-    if (view === "timeline") { this.line = new TimeLine(this.gains, this.place); this.line.start(); }
+    if (view === "timeline") {
+      this.line = new TimeLine(this.gains, this.place);
+      this.line.start();
+    }
     if (view === "presets") new Presets(this.gains, this.place, (options) => this.show(options));
     if (view === "files") new Files(this.gains, this.place, (options) => this.show(options));
     if (view === "flight") this.flight();
@@ -51,7 +62,8 @@ export class ParameterPanel {
   }
 
   draw() {
-    for (const [view, button] of this.buttons) button.setAttribute("aria-pressed", String(view === this.view));
+    for (const [view, button] of this.buttons)
+      button.setAttribute("aria-pressed", String(view === this.view));
     this.place.hidden = !this.view;
     for (const place of this.instead) place.hidden = Boolean(this.view);
     this.place.closest(".tab").scrollTop = 0;
@@ -60,15 +72,28 @@ export class ParameterPanel {
   show(options) {
     const { view } = this;
     this.clear();
-    const back = element("button", { onclick: () => (view === "flight" ? this.close() : this.open(view)) }, "Back");
-    this.diff = new Diff(this.gains, { done: (applied) => this.applied(view, Object.keys(applied).length), ...options });
+    const back = element(
+      "button",
+      { onclick: () => (view === "flight" ? this.close() : this.open(view)) },
+      "Back",
+    );
+    this.diff = new Diff(this.gains, {
+      done: (applied) => this.applied(view, Object.keys(applied).length),
+      ...options,
+    });
     this.place.append(back, this.diff.place);
   }
 
   applied(view, count) {
     if (view === "flight") this.close();
     else this.open(view);
-    this.place.prepend(element("div", { className: "answer applied", role: "status" }, `Applied ${count} ${count === 1 ? "value" : "values"}.`));
+    this.place.prepend(
+      element(
+        "div",
+        { className: "answer applied", role: "status" },
+        `Applied ${count} ${count === 1 ? "value" : "values"}.`,
+      ),
+    );
   }
 
   async flight() {
@@ -79,7 +104,11 @@ export class ParameterPanel {
       this.show({
         title: flight.is_over ? "Back to before the last flight" : "Back to before this flight",
         note: began && `It began at ${began}. Beacons stay where they are.`,
-        empty: flight.start === null ? "The vehicle has not been armed yet." : "All parameters are as they were at take-off.", ...flight,
+        empty:
+          flight.start === null
+            ? "The vehicle has not been armed yet."
+            : "All parameters are as they were at take-off.",
+        ...flight,
       });
     } catch (error) {
       this.place.replaceChildren(element("div", { className: "reason", role: "status" }, error.message));

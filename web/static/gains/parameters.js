@@ -34,21 +34,30 @@ export class Parameters extends EventTarget {
 
   confirm(news) {
     const before = this.value(news.name);
-    if (this.update(news)) this.dispatchEvent(new CustomEvent("confirmed", { detail: { name: news.name, before } }));
+    if (this.update(news))
+      this.dispatchEvent(new CustomEvent("confirmed", { detail: { name: news.name, before } }));
   }
 
   // The confirmed value, undefined when there is no such parameter.
-  value(name) { return this.known.get(name)?.value; }
+  value(name) {
+    return this.known.get(name)?.value;
+  }
 
-  // Several at once, all or nothing; in flight in steps where one is too large, if `walks`. An error's message is the reason.
+  // Several at once, all or nothing; in flight in steps where one is too large, if `walks`. An error's
+  // message is the reason.
   async set(values, walks = false) {
     const { applied, revisions, generation } = await request("PUT", "/api/parameters", { values, walks });
-    for (const [name, value] of Object.entries(applied)) this.confirm({ name, value, generation, revision: revisions[name] });
+    for (const [name, value] of Object.entries(applied))
+      this.confirm({ name, value, generation, revision: revisions[name] });
     return applied;
   }
 }
 
 // Whether a value was confirmed after another one, which may be unknown.
 function isNewer(one, other) {
-  return other !== undefined && (one.generation > other.generation || (one.generation === other.generation && one.revision > other.revision));
+  return (
+    other !== undefined &&
+    (one.generation > other.generation ||
+      (one.generation === other.generation && one.revision > other.revision))
+  );
 }

@@ -16,8 +16,23 @@ export class Presets {
     this.answer = element("div", { className: "answer", hidden: true, role: "status" });
     this.name = element("input", { placeholder: "name", ariaLabel: "name of the new preset", maxLength: 60 });
     this.scope = element("select", { ariaLabel: "what the new preset contains" });
-    const form = element("form", { className: "tools", onsubmit: (event) => { event.preventDefault(); this.save(false); } }, this.name, this.scope,
-      element("button", { disabled: !gains.isOperator, title: "save the confirmed values under this name" }, "Save"));
+    const form = element(
+      "form",
+      {
+        className: "tools",
+        onsubmit: (event) => {
+          event.preventDefault();
+          this.save(false);
+        },
+      },
+      this.name,
+      this.scope,
+      element(
+        "button",
+        { disabled: !gains.isOperator, title: "save the confirmed values under this name" },
+        "Save",
+      ),
+    );
     place.append(this.answer, this.list, element("h2", {}, "Save the present values"), form);
     this.fillScope();
     this.read();
@@ -30,7 +45,12 @@ export class Presets {
 
   async read() {
     let presets;
-    try { ({ presets } = await get(PATH)); } catch (error) { this.say(error.message); return; }
+    try {
+      ({ presets } = await get(PATH));
+    } catch (error) {
+      this.say(error.message);
+      return;
+    }
     presets.sort((a, b) => a.built_in - b.built_in); // one's own first
     this.list.replaceChildren(...presets.map((preset) => this.line(preset)));
   }
@@ -38,30 +58,74 @@ export class Presets {
   line(preset) {
     const { name, who, stamp, built_in: isBuiltIn, count, differs } = preset;
     const facts = [isBuiltIn ? "built in" : `${who}, ${timeOf(stamp)}`, `${count} values`].join(" · ");
-    const state = differs === 0 ? element("span", { className: "in-use" }, "✓ in use") : `differs in ${differs}`;
-    const look = element("button", { disabled: differs === 0, onclick: () => this.compare(preset), ariaLabel: `compare with preset ${name}` }, "Switch…");
-    const remove = element("button", { disabled: !this.gains.isOperator, onclick: () => this.remove(preset), ariaLabel: `delete preset ${name}` }, "Delete");
-    return element("li", {}, element("span", { className: "name" }, name), element("span", { className: "buttons" }, ...(isBuiltIn ? [look] : [remove, look])),
-      element("div", { className: "facts" }, `${facts} · `, state));
+    const state =
+      differs === 0 ? element("span", { className: "in-use" }, "✓ in use") : `differs in ${differs}`;
+    const look = element(
+      "button",
+      {
+        disabled: differs === 0,
+        onclick: () => this.compare(preset),
+        ariaLabel: `compare with preset ${name}`,
+      },
+      "Switch…",
+    );
+    const remove = element(
+      "button",
+      {
+        disabled: !this.gains.isOperator,
+        onclick: () => this.remove(preset),
+        ariaLabel: `delete preset ${name}`,
+      },
+      "Delete",
+    );
+    return element(
+      "li",
+      {},
+      element("span", { className: "name" }, name),
+      element("span", { className: "buttons" }, ...(isBuiltIn ? [look] : [remove, look])),
+      element("div", { className: "facts" }, `${facts} · `, state),
+    );
   }
 
   async compare({ id, name }) {
-    try { this.show({ title: `Switch to ${name}`, ...(await get(`${PATH}/${encodeURIComponent(id)}`)) }); } catch (error) { this.say(error.message); }
+    try {
+      this.show({ title: `Switch to ${name}`, ...(await get(`${PATH}/${encodeURIComponent(id)}`)) });
+    } catch (error) {
+      this.say(error.message);
+    }
   }
 
   async save(replaces) {
-    const scope = this.scope.value, rows = [...this.gains.rows.values()].filter(({ description }) => !description.read_only);
-    const chosen = scope === MODIFIED ? rows.filter((row) => row.isModified) : rows.filter(({ description }) => description.name.split(".")[0] === scope);
+    const scope = this.scope.value,
+      rows = [...this.gains.rows.values()].filter(({ description }) => !description.read_only);
+    const chosen =
+      scope === MODIFIED
+        ? rows.filter((row) => row.isModified)
+        : rows.filter(({ description }) => description.name.split(".")[0] === scope);
     const name = this.name.value.trim();
-    if (!name) { this.say("Give it a name first."); this.name.focus(); return; }
-    if (chosen.length === 0) { this.say("Nothing is modified, so there is nothing to save."); return; }
+    if (!name) {
+      this.say("Give it a name first.");
+      this.name.focus();
+      return;
+    }
+    if (chosen.length === 0) {
+      this.say("Nothing is modified, so there is nothing to save.");
+      return;
+    }
     try {
-      await request("POST", PATH, { name, parameters: chosen.map(({ description }) => description.name), replaces });
+      await request("POST", PATH, {
+        name,
+        parameters: chosen.map(({ description }) => description.name),
+        replaces,
+      });
       this.name.value = "";
       this.say(`Saved ${name} with ${chosen.length} values.`);
     } catch (error) {
       const isTaken = error.status === 409 && error.message.includes("replace");
-      this.say(error.message, isTaken ? element("button", { onclick: () => this.save(true) }, "Replace") : null);
+      this.say(
+        error.message,
+        isTaken ? element("button", { onclick: () => this.save(true) }, "Replace") : null,
+      );
     }
     this.read();
   }
@@ -70,7 +134,9 @@ export class Presets {
     try {
       await request("DELETE", `${PATH}/${id}`);
       this.say(`Deleted ${name}.`, element("button", { onclick: () => this.restore(id, name) }, "Undo"));
-    } catch (error) { this.say(error.message); }
+    } catch (error) {
+      this.say(error.message);
+    }
     this.read();
   }
 
@@ -78,7 +144,9 @@ export class Presets {
     try {
       await request("POST", `${PATH}/${id}/restore`, {});
       this.say(`${name} is back.`);
-    } catch (error) { this.say(error.message); }
+    } catch (error) {
+      this.say(error.message);
+    }
     this.read();
   }
 

@@ -34,7 +34,9 @@ export class GainSender {
   }
 
   // The vehicle has confirmed something of this parameter: a walk is under way, nothing is late.
-  noteConfirmed() { if (this.timer !== null) this.wait(); }
+  noteConfirmed() {
+    if (this.timer !== null) this.wait();
+  }
 
   async pump() {
     if (this.busy || this.wish === undefined) return;

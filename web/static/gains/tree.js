@@ -15,7 +15,11 @@ export class ParameterTree {
     this.branches = new Map(); // by path
     this.isSearching = false;
     let open = null;
-    try { open = JSON.parse(localStorage.getItem(KEY) ?? "null"); } catch { /* of another version */ }
+    try {
+      open = JSON.parse(localStorage.getItem(KEY) ?? "null");
+    } catch {
+      /* of another version */
+    }
     this.open = new Set(Array.isArray(open) ? open : OPEN);
   }
 
@@ -32,7 +36,14 @@ export class ParameterTree {
     this.place.replaceChildren(trunk);
     // A simulated vehicle's parameters come after all others.
     const isSimulated = rows.some(({ description }) => description.name.startsWith(SIMULATED));
-    this.absent = isSimulated ? null : element("p", { className: "absent" }, element("b", {}, "simulator"), " not there: wind, faults and noise can be set for a simulated vehicle only");
+    this.absent = isSimulated
+      ? null
+      : element(
+          "p",
+          { className: "absent" },
+          element("b", {}, "simulator"),
+          " not there: wind, faults and noise can be set for a simulated vehicle only",
+        );
     if (this.absent) this.place.append(this.absent);
     for (const branch of this.branches.values()) this.count(branch);
   }
@@ -42,7 +53,12 @@ export class ParameterTree {
     if (known) return known;
     const above = path.includes(".") ? this.branch(path.slice(0, path.lastIndexOf(".")), trunk) : null;
     const count = new Text(""); // a text node: another value in it moves nothing else
-    const summary = element("summary", {}, element("b", {}, path.slice(path.lastIndexOf(".") + 1)), element("span", { className: "count" }, count));
+    const summary = element(
+      "summary",
+      {},
+      element("b", {}, path.slice(path.lastIndexOf(".") + 1)),
+      element("span", { className: "count" }, count),
+    );
     const leaves = element("div", { className: "leaves" });
     const details = element("details", { open: this.open.has(path) }, summary, leaves);
     summary.addEventListener("click", () => this.remember(path, !details.open));
@@ -97,11 +113,15 @@ export class ParameterTree {
   }
 
   count(branch) {
-    const modified = modifiedIn(branch), text = modified ? `${modified} modified` : "";
+    const modified = modifiedIn(branch),
+      text = modified ? `${modified} modified` : "";
     if (branch.count.data !== text) branch.count.data = text;
   }
 }
 
 function modifiedIn(branch) {
-  return branch.rows.filter((row) => row.isModified).length + branch.below.reduce((sum, one) => sum + modifiedIn(one), 0);
+  return (
+    branch.rows.filter((row) => row.isModified).length +
+    branch.below.reduce((sum, one) => sum + modifiedIn(one), 0)
+  );
 }

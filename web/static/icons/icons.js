@@ -16,7 +16,9 @@ const PATHS = {
   link: "M3.5 16v-3M7.8 16v-6M12.2 16V7M16.5 16V4",
   charts: "M3 3v14h14M6 13l3-5 3 3 4-6",
   runs: "M7.5 5H17M7.5 10H17M7.5 15H17M3 5h1M3 10h1M3 15h1",
-  setup: `M10 2.5v2.5M10 15v2.5M2.5 10H5M15 10h2.5M4.7 4.7l1.8 1.8M13.5 13.5l1.8 1.8M15.3 4.7l-1.8 1.8M6.5 13.5l-1.8 1.8${ring(10, 10, 5)}${ring(10, 10, 1.5)}`,
+  setup:
+    "M10 2.5v2.5M10 15v2.5M2.5 10H5M15 10h2.5M4.7 4.7l1.8 1.8M13.5 13.5l1.8 1.8M15.3 4.7l-1.8 " +
+    `1.8M6.5 13.5l-1.8 1.8${ring(10, 10, 5)}${ring(10, 10, 1.5)}`,
   fleet: "M3 3h5v5H3zM12 3h5v5h-5zM3 12h5v5H3zM12 12h5v5h-5z",
   // behaviors; those of follow_trajectory by their trajectory
   take_off: "M10 13V3M6 7l4-4 4 4M4 17h12",

@@ -19,7 +19,11 @@ const NOT_YET = { station: "No data from the base station yet", link: "No data f
 
 export class Contact {
   constructor(place, { events, telemetry, channels, gains }) {
-    this.place = place; this.events = events; this.channels = channels; this.gains = gains; this.cause = "";
+    this.place = place;
+    this.events = events;
+    this.channels = channels;
+    this.gains = gains;
+    this.cause = "";
     this.signedOut = false;
     this.height = NaN; // m, of the newest sample, however old
     this.lost = element("b", {}, "Contact lost");
@@ -27,8 +31,13 @@ export class Contact {
     this.head = element("b", { role: "alert" });
     this.last = element("span", { className: "last" });
     this.next = element("span", { className: "next" });
-    place.append(element("p", { className: "head" }, this.lost, this.ago, this.head), element("p", {}, this.last, " ", this.next));
-    events.addEventListener("open", () => { this.signedOut = false; });
+    place.append(
+      element("p", { className: "head" }, this.lost, this.ago, this.head),
+      element("p", {}, this.last, " ", this.next),
+    );
+    events.addEventListener("open", () => {
+      this.signedOut = false;
+    });
     telemetry.addEventListener("frame", ({ detail }) => {
       const height = detail.value["state.position.z"];
       if (Number.isFinite(height)) this.height = height;
@@ -36,15 +45,29 @@ export class Contact {
     setInterval(() => this.draw(), TICK);
   }
 
-  safety(name) { return this.gains.value(`safety.${name}`); }
+  safety(name) {
+    return this.gains.value(`safety.${name}`);
+  }
   draw() {
     const { cause } = this.channels;
     if (cause !== this.cause) this.begin(cause);
     if (!cause) return;
-    const { status, battery } = this.events.summary, silent = cause === "page" ? this.channels.away : this.channels.silent;
-    setText(this.ago, Number.isFinite(silent) && !this.signedOut ? ` for ${seconds(Math.round(10 * silent) / 10)}: ` : "");
-    setText(this.last, this.signedOut ? "" : status ? `Last seen: ${lastState(status, this.height, battery)}.` : "");
-    setText(this.next, this.signedOut ? "The vehicle does not depend on this page." : byItself(cause, status, silent, (name) => this.safety(name)));
+    const { status, battery } = this.events.summary,
+      silent = cause === "page" ? this.channels.away : this.channels.silent;
+    setText(
+      this.ago,
+      Number.isFinite(silent) && !this.signedOut ? ` for ${seconds(Math.round(10 * silent) / 10)}: ` : "",
+    );
+    setText(
+      this.last,
+      this.signedOut ? "" : status ? `Last seen: ${lastState(status, this.height, battery)}.` : "",
+    );
+    setText(
+      this.next,
+      this.signedOut
+        ? "The vehicle does not depend on this page."
+        : byItself(cause, status, silent, (name) => this.safety(name)),
+    );
   }
 
   begin(cause) {

@@ -8,7 +8,10 @@ export const REACTIONS = {
   brake: { does: "brakes and hovers", doing: "braking, then hovering" },
   land: { does: "lands", doing: "landing" },
   descend: { does: "comes down level by its barometer", doing: "coming down level by its barometer" },
-  emergency: { does: "leaves the landing to its microcontroller", doing: "landed by its microcontroller alone" },
+  emergency: {
+    does: "leaves the landing to its microcontroller",
+    doing: "landed by its microcontroller alone",
+  },
   cut: { does: "stops its motors", doing: "falling, its motors stopped" },
 };
 
@@ -32,20 +35,29 @@ export function lastState(status, height, battery) {
  */
 export function byItself(cause, status, silent, safety) {
   if (!status) return "";
-  if (cause === "page") return status.airborne ? "The current command continues: it does not depend on this page. Sticks of this page were released." : "It does not depend on this page.";
+  if (cause === "page")
+    return status.airborne
+      ? "The current command continues: it does not depend on this page. Sticks of this page were released."
+      : "It does not depend on this page.";
   if (!status.armed) return "It does nothing until contact is back.";
   if (/emergency/i.test(status.mode)) return "It continues its landing on its own.";
   if (cause === "flight") {
     const timeout = safety("command_timeout");
     const after = timeout === undefined ? "" : ` after ${fixed(timeout, 2)} s without commands`;
-    return status.airborne ? `Its microcontroller lands it alone${after}.` : `Its microcontroller stops the motors${after}.`;
+    return status.airborne
+      ? `Its microcontroller lands it alone${after}.`
+      : `Its microcontroller stops the motors${after}.`;
   }
   if (!status.airborne) return "Its motors keep turning until contact is back: keep away from it.";
-  const timeout = safety("link_timeout"), after = safety("link_land_after");
-  const first = REACTIONS[safety("link_reaction")], then = REACTIONS[safety("link_land_reaction")];
-  if (timeout === undefined || after === undefined || !first || !then) return "Its own reaction is not known here: its parameters have not been read.";
+  const timeout = safety("link_timeout"),
+    after = safety("link_land_after");
+  const first = REACTIONS[safety("link_reaction")],
+    then = REACTIONS[safety("link_land_reaction")];
+  if (timeout === undefined || after === undefined || !first || !then)
+    return "Its own reaction is not known here: its parameters have not been read.";
   const left = timeout + after - silent;
-  if (silent < timeout) return `On its own it ${first.does} ${span(timeout - silent)} from now, and ${then.does} ${span(after)} later.`;
+  if (silent < timeout)
+    return `On its own it ${first.does} ${span(timeout - silent)} from now, and ${then.does} ${span(after)} later.`;
   if (left > 0) return `On its own it should be ${first.doing} now; it ${then.does} in ${span(left)}.`;
   return `On its own it should be ${then.doing} now, for ${span(-left)}.`;
 }

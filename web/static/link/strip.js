@@ -12,10 +12,17 @@ export class LinkStrip {
   /**
    * deadline: { value(), text } marked by a line; zero: whether the plot stands on zero
    * @param {string} label
-   * @param {{ format: (value: number) => string, least: number, topic?: string, title?: string, deadline?: any, zero?: boolean }} look
+   * @param {{
+   *   format: (value: number) => string, least: number, topic?: string, title?: string, deadline?: any,
+   *   zero?: boolean
+   * }} look
    */
   constructor(label, { format, least, topic = "", title = "", deadline = null, zero = true }) {
-    this.label = label; this.format = format; this.least = least; this.deadline = deadline; this.zero = zero;
+    this.label = label;
+    this.format = format;
+    this.least = least;
+    this.deadline = deadline;
+    this.zero = zero;
     this.times = new Float64Array(CAPACITY); // s of this page's clock, a ring
     this.values = new Float32Array(CAPACITY);
     this.count = 0;
@@ -23,7 +30,14 @@ export class LinkStrip {
     if (topic) this.value.dataset.topic = topic;
     this.largest = element("span", { className: "largest" });
     this.canvas = element("canvas", { role: "img" });
-    this.place = element("div", { className: "strip", title }, element("span", { className: "name" }, label), this.value, this.largest, this.canvas);
+    this.place = element(
+      "div",
+      { className: "strip", title },
+      element("span", { className: "name" }, label),
+      this.value,
+      this.largest,
+      this.canvas,
+    );
   }
 
   // NaN is a gap.
@@ -33,35 +47,54 @@ export class LinkStrip {
     this.values[i] = value;
   }
 
-  get newest() { return this.count ? this.values[(this.count - 1) % CAPACITY] : NaN; }
+  get newest() {
+    return this.count ? this.values[(this.count - 1) % CAPACITY] : NaN;
+  }
 
   draw(now) {
     if (Number.isFinite(this.newest)) setText(this.value, this.format(this.newest)); // else the last one stays, grey
-    let low = Infinity, high = -Infinity;
-    this.each(now, (_, value) => { if (value < low) low = value; if (value > high) high = value; });
+    let low = Infinity,
+      high = -Infinity;
+    this.each(now, (_, value) => {
+      if (value < low) low = value;
+      if (value > high) high = value;
+    });
     const isKnown = high >= low;
-    setText(this.largest, !isKnown ? "" : this.zero ? `max ${this.format(high)}` : `${this.format(low)} to ${this.format(high)}`);
-    this.canvas.ariaLabel = isKnown ? `${this.label}, last five minutes: ${this.format(low)} to ${this.format(high)}` : `${this.label}: no data`;
+    setText(
+      this.largest,
+      !isKnown ? "" : this.zero ? `max ${this.format(high)}` : `${this.format(low)} to ${this.format(high)}`,
+    );
+    this.canvas.ariaLabel = isKnown
+      ? `${this.label}, last five minutes: ${this.format(low)} to ${this.format(high)}`
+      : `${this.label}: no data`;
     this.paint(now, low, high, isKnown);
   }
 
   each(now, act) {
     for (let k = Math.max(0, this.count - CAPACITY); k < this.count; k++) {
-      const i = k % CAPACITY, ago = now - this.times[i];
+      const i = k % CAPACITY,
+        ago = now - this.times[i];
       if (ago <= LENGTH && Number.isFinite(this.values[i])) act(this.times[i], this.values[i]);
     }
   }
 
   paint(now, low, high, isKnown) {
-    const { canvas } = this, ratio = devicePixelRatio, width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
+    const { canvas } = this,
+      ratio = devicePixelRatio,
+      width = Math.round(canvas.clientWidth * ratio),
+      height = Math.round(canvas.clientHeight * ratio);
     if (!width || !height) return;
     setIfChanged(canvas, "width", width);
     setIfChanged(canvas, "height", height);
-    const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")), limit = this.deadline?.value();
+    const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")),
+      limit = this.deadline?.value();
     context.clearRect(0, 0, width, height);
-    const middle = (low + high) / 2, half = Math.max(this.least / 2, (high - low) / 2 * 1.1);
-    const bottom = this.zero || !isKnown ? 0 : middle - half, top = this.zero || !isKnown ? Math.max(this.least, 1.1 * (isKnown ? high : 0)) : middle + half;
-    const x = (time) => width * (1 - (now - time) / LENGTH), y = (value) => height - 1 - (value - bottom) / (top - bottom) * (height - 2);
+    const middle = (low + high) / 2,
+      half = Math.max(this.least / 2, ((high - low) / 2) * 1.1);
+    const bottom = this.zero || !isKnown ? 0 : middle - half,
+      top = this.zero || !isKnown ? Math.max(this.least, 1.1 * (isKnown ? high : 0)) : middle + half;
+    const x = (time) => width * (1 - (now - time) / LENGTH),
+      y = (value) => height - 1 - ((value - bottom) / (top - bottom)) * (height - 2);
     context.lineWidth = ratio;
     if (limit > bottom && limit < top) {
       context.strokeStyle = paint("var(--amber)");

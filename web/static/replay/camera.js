@@ -3,11 +3,24 @@
 const NEAR = 0.05; // m
 
 export class Camera {
-  target; turn; rise; distance; eye; right; up; back; focal; center;
+  target;
+  turn;
+  rise;
+  distance;
+  eye;
+  right;
+  up;
+  back;
+  focal;
+  center;
 
-  constructor() { this.reset(); }
+  constructor() {
+    this.reset();
+  }
 
-  reset() { Object.assign(this, { target: [0, 0, 0.8], turn: -2.26, rise: 0.36, distance: 3.4 }); }
+  reset() {
+    Object.assign(this, { target: [0, 0, 0.8], turn: -2.26, rise: 0.36, distance: 3.4 });
+  }
 
   // Where the vehicle is seen from; from there it can be turned and zoomed.
   choose(look) {
@@ -19,7 +32,12 @@ export class Camera {
   // In the vehicle, looking along its nose; the horizon stays level.
   sitOn({ position }, turn) {
     const ahead = [turn[0], turn[3], turn[6]];
-    Object.assign(this, { turn: Math.atan2(-ahead[1], -ahead[0]), rise: Math.asin(Math.max(-1, Math.min(1, -ahead[2]))), distance: 0.1, target: position.map((c, i) => c + 0.26 * ahead[i]) });
+    Object.assign(this, {
+      turn: Math.atan2(-ahead[1], -ahead[0]),
+      rise: Math.asin(Math.max(-1, Math.min(1, -ahead[2]))),
+      distance: 0.1,
+      target: position.map((c, i) => c + 0.26 * ahead[i]),
+    });
   }
 
   // Once a drawing, before `project`.
@@ -39,7 +57,9 @@ export class Camera {
    * @returns {[number, number, number]}
    */
   seen([x, y, z]) {
-    const a = x - this.eye[0], b = y - this.eye[1], c = z - this.eye[2];
+    const a = x - this.eye[0],
+      b = y - this.eye[1],
+      c = z - this.eye[2];
     return [
       a * this.right[0] + b * this.right[1],
       a * this.up[0] + b * this.up[1] + c * this.up[2],
@@ -48,7 +68,9 @@ export class Camera {
   }
 
   /** @returns {[number, number]} */
-  flat([a, b, depth]) { return [this.center[0] + (this.focal * a) / depth, this.center[1] - (this.focal * b) / depth]; }
+  flat([a, b, depth]) {
+    return [this.center[0] + (this.focal * a) / depth, this.center[1] - (this.focal * b) / depth];
+  }
 
   // [x, y] in pixels, or null behind the eye.
   project(point) {
@@ -58,9 +80,11 @@ export class Camera {
 
   // Both ends of a line, cut off behind the eye; null when all of it is there.
   segment(p, q) {
-    let a = this.seen(p), b = this.seen(q);
+    let a = this.seen(p),
+      b = this.seen(q);
     if (a[2] <= NEAR && b[2] <= NEAR) return null;
-    if (a[2] <= NEAR) a = cut(a, b); else if (b[2] <= NEAR) b = cut(b, a);
+    if (a[2] <= NEAR) a = cut(a, b);
+    else if (b[2] <= NEAR) b = cut(b, a);
     return [this.flat(a), this.flat(b)];
   }
 
@@ -74,7 +98,9 @@ export class Camera {
     this.target = this.target.map((x, i) => x - scale * (dx * this.right[i] - dy * this.up[i]));
   }
 
-  zoom(factor) { this.distance = Math.min(60, Math.max(0.4, this.distance * factor)); }
+  zoom(factor) {
+    this.distance = Math.min(60, Math.max(0.4, this.distance * factor));
+  }
 }
 
 /** @returns {[number, number, number]} */
@@ -97,9 +123,11 @@ export function handle(canvas, camera, redraw) {
     const before = fingers.get(event.pointerId);
     if (!before) return;
     fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    const dx = event.clientX - before[0], dy = event.clientY - before[1];
+    const dx = event.clientX - before[0],
+      dy = event.clientY - before[1];
     if (fingers.size === 2) {
-      const [a, b] = [...fingers.values()], now = Math.hypot(a[0] - b[0], a[1] - b[1]);
+      const [a, b] = [...fingers.values()],
+        now = Math.hypot(a[0] - b[0], a[1] - b[1]);
       if (apart) camera.zoom(apart / now);
       apart = now;
       camera.pan(dx / 2, dy / 2);
@@ -107,10 +135,26 @@ export function handle(canvas, camera, redraw) {
     else camera.orbit(dx, dy);
     redraw();
   });
-  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => { fingers.delete(event.pointerId); apart = 0; });
-  canvas.addEventListener("wheel", (event) => { event.preventDefault(); camera.zoom(Math.exp(0.0012 * event.deltaY)); redraw(); }, { passive: false });
+  for (const name of ["pointerup", "pointercancel"])
+    canvas.addEventListener(name, (event) => {
+      fingers.delete(event.pointerId);
+      apart = 0;
+    });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      camera.zoom(Math.exp(0.0012 * event.deltaY));
+      redraw();
+    },
+    { passive: false },
+  );
   canvas.addEventListener("keydown", (event) => {
     const factor = { "+": 0.85, "=": 0.85, "-": 1.18 }[event.key];
-    if (factor) { camera.zoom(factor); redraw(); event.preventDefault(); }
+    if (factor) {
+      camera.zoom(factor);
+      redraw();
+      event.preventDefault();
+    }
   });
 }

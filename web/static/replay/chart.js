@@ -20,16 +20,29 @@ export class ReplayChart extends EventTarget {
 
   constructor(place, index, clock, range) {
     super();
-    this.key = `replay.chart.${index}`; this.index = index; this.place = place; this.range = range;
-    this.recorded = new RecordedSignals(clock, range, () => Math.min(2000, Math.max(200, this.chart.plot.clientWidth)));
+    this.key = `replay.chart.${index}`;
+    this.index = index;
+    this.place = place;
+    this.range = range;
+    this.recorded = new RecordedSignals(clock, range, () =>
+      Math.min(2000, Math.max(200, this.chart.plot.clientWidth)),
+    );
     this.sampled = new RecordedSignals(clock, range, () => SAMPLES, false);
     /** @type {Record<string, any[]>} */
-    this.views = { time: [this.recorded, Chart], xy: [this.sampled, XyChart], spectrum: [new Spectra(range), SpectrumChart], spectrogram: [new Spectrogram(range), SpectrogramChart] };
+    this.views = {
+      time: [this.recorded, Chart],
+      xy: [this.sampled, XyChart],
+      spectrum: [new Spectra(range), SpectrumChart],
+      spectrogram: [new Spectrogram(range), SpectrogramChart],
+    };
     this.view = "time";
     this.chart = new Chart(place, { axis: range, source: this.recorded });
     for (const one of [range, this.views.spectrum[0].axis]) one.addEventListener("range", () => this.show());
     for (const [source] of Object.values(this.views)) {
-      source.addEventListener("window", () => { this.chart.refresh(); this.show(); });
+      source.addEventListener("window", () => {
+        this.chart.refresh();
+        this.show();
+      });
       source.addEventListener("problem", ({ detail }) => {
         place.classList.toggle("lost", Boolean(detail));
         if (detail) this.dispatchEvent(new CustomEvent("problem", { detail }));
@@ -37,18 +50,27 @@ export class ReplayChart extends EventTarget {
     }
   }
 
-  get names() { return this.chart.names; }
-  get source() { return this.chart.source; }
-  get settled() { return this.source.settled; }
+  get names() {
+    return this.chart.names;
+  }
+  get source() {
+    return this.chart.source;
+  }
+  get settled() {
+    return this.source.settled;
+  }
 
   setRuns(runs) {
     const { signals } = runs[0].description;
     for (const [source] of Object.values(this.views)) source.runs = runs;
-    this.menu = new ChartMenu({ signals, named: signals.filter(({ known }) => known).length }, async (text) => {
-      const signal = await derive(text, (texts) => runs[0].expressions(texts));
-      await Promise.all(runs.map((run) => run.learn([signal.name])));
-      return signal;
-    });
+    this.menu = new ChartMenu(
+      { signals, named: signals.filter(({ known }) => known).length },
+      async (text) => {
+        const signal = await derive(text, (texts) => runs[0].expressions(texts));
+        await Promise.all(runs.map((run) => run.learn([signal.name])));
+        return signal;
+      },
+    );
     this.addTools();
     this.chart.select(this.stored() ?? this.defaults(runs[0]));
     this.show();
@@ -56,14 +78,31 @@ export class ReplayChart extends EventTarget {
 
   addTools() {
     const { chart, menu } = this;
-    const choose = element("button", { title: "choose signals", ariaExpanded: "false",
-      onclick: () => menu.toggle(this.chart, choose, () => this.changed()) }, "Signals");
-    chart.tools.append(choose, viewMenu(chart, this.view, (view) => this.setView(view), () => this.show()));
+    const choose = element(
+      "button",
+      {
+        title: "choose signals",
+        ariaExpanded: "false",
+        onclick: () => menu.toggle(this.chart, choose, () => this.changed()),
+      },
+      "Signals",
+    );
+    chart.tools.append(
+      choose,
+      viewMenu(
+        chart,
+        this.view,
+        (view) => this.setView(view),
+        () => this.show(),
+      ),
+    );
   }
 
   // Over time, as an XY plot, over frequency, or over both.
   setView(view) {
-    const { place, range } = this, { names, hasFigures, hasEvents, limits } = this.chart, [source, Kind] = this.views[view];
+    const { place, range } = this,
+      { names, hasFigures, hasEvents, limits } = this.chart,
+      [source, Kind] = this.views[view];
     if (this.menu.isOpen) this.menu.close();
     this.chart.close();
     place.replaceChildren();

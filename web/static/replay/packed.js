@@ -24,8 +24,13 @@ export function unpack(buffer) {
 
 /** @param {Group[]} groups @returns {ArrayBuffer} */
 export function pack(groups) {
-  const text = new TextEncoder().encode(JSON.stringify({ groups: groups.map(({ signals, times }) => ({ signals, count: times.length })) }));
-  const size = groups.reduce((sum, { times, columns }) => sum + 8 * times.length + columns.length * padded(4 * times.length), padded(4 + text.length));
+  const text = new TextEncoder().encode(
+    JSON.stringify({ groups: groups.map(({ signals, times }) => ({ signals, count: times.length })) }),
+  );
+  const size = groups.reduce(
+    (sum, { times, columns }) => sum + 8 * times.length + columns.length * padded(4 * times.length),
+    padded(4 + text.length),
+  );
   const buffer = new ArrayBuffer(size);
   new DataView(buffer).setUint32(0, text.length, true);
   new Uint8Array(buffer, 4, text.length).set(text);
@@ -33,7 +38,10 @@ export function pack(groups) {
   for (const { times, columns } of groups) {
     new Float64Array(buffer, at, times.length).set(times);
     at += 8 * times.length;
-    for (const column of columns) { new Float32Array(buffer, at, column.length).set(column); at += padded(4 * column.length); }
+    for (const column of columns) {
+      new Float32Array(buffer, at, column.length).set(column);
+      at += padded(4 * column.length);
+    }
   }
   return buffer;
 }

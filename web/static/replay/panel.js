@@ -11,18 +11,45 @@ export class ReplayPanel extends EventTarget {
   constructor(place, clock) {
     super();
     this.clock = clock;
-    const tab = (name, label) => element("button", { role: "tab", id: `tab-${name}-button`, ariaSelected: "false", onclick: () => this.open(name) }, label);
-    this.tabs = { events: tab("events", "Events"), parameters: tab("parameters", "Parameters"), notes: tab("notes", "Log") };
+    const tab = (name, label) =>
+      element(
+        "button",
+        { role: "tab", id: `tab-${name}-button`, ariaSelected: "false", onclick: () => this.open(name) },
+        label,
+      );
+    this.tabs = {
+      events: tab("events", "Events"),
+      parameters: tab("parameters", "Parameters"),
+      notes: tab("notes", "Log"),
+    };
     const nav = element("nav", {}, ...Object.values(this.tabs));
     nav.setAttribute("role", "tablist");
     this.findings = element("ol", { className: "happened findings" });
     this.events = element("ol", { className: "happened" });
-    this.search = element("input", { type: "search", placeholder: "Search parameter", ariaLabel: "search parameters", oninput: () => this.fillParameters() });
-    this.changed = element("button", { ariaPressed: "false", title: "only parameters changed before the play-head", onclick: () => this.toggleChanged() }, "Changed");
+    this.search = element("input", {
+      type: "search",
+      placeholder: "Search parameter",
+      ariaLabel: "search parameters",
+      oninput: () => this.fillParameters(),
+    });
+    this.changed = element(
+      "button",
+      {
+        ariaPressed: "false",
+        title: "only parameters changed before the play-head",
+        onclick: () => this.toggleChanged(),
+      },
+      "Changed",
+    );
     this.values = element("table", { className: "values" });
     this.bodies = {
       events: element("div", { className: "tab" }, this.findings, this.events),
-      parameters: element("div", { className: "tab" }, element("div", { className: "tools" }, this.search, this.changed), this.values),
+      parameters: element(
+        "div",
+        { className: "tab" },
+        element("div", { className: "tools" }, this.search, this.changed),
+        this.values,
+      ),
       notes: element("div", { className: "tab" }),
     };
     place.append(nav, ...Object.values(this.bodies));
@@ -41,13 +68,53 @@ export class ReplayPanel extends EventTarget {
 
   setRuns(runs) {
     this.runs = runs;
-    this.lines = runs.flatMap((run, k) => lines(run).map((line) => ({ ...line, at: line.t - run.shift, isOther: k > 0 }))).sort((a, b) => a.at - b.at).slice(0, MOST);
-    this.rows = this.lines.map((line) => element("li", { className: `of-${line.kind}${line.isOther ? " second" : ""}` },
-      element("button", { className: "link", title: "go there", onclick: () => { this.clock.pause(); this.clock.seek(line.at); } }, stamp(line.at, 1)), element("span", {}, line.text)));
-    this.events.replaceChildren(...(this.rows.length ? this.rows : [element("li", { className: "empty" }, "No events in this run.")]));
-    const findings = runs.flatMap((run, k) => run.description.findings.map((one) => ({ ...one, at: one.from - run.shift, isOther: k > 0 })));
-    this.findings.replaceChildren(...findings.map((one) => element("li", { className: one.isOther ? "second" : "" },
-      element("button", { className: "link", title: "show the evidence", onclick: () => this.dispatchEvent(new CustomEvent("finding", { detail: one })) }, stamp(one.at, 1)), element("span", {}, one.text))));
+    this.lines = runs
+      .flatMap((run, k) => lines(run).map((line) => ({ ...line, at: line.t - run.shift, isOther: k > 0 })))
+      .sort((a, b) => a.at - b.at)
+      .slice(0, MOST);
+    this.rows = this.lines.map((line) =>
+      element(
+        "li",
+        { className: `of-${line.kind}${line.isOther ? " second" : ""}` },
+        element(
+          "button",
+          {
+            className: "link",
+            title: "go there",
+            onclick: () => {
+              this.clock.pause();
+              this.clock.seek(line.at);
+            },
+          },
+          stamp(line.at, 1),
+        ),
+        element("span", {}, line.text),
+      ),
+    );
+    this.events.replaceChildren(
+      ...(this.rows.length ? this.rows : [element("li", { className: "empty" }, "No events in this run.")]),
+    );
+    const findings = runs.flatMap((run, k) =>
+      run.description.findings.map((one) => ({ ...one, at: one.from - run.shift, isOther: k > 0 })),
+    );
+    this.findings.replaceChildren(
+      ...findings.map((one) =>
+        element(
+          "li",
+          { className: one.isOther ? "second" : "" },
+          element(
+            "button",
+            {
+              className: "link",
+              title: "show the evidence",
+              onclick: () => this.dispatchEvent(new CustomEvent("finding", { detail: one })),
+            },
+            stamp(one.at, 1),
+          ),
+          element("span", {}, one.text),
+        ),
+      ),
+    );
     this.bodies.notes.replaceChildren(...runs.map(facts));
     this.filled = undefined;
     this.move();
@@ -74,37 +141,103 @@ export class ReplayPanel extends EventTarget {
   // Only when another change has come in force, or something else is looked for.
   fillParameters() {
     if (this.shown !== "parameters") return;
-    const { parameters, changes } = this.runs[0].description, t = this.clock.t + 1e-6, past = changes.filter((one) => one.t <= t);
-    const only = this.changed.getAttribute("aria-pressed") === "true", key = `${past.length} ${only} ${this.search.value}`;
+    const { parameters, changes } = this.runs[0].description,
+      t = this.clock.t + 1e-6,
+      past = changes.filter((one) => one.t <= t);
+    const only = this.changed.getAttribute("aria-pressed") === "true",
+      key = `${past.length} ${only} ${this.search.value}`;
     if (key === this.filled) return;
     this.filled = key;
-    const last = new Map(past.map((one) => [one.name, one])), words = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const names = [...new Set([...Object.keys(parameters), ...last.keys()])].filter((name) => (!only || last.has(name)) && words.every((word) => name.toLowerCase().includes(word)));
-    this.values.replaceChildren(element("tbody", {}, ...names.map((name) => {
-      const change = last.get(name), value = change ? change.new : parameters[name];
-      const note = change ? `was ${exact(change.old)}, ${stamp(change.t, 1)}${change.who ? ` by ${change.who}` : ""}` : "";
-      return element("tr", { className: change ? "changed" : "", title: note }, element("td", {}, name, ...(note ? [element("small", {}, note)] : [])), element("td", {}, exact(value)));
-    })));
-    if (!names.length) this.values.replaceChildren(element("caption", { className: "empty" }, only ? "No changes up to here." : "No parameter of this name in the log."));
+    const last = new Map(past.map((one) => [one.name, one])),
+      words = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const names = [...new Set([...Object.keys(parameters), ...last.keys()])].filter(
+      (name) => (!only || last.has(name)) && words.every((word) => name.toLowerCase().includes(word)),
+    );
+    this.values.replaceChildren(
+      element(
+        "tbody",
+        {},
+        ...names.map((name) => {
+          const change = last.get(name),
+            value = change ? change.new : parameters[name];
+          const note = change
+            ? `was ${exact(change.old)}, ${stamp(change.t, 1)}${change.who ? ` by ${change.who}` : ""}`
+            : "";
+          return element(
+            "tr",
+            { className: change ? "changed" : "", title: note },
+            element("td", {}, name, ...(note ? [element("small", {}, note)] : [])),
+            element("td", {}, exact(value)),
+          );
+        }),
+      ),
+    );
+    if (!names.length)
+      this.values.replaceChildren(
+        element(
+          "caption",
+          { className: "empty" },
+          only ? "No changes up to here." : "No parameter of this name in the log.",
+        ),
+      );
   }
 }
 
 function lines({ description: { events, marks, changes, spans } }) {
   return [
-    ...events.map(({ t, text, warn }) => ({ t, text: warn ? `⚠ ${text}` : text, kind: warn ? "warn" : "event" })),
-    ...marks.map(({ t, text, who }) => ({ t, text: `▼ ${text || "mark"}${who ? ` (${who})` : ""}`, kind: "mark" })),
-    ...changes.map(({ t, name, old, new: value, who }) => ({ t, text: `${name}: ${exact(old)} → ${exact(value)}${who ? `, ${who}` : ""}`, kind: "change" })),
-    ...spans.behavior.map(({ from, text }) => ({ t: from, text: `behavior ${text.replaceAll("_", " ")}`, kind: "behavior" })),
+    ...events.map(({ t, text, warn }) => ({
+      t,
+      text: warn ? `⚠ ${text}` : text,
+      kind: warn ? "warn" : "event",
+    })),
+    ...marks.map(({ t, text, who }) => ({
+      t,
+      text: `▼ ${text || "mark"}${who ? ` (${who})` : ""}`,
+      kind: "mark",
+    })),
+    ...changes.map(({ t, name, old, new: value, who }) => ({
+      t,
+      text: `${name}: ${exact(old)} → ${exact(value)}${who ? `, ${who}` : ""}`,
+      kind: "change",
+    })),
+    ...spans.behavior.map(({ from, text }) => ({
+      t: from,
+      text: `behavior ${text.replaceAll("_", " ")}`,
+      kind: "behavior",
+    })),
   ];
 }
 
 // What the log holds, and what is missing of it.
 function facts(run) {
   const { topics, problems, tear, damaged_chunks: damaged, duration } = run.description;
-  const row = (name, value, title = "") => element("tr", { title }, element("td", {}, name), element("td", {}, value));
-  return element("section", {}, element("h2", {}, run.id),
-    ...(tear ? [element("p", { className: "warn" }, `Cut off: it ${tear}. The complete part is shown.`)] : []),
+  const row = (name, value, title = "") =>
+    element("tr", { title }, element("td", {}, name), element("td", {}, value));
+  return element(
+    "section",
+    {},
+    element("h2", {}, run.id),
+    ...(tear
+      ? [element("p", { className: "warn" }, `Cut off: it ${tear}. The complete part is shown.`)]
+      : []),
     ...(damaged ? [element("p", { className: "warn" }, `${damaged} damaged parts are left out.`)] : []),
-    ...Object.entries(problems).map(([topic, why]) => element("p", { className: "warn" }, `${topic}: ${why}`)),
-    element("table", { className: "values" }, element("tbody", {}, ...Object.entries(topics).map(([name, { type, count }]) => row(name, `${(count / Math.max(duration, 1e-9)).toFixed(count > duration ? 0 : 2)} Hz`, `${type}, ${count} messages`)))));
+    ...Object.entries(problems).map(([topic, why]) =>
+      element("p", { className: "warn" }, `${topic}: ${why}`),
+    ),
+    element(
+      "table",
+      { className: "values" },
+      element(
+        "tbody",
+        {},
+        ...Object.entries(topics).map(([name, { type, count }]) =>
+          row(
+            name,
+            `${(count / Math.max(duration, 1e-9)).toFixed(count > duration ? 0 : 2)} Hz`,
+            `${type}, ${count} messages`,
+          ),
+        ),
+      ),
+    ),
+  );
 }

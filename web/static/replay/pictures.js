@@ -4,7 +4,13 @@ import { paint } from "../camera/picture.js";
 import { element, hide, setText } from "../core/dom.js";
 import { here } from "../core/vehicle_path.js";
 
-const WORDS = { tracker: "Tracker's camera", tracker_2: "Tracker's camera 2", tracker_3: "Tracker's camera 3", tracker_4: "Tracker's camera 4", camera: "Camera on board" };
+const WORDS = {
+  tracker: "Tracker's camera",
+  tracker_2: "Tracker's camera 2",
+  tracker_3: "Tracker's camera 3",
+  tracker_4: "Tracker's camera 4",
+  camera: "Camera on board",
+};
 const OLD = 3; // s, until a picture is told to be old
 
 export class ReplayPictures {
@@ -13,7 +19,9 @@ export class ReplayPictures {
     this.clock = clock;
     this.pictures = [];
     place.append(this.place);
-    clock.addEventListener("time", () => { for (const one of this.pictures) one.ask(); });
+    clock.addEventListener("time", () => {
+      for (const one of this.pictures) one.ask();
+    });
   }
 
   // Of the first run alone, as the 3D view's beacons are.
@@ -29,7 +37,9 @@ class Picture {
   asked;
 
   constructor(run, camera, clock) {
-    this.run = run; this.camera = camera; this.clock = clock;
+    this.run = run;
+    this.camera = camera;
+    this.clock = clock;
     this.taken = "";
     this.canvas = element("canvas", { width: 640, height: 480 });
     this.canvas.setAttribute("role", "img");
@@ -52,10 +62,16 @@ class Picture {
   }
 
   async show(t) {
-    const answer = await fetch(here(`${this.run.base}/picture?camera=${this.camera}&t=${t + this.run.shift}`));
-    if (!answer.ok) throw new Error((await answer.json().catch(() => ({}))).error ?? `error ${answer.status}`);
+    const answer = await fetch(
+      here(`${this.run.base}/picture?camera=${this.camera}&t=${t + this.run.shift}`),
+    );
+    if (!answer.ok)
+      throw new Error((await answer.json().catch(() => ({}))).error ?? `error ${answer.status}`);
     const taken = answer.headers.get("x-time");
-    if (taken === null) { this.say("No picture yet", true); return; }
+    if (taken === null) {
+      this.say("No picture yet", true);
+      return;
+    }
     if (taken !== this.taken) await paint(this.canvas, await answer.arrayBuffer());
     this.taken = taken;
     const age = t + this.run.shift - Number(taken);

@@ -6,7 +6,12 @@ export const SPEEDS = [0.125, 0.25, 0.5, 1, 2, 4, 8];
 export class PlayHead extends EventTarget {
   constructor() {
     super();
-    this.t = 0; this.start = 0; this.end = 1; this.speed = 1; this.direction = 1; this.playing = false;
+    this.t = 0;
+    this.start = 0;
+    this.end = 1;
+    this.speed = 1;
+    this.direction = 1;
+    this.playing = false;
     this.last = 0;
     this.tick = this.tick.bind(this);
   }
@@ -27,10 +32,16 @@ export class PlayHead extends EventTarget {
   }
 
   /** @param {number} seconds */
-  step(seconds) { this.pause(); this.seek(this.t + seconds); }
+  step(seconds) {
+    this.pause();
+    this.seek(this.t + seconds);
+  }
 
   /** @param {number} speed */
-  setSpeed(speed) { this.speed = speed; this.dispatchEvent(new Event("change")); }
+  setSpeed(speed) {
+    this.speed = speed;
+    this.dispatchEvent(new Event("change"));
+  }
 
   /** @param {number} steps */
   faster(steps) {
@@ -40,8 +51,13 @@ export class PlayHead extends EventTarget {
 
   play(direction = this.direction) {
     this.direction = direction;
-    if (direction > 0 ? this.t >= this.end : this.t <= this.start) this.seek(direction > 0 ? this.start : this.end);
-    if (!this.playing) { this.playing = true; this.last = performance.now(); requestAnimationFrame(this.tick); }
+    if (direction > 0 ? this.t >= this.end : this.t <= this.start)
+      this.seek(direction > 0 ? this.start : this.end);
+    if (!this.playing) {
+      this.playing = true;
+      this.last = performance.now();
+      requestAnimationFrame(this.tick);
+    }
     this.dispatchEvent(new Event("change"));
   }
 
@@ -51,7 +67,10 @@ export class PlayHead extends EventTarget {
     this.dispatchEvent(new Event("change"));
   }
 
-  toggle() { if (this.playing) this.pause(); else this.play(); }
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
+  }
 
   /** @param {number} now */
   tick(now) {
@@ -67,9 +86,14 @@ export class PlayHead extends EventTarget {
 // 1:02.345 of seconds.
 /** @param {number} t */
 export function stamp(t, digits = 3) {
-  const size = Math.abs(t), sign = t < 0 && size >= 0.5 * 10 ** -digits ? "−" : "";
-  const scaled = Math.round(size * 10 ** digits), unit = 60 * 10 ** digits;
+  const size = Math.abs(t),
+    sign = t < 0 && size >= 0.5 * 10 ** -digits ? "−" : "";
+  const scaled = Math.round(size * 10 ** digits),
+    unit = 60 * 10 ** digits;
   const rest = ((scaled % unit) / 10 ** digits).toFixed(digits).padStart(digits ? digits + 3 : 2, "0");
-  const minutes = Math.floor(scaled / unit), hours = Math.floor(minutes / 60);
-  return hours ? `${sign}${hours}:${String(minutes % 60).padStart(2, "0")}:${rest}` : `${sign}${minutes}:${rest}`;
+  const minutes = Math.floor(scaled / unit),
+    hours = Math.floor(minutes / 60);
+  return hours
+    ? `${sign}${hours}:${String(minutes % 60).padStart(2, "0")}:${rest}`
+    : `${sign}${minutes}:${rest}`;
 }

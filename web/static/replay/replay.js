@@ -18,7 +18,8 @@ import { Transport } from "./transport.js";
 import { pathname } from "../core/vehicle_path.js";
 
 const main = document.querySelector("main");
-const ID = document.body.dataset.run ?? decodeURIComponent(pathname.split("/")[2]); // of an exported page's, else of the address
+// of an exported page's, else of the address
+const ID = document.body.dataset.run ?? decodeURIComponent(pathname.split("/")[2]);
 const WITH = new URLSearchParams(location.search).get("with");
 const PLAYING_PERIOD = 80; // ms between two questions for values while it plays
 const EVIDENCE = 10; // s, shown around a finding
@@ -36,8 +37,10 @@ async function start() {
   document.title = `${ID} · replay`;
   const options = { newer: new URLSearchParams(location.search).has("newer") };
   const runs = [await Run.open(ID, (share) => say(`Reading ${ID}: ${Math.round(100 * share)} %`), options)];
-  if (WITH && WITH !== ID) runs.push(await Run.open(WITH, (share) => say(`Reading ${WITH}: ${Math.round(100 * share)} %`)));
-  const [lead, other] = runs, derived = await derivedSignals((texts) => lead.expressions(texts));
+  if (WITH && WITH !== ID)
+    runs.push(await Run.open(WITH, (share) => say(`Reading ${WITH}: ${Math.round(100 * share)} %`)));
+  const [lead, other] = runs,
+    derived = await derivedSignals((texts) => lead.expressions(texts));
   lead.description.signals.push(...derived);
   for (const signal of derived) lead.signals.set(signal.name, signal);
   if (derived.length) await other?.learn(derived.map(({ name }) => name));
@@ -47,14 +50,20 @@ async function start() {
 }
 
 async function others(id) {
-  const [runs, onboard] = await Promise.all([get("/api/runs").catch(() => []), get("/api/replay").catch(() => [])]);
-  return [...(Array.isArray(runs) ? runs : runs.runs ?? []), ...onboard].map((run) => run.id).filter((one) => one !== id);
+  const [runs, onboard] = await Promise.all([
+    get("/api/runs").catch(() => []),
+    get("/api/replay").catch(() => []),
+  ]);
+  return [...(Array.isArray(runs) ? runs : (runs.runs ?? [])), ...onboard]
+    .map((run) => run.id)
+    .filter((one) => one !== id);
 }
 
 class Page {
   constructor(runs, choices) {
     this.runs = runs;
-    const clock = (this.clock = new PlayHead()), range = (this.range = new Range(clock));
+    const clock = (this.clock = new PlayHead()),
+      range = (this.range = new Range(clock));
     range.events = runs[0].events;
     this.scene = new ReplayScene($("view"), clock);
     this.pictures = new ReplayPictures($("view"), clock);
@@ -63,7 +72,9 @@ class Page {
     this.line = new TimeLine($("line"), clock, range);
     this.transport = new Transport($("transport"), clock, range);
     this.panel = new ReplayPanel($("side"), clock);
-    this.alignment = new Alignment($("runs-shown"), runs, choices, (id) => { location.href = `${location.pathname}${id ? `?with=${encodeURIComponent(id)}` : ""}${location.hash}`; });
+    this.alignment = new Alignment($("runs-shown"), runs, choices, (id) => {
+      location.href = `${location.pathname}${id ? `?with=${encodeURIComponent(id)}` : ""}${location.hash}`;
+    });
     this.growing(runs[0]);
     this.restore();
     this.alignment.addEventListener("shift", () => this.shifted());
@@ -99,7 +110,10 @@ class Page {
   // From the first run's beginning or the second's to the end of both.
   measure() {
     const { clock, runs } = this;
-    clock.setRange(Math.min(0, ...runs.map((run) => -run.shift)), Math.max(...runs.map((run) => run.duration - run.shift)));
+    clock.setRange(
+      Math.min(0, ...runs.map((run) => -run.shift)),
+      Math.max(...runs.map((run) => run.duration - run.shift)),
+    );
     this.range.follow();
   }
 
@@ -115,7 +129,13 @@ class Page {
   }
 
   moved() {
-    if (!this.frame) this.frame = requestAnimationFrame(() => { this.frame = 0; this.scene.draw(); this.drawn = this.clock.t; this.told(); });
+    if (!this.frame)
+      this.frame = requestAnimationFrame(() => {
+        this.frame = 0;
+        this.scene.draw();
+        this.drawn = this.clock.t;
+        this.told();
+      });
     this.ask();
     this.link();
   }
@@ -126,9 +146,17 @@ class Page {
     if (this.asking || (this.valuesAt === this.clock.t && !this.again)) return;
     this.asking = true;
     this.again = false;
-    const t = this.clock.t, names = [...new Set([...this.table.names, ...this.charts.flatMap((chart) => chart.names)])];
+    const t = this.clock.t,
+      names = [...new Set([...this.table.names, ...this.charts.flatMap((chart) => chart.names)])];
     try {
-      const values = new Map(await Promise.all(this.runs.map(async (run) => [run, run.known(names).length ? await run.at(names, t + run.shift) : {}])));
+      const values = new Map(
+        await Promise.all(
+          this.runs.map(async (run) => [
+            run,
+            run.known(names).length ? await run.at(names, t + run.shift) : {},
+          ]),
+        ),
+      );
       this.table.put(values, t);
       for (const chart of this.charts) chart.put(values);
       this.valuesAt = t;
@@ -146,7 +174,14 @@ class Page {
   // Everything shows this instant: written where a test or a script can see it.
   told() {
     const { clock, charts } = this;
-    if (clock.playing || this.again || this.drawn !== clock.t || this.valuesAt !== clock.t || !charts.every((chart) => chart.settled)) return;
+    if (
+      clock.playing ||
+      this.again ||
+      this.drawn !== clock.t ||
+      this.valuesAt !== clock.t ||
+      !charts.every((chart) => chart.settled)
+    )
+      return;
     main.dataset.shown = clock.t.toFixed(3);
   }
 
@@ -168,7 +203,8 @@ class Page {
   }
 
   restore() {
-    const words = new URLSearchParams(location.hash.slice(1)), width = Number(words.get("w"));
+    const words = new URLSearchParams(location.hash.slice(1)),
+      width = Number(words.get("w"));
     const t = Number(words.get("t") ?? new URLSearchParams(location.search).get("at"));
     if (words.has("a")) this.alignment.restore(words.get("a"), words.get("b"), Number(words.get("by")) || 0);
     this.measure();
@@ -181,7 +217,10 @@ class Page {
     if (!growing && current) return;
     const url = new URL(location.href);
     url.searchParams.set("newer", "");
-    $("runs-shown").append(element("span", { className: "warn" }, "● still being recorded; shown up to when it was opened"), element("a", { href: url.href }, "Show the rest"));
+    $("runs-shown").append(
+      element("span", { className: "warn" }, "● still being recorded; shown up to when it was opened"),
+      element("a", { href: url.href }, "Show the rest"),
+    );
   }
 }
 

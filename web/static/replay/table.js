@@ -31,35 +31,64 @@ export class ReplayTable {
 
   setRuns(runs) {
     this.runs = runs;
-    const { signals } = runs[0], body = element("tbody");
+    const { signals } = runs[0],
+      body = element("tbody");
     this.facts = runs.map(() => element("td", { colSpan: 5 }));
-    runs.forEach((_, k) => body.append(element("tr", { className: k ? "second" : "" }, element("td", {}, k ? "" : "mode"), this.facts[k])));
+    runs.forEach((_, k) =>
+      body.append(
+        element("tr", { className: k ? "second" : "" }, element("td", {}, k ? "" : "mode"), this.facts[k]),
+      ),
+    );
     this.rows = [];
     for (const [label, names, digits, unit] of ROWS) {
       if (!names.some((name) => runs.some((run) => run.signals.has(name)))) continue;
       runs.forEach((run, k) => {
-        const cells = [0, 1, 2].map(() => element("td")), age = element("td", { className: "age" });
-        const line = element("tr", { className: k ? "second" : "" }, element("td", {}, k ? "" : label), ...cells, element("td", { className: "unit" }, k ? "" : unit ?? signals.get(names[0])?.unit ?? ""), age);
+        const cells = [0, 1, 2].map(() => element("td")),
+          age = element("td", { className: "age" });
+        const line = element(
+          "tr",
+          { className: k ? "second" : "" },
+          element("td", {}, k ? "" : label),
+          ...cells,
+          element("td", { className: "unit" }, k ? "" : (unit ?? signals.get(names[0])?.unit ?? "")),
+          age,
+        );
         body.append(line);
         this.rows.push({ run, names, digits, cells, age, line });
       });
     }
-    const head = element("tr", {}, element("th"), ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)), element("th"), element("th", {}, "age"));
+    const head = element(
+      "tr",
+      {},
+      element("th"),
+      ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)),
+      element("th"),
+      element("th", {}, "age"),
+    );
     this.place.replaceChildren(element("table", {}, element("thead", {}, head), body));
   }
 
   put(values, t) {
     this.runs.forEach((run, k) => {
-      const own = t + run.shift, flags = run.text("status/flags", own);
-      const text = [run.span("mode", own), run.span("behavior", own), ...flags.split(", ")].filter(Boolean).map(words).join(" · ") || "–";
+      const own = t + run.shift,
+        flags = run.text("status/flags", own);
+      const text =
+        [run.span("mode", own), run.span("behavior", own), ...flags.split(", ")]
+          .filter(Boolean)
+          .map(words)
+          .join(" · ") || "–";
       setText(this.facts[k], text);
     });
     for (const { run, names, digits, cells, age, line } of this.rows) {
-      const found = values.get(run) ?? {}, old = found[names[0]]?.[1];
+      const found = values.get(run) ?? {},
+        old = found[names[0]]?.[1];
       const isStale = !(old <= (STALE[names[0].split(".")[0]] ?? DEFAULT_STALE));
       line.classList.toggle("stale", isStale);
       names.forEach((name, i) => setText(cells[i], fixed(found[name]?.[0], digits[i])));
-      setText(age, old === null || old === undefined ? "–" : isStale ? seconds(old) : `${Math.round(old * 1e3)} ms`);
+      setText(
+        age,
+        old === null || old === undefined ? "–" : isStale ? seconds(old) : `${Math.round(old * 1e3)} ms`,
+      );
     }
   }
 }

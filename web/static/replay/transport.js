@@ -13,41 +13,91 @@ const EPOCH = 1e9; // s; a clock before 2001 is a simulation's
 
 export class Transport {
   constructor(place, clock, range) {
-    this.clock = clock; this.range = range;
-    this.back = element("button", { ariaLabel: "play backwards", title: "play backwards", onclick: () => this.press(-1) });
-    this.forth = element("button", { ariaLabel: "play", title: "play or pause (Space)", onclick: () => this.press(1) });
-    this.speed = element("select", { ariaLabel: "speed", title: "speed ([ and ])", onchange: () => clock.setSpeed(Number(this.speed.value)) },
-      ...SPEEDS.map((speed) => element("option", { value: speed }, `${NAMES[speed] ?? speed} ×`)));
-    this.width = element("select", { ariaLabel: "time shown in the charts", onchange: () => range.setWidth(this.width.value ? Number(this.width.value) : null) },
-      ...WIDTHS.map(([label, seconds]) => element("option", { value: seconds ?? "" }, label)), element("option", { value: "zoom", hidden: true }, "zoomed"));
+    this.clock = clock;
+    this.range = range;
+    this.back = element("button", {
+      ariaLabel: "play backwards",
+      title: "play backwards",
+      onclick: () => this.press(-1),
+    });
+    this.forth = element("button", {
+      ariaLabel: "play",
+      title: "play or pause (Space)",
+      onclick: () => this.press(1),
+    });
+    this.speed = element(
+      "select",
+      {
+        ariaLabel: "speed",
+        title: "speed ([ and ])",
+        onchange: () => clock.setSpeed(Number(this.speed.value)),
+      },
+      ...SPEEDS.map((speed) => element("option", { value: speed }, `${NAMES[speed] ?? speed} ×`)),
+    );
+    this.width = element(
+      "select",
+      {
+        ariaLabel: "time shown in the charts",
+        onchange: () => range.setWidth(this.width.value ? Number(this.width.value) : null),
+      },
+      ...WIDTHS.map(([label, seconds]) => element("option", { value: seconds ?? "" }, label)),
+      element("option", { value: "zoom", hidden: true }, "zoomed"),
+    );
     /** @type {(label: string, title: string) => [HTMLElement, HTMLElement]} */
-    const time = (label, title) => { const output = element("output"); return [element("div", { className: "cell", title }, element("label", {}, label), output), output]; };
-    const [own, run] = time("run", "since the recording began"), [since, flight] = time("flight", "since the last take-off"), [clockCell, wall] = time("clock", "time of day at the base station");
-    this.run = run; this.flight = flight; this.wall = wall;
+    const time = (label, title) => {
+      const output = element("output");
+      return [element("div", { className: "cell", title }, element("label", {}, label), output), output];
+    };
+    const [own, run] = time("run", "since the recording began"),
+      [since, flight] = time("flight", "since the last take-off"),
+      [clockCell, wall] = time("clock", "time of day at the base station");
+    this.run = run;
+    this.flight = flight;
+    this.wall = wall;
     const step = (label, title, act) => element("button", { ariaLabel: title, title, onclick: act }, label);
     place.append(
-      element("div", { className: "buttons" },
-        step(icon("start"), "to the beginning (Home)", () => this.seek(clock.start)), step("−1 s", "back 1 s (Shift and ←)", () => clock.step(-1)), step(icon("earlier"), "back one frame (←)", () => clock.step(-FRAME)),
-        this.back, this.forth, step(icon("later"), "forward one frame (→)", () => clock.step(FRAME)), step("+1 s", "forward 1 s (Shift and →)", () => clock.step(1)), step(icon("end"), "to the end (End)", () => this.seek(clock.end)), this.speed),
+      element(
+        "div",
+        { className: "buttons" },
+        step(icon("start"), "to the beginning (Home)", () => this.seek(clock.start)),
+        step("−1 s", "back 1 s (Shift and ←)", () => clock.step(-1)),
+        step(icon("earlier"), "back one frame (←)", () => clock.step(-FRAME)),
+        this.back,
+        this.forth,
+        step(icon("later"), "forward one frame (→)", () => clock.step(FRAME)),
+        step("+1 s", "forward 1 s (Shift and →)", () => clock.step(1)),
+        step(icon("end"), "to the end (End)", () => this.seek(clock.end)),
+        this.speed,
+      ),
       element("div", { className: "times" }, own, since, clockCell),
-      element("label", { className: "shows" }, "charts show ", this.width));
+      element("label", { className: "shows" }, "charts show ", this.width),
+    );
     this.keys();
     clock.addEventListener("time", () => this.show());
     clock.addEventListener("change", () => this.show());
     range.addEventListener("range", () => this.showWidth());
   }
 
-  setRuns(runs) { this.runs = runs; this.show(); this.showWidth(); }
+  setRuns(runs) {
+    this.runs = runs;
+    this.show();
+    this.showWidth();
+  }
 
   press(direction) {
     const { clock } = this;
-    if (clock.playing && clock.direction === direction) clock.pause(); else clock.play(direction);
+    if (clock.playing && clock.direction === direction) clock.pause();
+    else clock.play(direction);
   }
 
-  seek(t) { this.clock.pause(); this.clock.seek(t); }
+  seek(t) {
+    this.clock.pause();
+    this.clock.seek(t);
+  }
 
   keys() {
-    const { clock } = this, step = (sign) => (event) => clock.step(sign * (event.shiftKey ? 1 : FRAME));
+    const { clock } = this,
+      step = (sign) => (event) => clock.step(sign * (event.shiftKey ? 1 : FRAME));
     onKey(" ", "play or pause", () => clock.toggle());
     onKey("ArrowLeft", "back one frame, with Shift 1 s", step(-1));
     onKey("ArrowRight", "forward one frame, with Shift 1 s", step(1));
@@ -66,12 +116,16 @@ export class Transport {
   show() {
     const { clock, runs } = this;
     if (!runs) return;
-    const { start_ns: start, airborne } = runs[0].description, since = airborne.filter((t) => t <= clock.t).at(-1);
+    const { start_ns: start, airborne } = runs[0].description,
+      since = airborne.filter((t) => t <= clock.t).at(-1);
     const wall = start / 1e9 + clock.t;
     setText(this.run, stamp(clock.t));
     setText(this.flight, since === undefined ? "–" : stamp(clock.t - since));
     setText(this.wall, wall > EPOCH ? clockOf(wall, 3) : "–");
-    const ways = /** @type {[HTMLElement, number, string][]} */ ([[this.forth, 1, "play"], [this.back, -1, "backwards"]]);
+    const ways = /** @type {[HTMLElement, number, string][]} */ ([
+      [this.forth, 1, "play"],
+      [this.back, -1, "backwards"],
+    ]);
     for (const [button, direction, name] of ways) {
       const playing = clock.playing && clock.direction === direction;
       if (button.ariaPressed === String(playing)) continue;
@@ -86,4 +140,3 @@ export class Transport {
     setIfChanged(this.width, "value", value);
   }
 }
-

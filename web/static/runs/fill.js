@@ -10,8 +10,10 @@ const DOES = { waiting: "Waiting", fetching: "Fetching", checking: "Comparing", 
 // One line and a share of 0 to 1 (null: not known) of a quadlab_msgs/Transfer.
 export function standing({ phase, bytes: came, total_bytes: total, rate, problem }) {
   const share = total && phase === "fetching" ? came / total : null;
-  if (ENDED.includes(phase)) return [problem || { done: "Done", cancelled: "Cancelled" }[phase] || phase, null];
-  const amount = share === null ? "" : ` ${bytes(came)} of ${bytes(total)}${rate > 0 ? `, ${bytes(rate)}/s` : ""}`;
+  if (ENDED.includes(phase))
+    return [problem || { done: "Done", cancelled: "Cancelled" }[phase] || phase, null];
+  const amount =
+    share === null ? "" : ` ${bytes(came)} of ${bytes(total)}${rate > 0 ? `, ${bytes(rate)}/s` : ""}`;
   return [`${DOES[phase] ?? phase}${amount}${problem ? `: ${problem}` : ""}`, share];
 }
 
@@ -28,7 +30,8 @@ export class Progress {
     this.text.textContent = text;
     this.text.classList.toggle("warn", Boolean(transfer.problem));
     this.bar.hidden = ENDED.includes(transfer.phase);
-    if (share === null) this.bar.removeAttribute("value"); else this.bar.value = share;
+    if (share === null) this.bar.removeAttribute("value");
+    else this.bar.value = share;
   }
 }
 
@@ -37,15 +40,37 @@ export class RunFill {
   constructor(page, events) {
     this.page = page;
     this.line = element("p", { className: "ticks" });
-    this.fill = element("button", { className: "link", title: "compare with the vehicle's own log and fetch what is missing", onclick: () => this.ask("") }, "Check against onboard log");
+    this.fill = element(
+      "button",
+      {
+        className: "link",
+        title: "compare with the vehicle's own log and fetch what is missing",
+        onclick: () => this.ask(""),
+      },
+      "Check against onboard log",
+    );
     this.cancel = element("button", { className: "link", onclick: () => this.ask("/cancel") }, "Cancel");
     this.progress = new Progress("filling the run");
-    this.place = element("section", { className: "fill", ariaLabel: "the vehicle's own log" }, this.line, this.progress.place, element("span", {}, this.fill, this.cancel));
-    events.on("summary", ({ transfers }) => { if (transfers) { this.transfers = transfers; this.draw(); } });
+    this.place = element(
+      "section",
+      { className: "fill", ariaLabel: "the vehicle's own log" },
+      this.line,
+      this.progress.place,
+      element("span", {}, this.fill, this.cancel),
+    );
+    events.on("summary", ({ transfers }) => {
+      if (transfers) {
+        this.transfers = transfers;
+        this.draw();
+      }
+    });
     this.transfers = events.summary.transfers ?? [];
   }
 
-  show(run) { this.run = run; this.draw(); }
+  show(run) {
+    this.run = run;
+    this.draw();
+  }
 
   draw() {
     const { run } = this;

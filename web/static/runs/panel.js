@@ -9,7 +9,12 @@ export class Panel {
     this.opener = opener;
     this.page = page;
     opener.addEventListener("click", () => this.open(place.hidden));
-    place.addEventListener("keydown", (event) => { if (event.key === "Escape") { this.open(false); opener.focus(); } });
+    place.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") {
+        this.open(false);
+        opener.focus();
+      }
+    });
     this.body = element("tbody");
     this.note = element("p", { className: "empty" });
     this.head = element("div", { className: "trash-head" }, element("h2", {}, title), this.note);

@@ -20,18 +20,26 @@ class RunsPage {
     this.isOperator = session.role !== "viewer";
     this.gauge = new Gauge($("gauge"));
     const wanted = () => query($("search").value, $("tag").value, $("of-vehicle").value);
-    this.list = new RunList($("list"), (offset, limit) => get(`/api/runs/search?${wanted()}&offset=${offset}&limit=${limit}`),
-      () => (wanted().toString() ? "No runs match." : "No runs yet. Recording starts on arming."));
+    this.list = new RunList(
+      $("list"),
+      (offset, limit) => get(`/api/runs/search?${wanted()}&offset=${offset}&limit=${limit}`),
+      () => (wanted().toString() ? "No runs match." : "No runs yet. Recording starts on arming."),
+    );
     this.trash = new Trash($("trash"), $("open-trash"), this, session.role === "admin");
     this.onboard = new Onboard($("onboard"), $("open-onboard"), this, events);
     this.detail = new RunDetail($("detail"), this, events);
     this.list.addEventListener("choice", () => this.detail.show(this.list.current, this.list.chosen));
     this.list.addEventListener("loaded", () => this.loaded());
-    this.list.addEventListener("open", () => { if (this.list.current) location.assign(here(`/replay/${encodeURIComponent(this.list.current.id)}`)); });
+    this.list.addEventListener("open", () => {
+      if (this.list.current) location.assign(here(`/replay/${encodeURIComponent(this.list.current.id)}`));
+    });
     this.list.addEventListener("remove", () => this.remove());
     this.list.addEventListener("edit", ({ detail }) => this.detail.edit(detail));
     let typing = null;
-    $("search").addEventListener("input", () => { clearTimeout(typing); typing = setTimeout(() => this.list.reset(), TYPING_PAUSE); });
+    $("search").addEventListener("input", () => {
+      clearTimeout(typing);
+      typing = setTimeout(() => this.list.reset(), TYPING_PAUSE);
+    });
     for (const id of ["tag", "of-vehicle"]) $(id).addEventListener("change", () => this.list.reset());
     $("of-vehicle").append(...session.vehicles.map((name) => element("option", { value: name }, name)));
     $("of-vehicle").parentElement.hidden = session.vehicles.length < 2;
@@ -57,34 +65,43 @@ class RunsPage {
   // A run was compared or filled: its line says so.
   transferred(transfers) {
     if (!transfers) return;
-    const phases = JSON.stringify(transfers.filter(({ kind }) => kind === "backfill").map(({ name, phase }) => [name, phase]));
+    const phases = JSON.stringify(
+      transfers.filter(({ kind }) => kind === "backfill").map(({ name, phase }) => [name, phase]),
+    );
     if (this.phases !== undefined && phases !== this.phases) this.list.refresh();
     this.phases = phases;
   }
 
   // One of the panels that lie over the list.
   only(panel) {
-    for (const other of [this.trash, this.onboard]) if (other !== panel && !other.place.hidden) other.open(false);
+    for (const other of [this.trash, this.onboard])
+      if (other !== panel && !other.place.hidden) other.open(false);
     $("list").hidden = true;
   }
 
   // One round at a time, so that an old answer never follows a newer one.
   async changed(lists = false) {
     if (lists) this.list.refresh();
-    if (this.asking) { this.askAgain = true; return; }
+    if (this.asking) {
+      this.askAgain = true;
+      return;
+    }
     this.asking = true;
     do {
       this.askAgain = false;
       try {
         const [tags] = await Promise.all([get("/api/tags"), this.gauge.refresh(), this.trash.refresh()]);
         this.showTags(tags);
-      } catch (error) { this.say(error.message); }
+      } catch (error) {
+        this.say(error.message);
+      }
     } while (this.askAgain);
     this.asking = false;
   }
 
   showTags(tags) {
-    const chosen = $("tag").value, names = tags.map(({ tag }) => tag);
+    const chosen = $("tag").value,
+      names = tags.map(({ tag }) => tag);
     this.tags = names;
     const options = tags.map(({ tag, runs }) => element("option", { value: tag }, `${tag} (${runs})`));
     $("tag").replaceChildren(element("option", { value: "" }, "all"), ...options);
@@ -117,19 +134,38 @@ class RunsPage {
   async restore(runs) {
     await this.attempt(async () => {
       const { done, refused } = await request("POST", "/api/trash/restore", { runs });
-      this.say([`Brought back ${done.length === 1 ? done[0] : `${done.length} runs`}.`, ...Object.values(refused)].join(" "));
+      this.say(
+        [
+          `Brought back ${done.length === 1 ? done[0] : `${done.length} runs`}.`,
+          ...Object.values(refused),
+        ].join(" "),
+      );
     });
   }
 
   async attempt(act) {
-    try { await act(); } catch (error) { this.say(error.message); }
+    try {
+      await act();
+    } catch (error) {
+      this.say(error.message);
+    }
     this.changed(true);
   }
 
   // undo: asked for by a button beside the text.
   /** @param {(() => unknown) | null} undo */
   say(text, undo = null) {
-    const close = element("button", { className: "link", ariaLabel: "dismiss", onclick: () => { $("notice").hidden = true; } }, "Dismiss");
+    const close = element(
+      "button",
+      {
+        className: "link",
+        ariaLabel: "dismiss",
+        onclick: () => {
+          $("notice").hidden = true;
+        },
+      },
+      "Dismiss",
+    );
     const button = undo ? [element("button", { onclick: undo }, "Undo")] : [];
     $("notice").replaceChildren(element("span", {}, text), ...button, close);
     $("notice").hidden = false;
@@ -143,4 +179,7 @@ async function start() {
   new RunsPage(session, events);
 }
 
-start().catch((error) => { $("notice").hidden = false; $("notice").textContent = `The page could not start: ${error.message}`; });
+start().catch((error) => {
+  $("notice").hidden = false;
+  $("notice").textContent = `The page could not start: ${error.message}`;
+});

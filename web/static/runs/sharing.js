@@ -6,7 +6,10 @@ import { viewerButtons } from "../core/viewers.js";
 export class RunSharing {
   constructor() {
     this.run = null;
-    const viewers = viewerButtons(() => `/api/runs/${encodeURIComponent(this.run.id)}/link`, (...content) => this.say(...content));
+    const viewers = viewerButtons(
+      () => `/api/runs/${encodeURIComponent(this.run.id)}/link`,
+      (...content) => this.say(...content),
+    );
     this.buttons = element("div", { className: "links" }, ...viewers);
     this.status = element("p", { className: "said", role: "status", hidden: true });
     this.place = element("div", {}, this.buttons, this.status);
@@ -18,5 +21,8 @@ export class RunSharing {
     if (isOther) this.say("");
   }
 
-  say(...content) { this.status.replaceChildren(...content); this.status.hidden = !content[0]; }
+  say(...content) {
+    this.status.replaceChildren(...content);
+    this.status.hidden = !content[0];
+  }
 }

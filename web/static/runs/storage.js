@@ -23,15 +23,35 @@ export class Gauge {
   }
 
   async refresh() {
-    const { run_bytes: used, deleted_bytes: deleted, replay_bytes: replays, free, warn_free: warn, keep_free: keep, lasts, recording, trash_days: days } = await get("/api/storage");
+    const {
+      run_bytes: used,
+      deleted_bytes: deleted,
+      replay_bytes: replays,
+      free,
+      warn_free: warn,
+      keep_free: keep,
+      lasts,
+      recording,
+      trash_days: days,
+    } = await get("/api/storage");
     this.days = Number(days.toFixed(2));
-    const taken = used + deleted + replays, all = taken + free, share = all ? taken / all : 0;
+    const taken = used + deleted + replays,
+      all = taken + free,
+      share = all ? taken / all : 0;
     this.fill.style.width = `${(100 * share).toFixed(1)}%`;
     const isLow = free < warn;
-    const left = lasts === null ? "" : lasts === 0 ? " · too full to record" : ` · room for ${lasting(lasts)} of recording`;
+    const left =
+      lasts === null
+        ? ""
+        : lasts === 0
+          ? " · too full to record"
+          : ` · room for ${lasting(lasts)} of recording`;
     this.text.textContent = `${isLow ? "Disk nearly full: " : ""}${bytes(used)} in runs · ${bytes(free)} free${left}`;
     this.bar.ariaLabel = `runs use ${Math.round(100 * share)} % of the disk space they may use`;
     this.place.classList.toggle("warn", isLow);
-    this.place.title = `${bytes(deleted)} more in the trash, ${bytes(replays)} in prepared replays. Warning below ${bytes(warn)} free, no recording below ${bytes(keep)}; the time is at the rate of ${recording ? "the present recording" : "the newest runs"}.`;
+    this.place.title =
+      `${bytes(deleted)} more in the trash, ${bytes(replays)} in prepared replays. ` +
+      `Warning below ${bytes(warn)} free, no recording below ${bytes(keep)}; the time is at the rate ` +
+      `of ${recording ? "the present recording" : "the newest runs"}.`;
   }
 }

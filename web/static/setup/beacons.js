@@ -10,10 +10,20 @@ export class BeaconSection {
   constructor(place, events, isOperator) {
     this.layout = new Layout(place, isOperator);
     place.querySelector("h2").textContent = "Beacons";
-    place.append(element("p", { className: "hint" }, "View, drag and check them on the ", element("a", { href: "/#tab=beacons" }, "Beacons tab"), "."));
+    place.append(
+      element(
+        "p",
+        { className: "hint" },
+        "View, drag and check them on the ",
+        element("a", { href: "/#tab=beacons" }, "Beacons tab"),
+        ".",
+      ),
+    );
     events.on("hello", () => this.load());
     events.on("parameters", () => this.load());
-    events.on("parameter", ({ name }) => { if (name === LAYOUT) this.load(); });
+    events.on("parameter", ({ name }) => {
+      if (name === LAYOUT) this.load();
+    });
   }
 
   async load() {

@@ -9,13 +9,40 @@ export class Invitation {
     this.role = ""; // of the link that is shown
     this.isAsking = false;
     this.note = element("p", { role: "status" });
-    this.link = element("input", { readOnly: true, hidden: true, ariaLabel: "one-time link", onfocus: () => this.link.select() });
+    this.link = element("input", {
+      readOnly: true,
+      hidden: true,
+      ariaLabel: "one-time link",
+      onfocus: () => this.link.select(),
+    });
     this.picture = element("img", { alt: "QR code of the link", hidden: true });
     this.copy = element("button", { type: "button", onclick: () => this.copied() }, "Copy");
-    this.another = element("button", { type: "button", title: "create another link; this one stays valid", onclick: () => this.make(this.role) }, "Another");
-    this.place = element("div", { className: "invitation", hidden: true }, this.note, this.link, this.picture,
-      element("div", { className: "acts" }, this.copy, this.another, element("button", { type: "button", onclick: () => this.close() }, "Close")));
-    this.place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.close(); });
+    this.another = element(
+      "button",
+      {
+        type: "button",
+        title: "create another link; this one stays valid",
+        onclick: () => this.make(this.role),
+      },
+      "Another",
+    );
+    this.place = element(
+      "div",
+      { className: "invitation", hidden: true },
+      this.note,
+      this.link,
+      this.picture,
+      element(
+        "div",
+        { className: "acts" },
+        this.copy,
+        this.another,
+        element("button", { type: "button", onclick: () => this.close() }, "Close"),
+      ),
+    );
+    this.place.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") this.close();
+    });
   }
 
   // The link for this role that is shown already, else a new one.
@@ -40,13 +67,24 @@ export class Invitation {
       this.picture.hidden = !picture;
       this.link.hidden = this.copy.disabled = this.another.disabled = false;
       await this.copied();
-    } catch (error) { this.note.textContent = error.message; } finally { this.isAsking = false; }
+    } catch (error) {
+      this.note.textContent = error.message;
+    } finally {
+      this.isAsking = false;
+    }
   }
 
   // Said only where it was: without https, browsers give no clipboard.
   async copied() {
-    const isCopied = await (navigator.clipboard?.writeText(this.link.value) ?? Promise.reject(new Error("none"))).then(() => true, () => false);
-    this.note.textContent = `A link for one ${this.role}, for one use${isCopied ? "; copied to the clipboard" : ""}.${this.reach}`;
+    const isCopied = await (
+      navigator.clipboard?.writeText(this.link.value) ?? Promise.reject(new Error("none"))
+    ).then(
+      () => true,
+      () => false,
+    );
+    this.note.textContent =
+      `A link for one ${this.role}, for one ` +
+      `use${isCopied ? "; copied to the clipboard" : ""}.${this.reach}`;
     if (!isCopied) this.link.focus();
   }
 

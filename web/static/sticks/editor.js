@@ -3,7 +3,20 @@
 
 import { element, optionsOf } from "../core/dom.js";
 import { fixed } from "../core/format.js";
-import { AXES, BUTTONS, DEAD_ZONE, EXPO, PRESETS, forget, isPressed, mappingOf, preset, presetOf, readPad, remember } from "./mapping.js";
+import {
+  AXES,
+  BUTTONS,
+  DEAD_ZONE,
+  EXPO,
+  PRESETS,
+  forget,
+  isPressed,
+  mappingOf,
+  preset,
+  presetOf,
+  readPad,
+  remember,
+} from "./mapping.js";
 
 const FUNCTIONS = {
   forward: ["Forward", "Push the stick for forward all the way away from you"],
@@ -15,7 +28,12 @@ const FUNCTIONS = {
   cut: ["Cut (hold 0.5 s)", "Press the button for cutting the motors"],
 };
 const MOVED = 0.6; // of full travel, from where it was
-const GUESS = { axes: preset("Mode 2").axes, buttons: { deadMan: [], land: [], cut: [] }, deadZone: 0.08, expo: 0.3 };
+const GUESS = {
+  axes: preset("Mode 2").axes,
+  buttons: { deadMan: [], land: [], cut: [] },
+  deadZone: 0.08,
+  expo: 0.3,
+};
 
 export class StickEditor {
   rest;
@@ -25,38 +43,117 @@ export class StickEditor {
     this.wanted = null; // the function that waits for a stick or button
     this.rows = Object.entries(FUNCTIONS).map(([name, [label]]) => this.row(name, label));
     this.title = element("h2");
-    this.modes = element("select", { ariaLabel: "preset", onchange: () => this.choose() }, ...optionsOf([...PRESETS, ["", "own"]]));
-    this.deadZone = this.slider("dead zone", DEAD_ZONE, "deadZone", "travel around the centre that counts as centred");
+    this.modes = element(
+      "select",
+      { ariaLabel: "preset", onchange: () => this.choose() },
+      ...optionsOf([...PRESETS, ["", "own"]]),
+    );
+    this.deadZone = this.slider(
+      "dead zone",
+      DEAD_ZONE,
+      "deadZone",
+      "travel around the centre that counts as centred",
+    );
     this.expo = this.slider("expo", EXPO, "expo", "0: straight; 1: fine around the centre");
     this.hint = element("p", { className: "hint", role: "status" });
-    this.box = element("section", { id: "stick-editor", hidden: true, ariaLabel: "set up the pad" },
+    this.box = element(
+      "section",
+      { id: "stick-editor", hidden: true, ariaLabel: "set up the pad" },
       element("header", {}, this.title, element("button", { onclick: () => this.close() }, "Done")),
-      element("div", { className: "line" }, element("label", {}, "Preset ", this.modes), element("button", { onclick: () => this.reset(), title: "discard the set-up of this type of gamepad" }, "Standard")),
-      ...this.rows.map(({ line }) => line), this.deadZone.line, this.expo.line, this.hint);
+      element(
+        "div",
+        { className: "line" },
+        element("label", {}, "Preset ", this.modes),
+        element(
+          "button",
+          { onclick: () => this.reset(), title: "discard the set-up of this type of gamepad" },
+          "Standard",
+        ),
+      ),
+      ...this.rows.map(({ line }) => line),
+      this.deadZone.line,
+      this.expo.line,
+      this.hint,
+    );
     place.append(this.box);
-    this.box.addEventListener("keydown", (event) => { if (event.key === "Escape") { if (this.wanted) this.detect(null); else this.close(); } });
-    sticks.clock.addEventListener("message", () => { if (this.isOpen) this.draw(); });
+    this.box.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") {
+        if (this.wanted) this.detect(null);
+        else this.close();
+      }
+    });
+    sticks.clock.addEventListener("message", () => {
+      if (this.isOpen) this.draw();
+    });
   }
 
-  get isOpen() { return !this.box.hidden; }
-  get pad() { return this.sticks.pad; }
+  get isOpen() {
+    return !this.box.hidden;
+  }
+  get pad() {
+    return this.sticks.pad;
+  }
 
   row(name, label) {
-    const where = element("output"), bar = element("i"), isAxis = AXES.includes(name);
-    const set = element("button", { title: isAxis ? "move the stick you want" : "press the button you want", ariaLabel: `${isAxis ? "move the stick" : "press the button"} for ${label}`, onclick: () => this.detect(this.wanted === name ? null : name) }, isAxis ? "Move…" : "Press…");
-    const invert = element("button", { ariaPressed: "false", hidden: !isAxis, ariaLabel: `invert ${label}`, onclick: () => this.change((mapping) => { mapping.axes[name].inverted = !mapping.axes[name].inverted; }) }, "Invert");
+    const where = element("output"),
+      bar = element("i"),
+      isAxis = AXES.includes(name);
+    const set = element(
+      "button",
+      {
+        title: isAxis ? "move the stick you want" : "press the button you want",
+        ariaLabel: `${isAxis ? "move the stick" : "press the button"} for ${label}`,
+        onclick: () => this.detect(this.wanted === name ? null : name),
+      },
+      isAxis ? "Move…" : "Press…",
+    );
+    const invert = element(
+      "button",
+      {
+        ariaPressed: "false",
+        hidden: !isAxis,
+        ariaLabel: `invert ${label}`,
+        onclick: () =>
+          this.change((mapping) => {
+            mapping.axes[name].inverted = !mapping.axes[name].inverted;
+          }),
+      },
+      "Invert",
+    );
     const meter = element("span", { className: isAxis ? "meter" : "lamp" }, bar);
-    return { name, isAxis, where, bar, set, invert, meter, line: element("div", { className: "function" }, element("span", {}, label), meter, where, set, invert) };
+    return {
+      name,
+      isAxis,
+      where,
+      bar,
+      set,
+      invert,
+      meter,
+      line: element("div", { className: "function" }, element("span", {}, label), meter, where, set, invert),
+    };
   }
 
   /** @type {(label: string, bounds: number[], key: string, title: string) => any} */
   slider(label, [low, high], key, title) {
-    const value = element("output"), input = element("input", { type: "range", min: low, max: high, step: 0.01, ariaLabel: label, title });
-    input.addEventListener("input", () => this.change((mapping) => { mapping[key] = input.valueAsNumber; }));
-    return { key, value, input, line: element("label", { className: "function wide" }, element("span", {}, label), input, value) };
+    const value = element("output"),
+      input = element("input", { type: "range", min: low, max: high, step: 0.01, ariaLabel: label, title });
+    input.addEventListener("input", () =>
+      this.change((mapping) => {
+        mapping[key] = input.valueAsNumber;
+      }),
+    );
+    return {
+      key,
+      value,
+      input,
+      line: element("label", { className: "function wide" }, element("span", {}, label), input, value),
+    };
   }
 
-  toggle() { if (this.isOpen) this.close(); else this.open(); }
+  toggle() {
+    if (this.isOpen) this.close();
+    else this.open();
+  }
 
   open() {
     this.sticks.drop("editing");
@@ -75,7 +172,10 @@ export class StickEditor {
   // Where the pad stands now is what a stick must move away from.
   detect(name) {
     this.wanted = name;
-    this.rest = name && this.pad ? { axes: [...this.pad.axes], buttons: this.pad.buttons.map((_, i) => isPressed(this.pad, i)) } : null;
+    this.rest =
+      name && this.pad
+        ? { axes: [...this.pad.axes], buttons: this.pad.buttons.map((_, i) => isPressed(this.pad, i)) }
+        : null;
     this.hint.textContent = name ? `${FUNCTIONS[name][1]}. Esc: skip it.` : "";
     for (const row of this.rows) row.set.setAttribute("aria-pressed", String(row.name === name));
   }
@@ -89,7 +189,12 @@ export class StickEditor {
     this.show();
   }
 
-  choose() { if (this.modes.value) this.change((mapping) => { mapping.axes = preset(this.modes.value).axes; }); }
+  choose() {
+    if (this.modes.value)
+      this.change((mapping) => {
+        mapping.axes = preset(this.modes.value).axes;
+      });
+  }
 
   reset() {
     if (!this.pad) return;
@@ -100,11 +205,19 @@ export class StickEditor {
 
   // What does not move with the sticks.
   show() {
-    const mapping = this.sticks.mapping, known = mapping ?? GUESS;
+    const mapping = this.sticks.mapping,
+      known = mapping ?? GUESS;
     this.modes.value = mapping ? presetOf(mapping) : "";
     for (const { name, isAxis, where, invert } of this.rows) {
       const source = isAxis ? known.axes[name] : known.buttons[name];
-      where.textContent = !mapping && isAxis ? "not set" : isAxis ? `axis ${source.index}` : source.length ? `button ${source.join(", ")}` : "none";
+      where.textContent =
+        !mapping && isAxis
+          ? "not set"
+          : isAxis
+            ? `axis ${source.index}`
+            : source.length
+              ? `button ${source.join(", ")}`
+              : "none";
       invert.setAttribute("aria-pressed", String(Boolean(mapping && source.inverted)));
     }
     for (const { key, input, value } of [this.deadZone, this.expo]) {
@@ -116,11 +229,24 @@ export class StickEditor {
   draw() {
     const { pad } = this;
     this.title.textContent = pad ? pad.id : "No gamepad yet: press one of its buttons";
-    if (!pad) { if (this.wanted) this.detect(null); return; }
-    if (this.shownPad !== pad.id) { this.shownPad = pad.id; this.show(); }
+    if (!pad) {
+      if (this.wanted) this.detect(null);
+      return;
+    }
+    if (this.shownPad !== pad.id) {
+      this.shownPad = pad.id;
+      this.show();
+    }
     const mapping = this.sticks.mapping ?? GUESS;
-    readPad(pad, mapping).raw.forEach((value, i) => { this.rows[i].bar.style.transform = `translateX(${50 * value}%)`; });
-    for (const row of this.rows) if (!row.isAxis) row.meter.classList.toggle("lit", mapping.buttons[row.name].some((index) => isPressed(pad, index)));
+    readPad(pad, mapping).raw.forEach((value, i) => {
+      this.rows[i].bar.style.transform = `translateX(${50 * value}%)`;
+    });
+    for (const row of this.rows)
+      if (!row.isAxis)
+        row.meter.classList.toggle(
+          "lit",
+          mapping.buttons[row.name].some((index) => isPressed(pad, index)),
+        );
     if (this.wanted) this.look(pad);
   }
 
@@ -131,7 +257,8 @@ export class StickEditor {
       this.rest.buttons = pad.buttons.map((_, i) => isPressed(pad, i) && this.rest.buttons[i]);
       if (index < 0) return;
       this.change((mapping) => {
-        for (const other of BUTTONS) mapping.buttons[other] = mapping.buttons[other].filter((one) => one !== index);
+        for (const other of BUTTONS)
+          mapping.buttons[other] = mapping.buttons[other].filter((one) => one !== index);
         mapping.buttons[name] = [index];
       });
     } else {

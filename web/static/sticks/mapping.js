@@ -3,12 +3,15 @@
 
 /**
  * @typedef {{ index: number, inverted: boolean }} AxisOfPad
- * @typedef {{ axes: Record<string, AxisOfPad>, buttons: Record<string, number[]>, deadZone: number, expo: number }} Mapping
+ * @typedef {{
+ *   axes: Record<string, AxisOfPad>, buttons: Record<string, number[]>, deadZone: number, expo: number
+ * }} Mapping
  */
 
 export const AXES = ["forward", "left", "up", "yaw"];
 export const BUTTONS = ["deadMan", "land", "cut"];
-export const DEAD_ZONE = [0, 0.3], EXPO = [0, 1];
+export const DEAD_ZONE = [0, 0.3];
+export const EXPO = [0, 1];
 const STORE = "quadlab.sticks.";
 
 // Where a standard pad (or a transmitter that looks like one) has its two sticks.
@@ -30,7 +33,8 @@ export function preset(name) {
 }
 
 /** @param {Mapping} mapping */
-export const presetOf = (mapping) => PRESETS.find((name) => JSON.stringify(preset(name).axes) === JSON.stringify(mapping.axes)) ?? "";
+export const presetOf = (mapping) =>
+  PRESETS.find((name) => JSON.stringify(preset(name).axes) === JSON.stringify(mapping.axes)) ?? "";
 
 /** @param {any} value */
 const isIndex = (value) => Number.isInteger(value) && value >= 0 && value < 128;
@@ -39,9 +43,15 @@ const isWithin = (value, [low, high]) => typeof value === "number" && value >= l
 
 /** @param {any} value @returns {value is Mapping} */
 function isMapping(value) {
-  return Boolean(value) && isWithin(value.deadZone, DEAD_ZONE) && isWithin(value.expo, EXPO)
-    && AXES.every((axis) => isIndex(value.axes?.[axis]?.index) && typeof value.axes[axis].inverted === "boolean")
-    && BUTTONS.every((button) => Array.isArray(value.buttons?.[button]) && value.buttons[button].every(isIndex));
+  return (
+    Boolean(value) &&
+    isWithin(value.deadZone, DEAD_ZONE) &&
+    isWithin(value.expo, EXPO) &&
+    AXES.every(
+      (axis) => isIndex(value.axes?.[axis]?.index) && typeof value.axes[axis].inverted === "boolean",
+    ) &&
+    BUTTONS.every((button) => Array.isArray(value.buttons?.[button]) && value.buttons[button].every(isIndex))
+  );
 }
 
 // The remembered mapping; of a standard pad else Mode 2; null for a pad that must be set up first.
@@ -50,22 +60,33 @@ export function mappingOf(pad) {
   try {
     const kept = JSON.parse(localStorage.getItem(STORE + pad.id) ?? "null");
     if (isMapping(kept)) return kept;
-  } catch { /* not ours, or storage is forbidden */ }
+  } catch {
+    /* not ours, or storage is forbidden */
+  }
   return pad.mapping === "standard" ? preset("Mode 2") : null;
 }
 
 /** @param {Gamepad} pad @param {Mapping} mapping */
 export function remember(pad, mapping) {
-  try { localStorage.setItem(STORE + pad.id, JSON.stringify(mapping)); } catch { /* forbidden: holds until the page closes */ }
+  try {
+    localStorage.setItem(STORE + pad.id, JSON.stringify(mapping));
+  } catch {
+    /* forbidden: holds until the page closes */
+  }
 }
 
 /** @param {Gamepad} pad */
 export function forget(pad) {
-  try { localStorage.removeItem(STORE + pad.id); } catch { /* nothing is kept */ }
+  try {
+    localStorage.removeItem(STORE + pad.id);
+  } catch {
+    /* nothing is kept */
+  }
 }
 
 /** @type {(pad: Gamepad, button: number) => boolean} */
-export const isPressed = (pad, button) => Boolean(pad.buttons[button]?.pressed || pad.buttons[button]?.value > 0.5);
+export const isPressed = (pad, button) =>
+  Boolean(pad.buttons[button]?.pressed || pad.buttons[button]?.value > 0.5);
 
 // The dead zone is taken out and the rest stretched over the whole way, then bent by expo.
 /** @param {number} value @param {{ deadZone: number, expo: number }} mapping */
@@ -81,7 +102,8 @@ export function shape(value, { deadZone, expo }) {
  */
 export function readPad(pad, mapping) {
   const raw = AXES.map((axis) => {
-    const { index, inverted } = mapping.axes[axis], value = pad.axes[index];
+    const { index, inverted } = mapping.axes[axis],
+      value = pad.axes[index];
     return Number.isFinite(value) ? Math.max(-1, Math.min(1, inverted ? -value : value)) : 0;
   });
   /** @type {any} */

@@ -10,7 +10,8 @@ const presses = (pad) => pad.buttons.some((_, i) => isPressed(pad, i));
 
 // What changes whenever a gamepad sends something new. Browsers set `timestamp` at each input or at
 // each poll, and some never do: then its values alone show it.
-const signOf = (pad) => `${pad.timestamp};${pad.axes};${pad.buttons.map(({ pressed, value }) => `${pressed}${value}`)}`;
+const signOf = (pad) =>
+  `${pad.timestamp};${pad.axes};${pad.buttons.map(({ pressed, value }) => `${pressed}${value}`)}`;
 
 export class Pads {
   constructor() {
@@ -20,17 +21,23 @@ export class Pads {
     this.pressing = new Set(); // indices
     this.sign = "";
     this.changed = -Infinity;
-    addEventListener("gamepaddisconnected", (/** @type {any} */ { gamepad }) => this.unplugged.add(gamepad?.index));
+    addEventListener("gamepaddisconnected", (/** @type {any} */ { gamepad }) =>
+      this.unplugged.add(gamepad?.index),
+    );
   }
 
   // Read them; returns whether `pad` is another one than before. `keeps`: nobody else's button counts
   // while the one in use sends.
   look(now, keeps) {
-    const pads = [...(navigator.getGamepads?.() ?? [])].flatMap((pad) => pad?.connected ? [pad] : []), before = this.pad;
-    const same = before && !this.unplugged.has(before.index) ? pads.find(({ index, id }) => index === before.index && id === before.id) : null;
+    const pads = [...(navigator.getGamepads?.() ?? [])].flatMap((pad) => (pad?.connected ? [pad] : [])),
+      before = this.pad;
+    const same =
+      before && !this.unplugged.has(before.index)
+        ? pads.find(({ index, id }) => index === before.index && id === before.id)
+        : null;
     const claims = pads.find((one) => one !== same && presses(one) && !this.pressing.has(one.index));
     const isKept = same && !(claims && (!keeps || this.silence(now) > SILENT));
-    this.pad = isKept ? same : claims ?? pads[0] ?? null;
+    this.pad = isKept ? same : (claims ?? pads[0] ?? null);
     this.unplugged.clear();
     this.pressing = new Set(pads.filter(presses).map(({ index }) => index));
     const sign = this.pad ? signOf(this.pad) : "";
@@ -40,5 +47,7 @@ export class Pads {
   }
 
   // ms without a sign of life of the one in use.
-  silence(now) { return now - this.changed; }
+  silence(now) {
+    return now - this.changed;
+  }
 }

@@ -3,7 +3,17 @@
 
 import { Socket } from "../core/sockets.js";
 
-export const CAUSES = ["released", "blur", "hidden", "unplugged", "stalled", "late", "left", "editing", "silent"]; // by number
+export const CAUSES = [
+  "released",
+  "blur",
+  "hidden",
+  "unplugged",
+  "stalled",
+  "late",
+  "left",
+  "editing",
+  "silent",
+]; // by number
 const KEPT = 100; // round trips: 2 s
 
 export class StickLink extends EventTarget {
@@ -21,7 +31,9 @@ export class StickLink extends EventTarget {
     });
   }
 
-  get connected() { return this.socket.connected; }
+  get connected() {
+    return this.socket.connected;
+  }
 
   // Returns the frame's number.
   send(axes, held, cause = "released") {
@@ -42,7 +54,8 @@ export class StickLink extends EventTarget {
       this.trips.push(performance.now() - sent);
       if (this.trips.length > KEPT) this.trips.shift();
     }
-    for (const number of this.waiting.keys()) { // in order: an older one unanswered got lost
+    for (const number of this.waiting.keys()) {
+      // in order: an older one unanswered got lost
       if (number > answer.n) break;
       this.waiting.delete(number);
     }
@@ -64,6 +77,9 @@ export class StickLink extends EventTarget {
   get trip() {
     if (!this.trips.length) return null;
     const sorted = [...this.trips].sort((a, b) => a - b);
-    return { median: sorted[Math.floor(sorted.length / 2)], most: sorted[Math.min(sorted.length - 1, Math.floor(0.95 * sorted.length))] };
+    return {
+      median: sorted[Math.floor(sorted.length / 2)],
+      most: sorted[Math.min(sorted.length - 1, Math.floor(0.95 * sorted.length))],
+    };
   }
 }

@@ -14,8 +14,13 @@ const LATE = 500; // ms a frame may wait for its answer
 const CUT_HOLD = 500; // ms
 const CENTRE = [0, 0, 0, 0];
 const DROPS = {
-  blur: "the window lost focus", hidden: "the tab was hidden", unplugged: "the pad was unplugged",
-  stalled: "this page froze", late: "no reply from the station", left: "this page was closed", editing: "the pad is being set up",
+  blur: "the window lost focus",
+  hidden: "the tab was hidden",
+  unplugged: "the pad was unplugged",
+  stalled: "this page froze",
+  late: "no reply from the station",
+  left: "this page was closed",
+  editing: "the pad is being set up",
   silent: "the pad sent nothing for 0.5 s",
 };
 
@@ -45,7 +50,12 @@ export class Sticks {
     this.ticked = performance.now();
     this.cutSince = null;
     this.landSeen = true; // until seen released
-    for (const [type, cause] of [["blur", "blur"], ["pagehide", "left"], ["gamepaddisconnected", "unplugged"]]) addEventListener(type, () => this.drop(cause));
+    for (const [type, cause] of [
+      ["blur", "blur"],
+      ["pagehide", "left"],
+      ["gamepaddisconnected", "unplugged"],
+    ])
+      addEventListener(type, () => this.drop(cause));
     document.addEventListener("visibilitychange", () => document.hidden && this.drop("hidden"));
     document.addEventListener("freeze", () => this.drop("hidden"));
     this.clock = new Worker("/static/sticks/clock.js");
@@ -70,18 +80,23 @@ export class Sticks {
     this.link?.forget();
   }
 
-  get pad() { return this.pads.pad; }
+  get pad() {
+    return this.pads.pad;
+  }
 
   // What keeps a held button from counting, "" for nothing.
   get refusal() {
     if (this.why || !this.padWaits) return this.why;
-    return this.padWaits === "silent" ? DROPS.silent : `${this.centred ? "" : "centre all sticks and "}release the button first`;
+    return this.padWaits === "silent"
+      ? DROPS.silent
+      : `${this.centred ? "" : "centre all sticks and "}release the button first`;
   }
 
   // The pad as it is now, or null. Another one than before must be at rest first, and so must one that
   // is deflected, or alone holds the button for deflected keys, and has sent nothing for too long.
   readPad(now, others) {
-    const before = this.pad, wasSilent = this.pads.silence(now) > SILENT;
+    const before = this.pad,
+      wasSilent = this.pads.silence(now) > SILENT;
     if (this.pads.look(now, this.on)) {
       if (before && this.on) this.drop(wasSilent ? "silent" : "unplugged");
       this.mapping = this.pad && mappingOf(this.pad);
@@ -90,9 +105,14 @@ export class Sticks {
       this.cutSince = null;
     }
     if (!this.pad || !this.mapping) return null;
-    const read = readPad(this.pad, this.mapping), isCentred = read.axes.every((value) => value === 0);
+    const read = readPad(this.pad, this.mapping),
+      isCentred = read.axes.every((value) => value === 0);
     if (isCentred && !read.deadMan) this.padWaits = "";
-    else if (!this.padWaits && this.pads.silence(now) > SILENT && !(isCentred && (others.held || others.centred))) {
+    else if (
+      !this.padWaits &&
+      this.pads.silence(now) > SILENT &&
+      !(isCentred && (others.held || others.centred))
+    ) {
       this.padWaits = "silent";
       if (this.on) this.drop("silent");
     }
@@ -101,11 +121,26 @@ export class Sticks {
 
   // {raw, axes, held, centred} of pad, keys and fingers together.
   read(now, dt) {
-    const { touch } = this, sum = (...all) => all[0].map((_, i) => Math.max(-1, Math.min(1, all.reduce((total, one) => total + one[i], 0))));
+    const { touch } = this,
+      sum = (...all) =>
+        all[0].map((_, i) =>
+          Math.max(
+            -1,
+            Math.min(
+              1,
+              all.reduce((total, one) => total + one[i], 0),
+            ),
+          ),
+        );
     this.keys.step(dt);
-    const others = { held: this.keys.deadMan || touch.deadMan, centred: this.keys.centred && touch.axes.every((value) => value === 0) };
-    const pad = this.readPad(now, others), counts = pad && !this.padWaits;
-    if (this.editing) this.landSeen = true; // pressed to be chosen: must be released first
+    const others = {
+      held: this.keys.deadMan || touch.deadMan,
+      centred: this.keys.centred && touch.axes.every((value) => value === 0),
+    };
+    const pad = this.readPad(now, others),
+      counts = pad && !this.padWaits;
+    if (this.editing)
+      this.landSeen = true; // pressed to be chosen: must be released first
     else if (pad) this.watchEmergency(pad);
     this.held = others.held || Boolean(pad?.deadMan);
     this.centred = others.centred && (pad?.isCentred ?? true);
@@ -130,10 +165,12 @@ export class Sticks {
   }
 
   tick() {
-    const now = performance.now(), gap = now - this.ticked;
+    const now = performance.now(),
+      gap = now - this.ticked;
     this.ticked = now;
     if (gap > STALLED && this.on) this.drop("stalled");
-    const { axes, held, centred } = this.read(now, Math.min(gap, 100) / 1e3), wasOn = this.on;
+    const { axes, held, centred } = this.read(now, Math.min(gap, 100) / 1e3),
+      wasOn = this.on;
     if (!this.link && (held || this.pad)) this.connect();
     if (!held) {
       if (this.on) this.link.send(CENTRE, false);
@@ -151,10 +188,19 @@ export class Sticks {
 
   // A press of the button: whether it counts.
   begin(centred) {
-    const why = this.editing ? "close the set-up of the pad first"
-      : document.hidden || !document.hasFocus() ? "this page does not have focus: click on it first"
-      : !centred ? (this.keys.moving ? "release all keys, hold Shift, then steer" : "centre all sticks, then press again") : "";
-    if (why) { this.refuse(why); return; }
+    const why = this.editing
+      ? "close the set-up of the pad first"
+      : document.hidden || !document.hasFocus()
+        ? "this page does not have focus: click on it first"
+        : !centred
+          ? this.keys.moving
+            ? "release all keys, hold Shift, then steer"
+            : "centre all sticks, then press again"
+          : "";
+    if (why) {
+      this.refuse(why);
+      return;
+    }
     this.on = true;
     this.keys.restart();
     this.dropped = "";

@@ -26,10 +26,12 @@ const triple = (point) => point.map((c) => String(Number(c.toFixed(3)))).join(" 
 /** @param {Draft} draft @param {string} label */
 export function titleOf({ kind, points, arguments: given }, label) {
   if (kind === "target") return `Target ${place(points[0])}`;
-  if (kind === "waypoints") return `${points.length} way-point${points.length > 1 ? "s" : ""}, the last at ${place(points[points.length - 1])}`;
+  if (kind === "waypoints")
+    return `${points.length} way-point${points.length > 1 ? "s" : ""}, the last at ${place(points[points.length - 1])}`;
   if (kind === "trajectory") return `${label} from ${place(points[0])}`;
   const [low, high] = points;
-  return `${kind === "volume" ? "Volume" : given.box} ${["x", "y", "z"].map((axis, i) => `${axis} ${fixed(low[i], 2)} to ${fixed(high[i], 2)}`).join(", ")} m`;
+  const spans = ["x", "y", "z"].map((axis, i) => `${axis} ${fixed(low[i], 2)} to ${fixed(high[i], 2)}`);
+  return `${kind === "volume" ? "Volume" : given.box} ${spans.join(", ")} m`;
 }
 
 /** @param {Draft} draft */
@@ -44,16 +46,40 @@ export function noteOf({ kind, checked, refusal, duration: lasts, speed }) {
 // What the button does now; `why` it cannot, "" where it can.
 /** @param {Draft} draft @param {any} status of the vehicle, null while it is not heard @returns {Step} */
 export function stepOf(draft, status) {
-  const { kind, points, checked, refusal } = draft, [x, y, z] = points[0];
+  const { kind, points, checked, refusal } = draft,
+    [x, y, z] = points[0];
   if (isBox(draft)) {
     const why = !status ? "no data from the vehicle" : refusal ? "the vehicle would refuse it" : "";
     return { label: kind === "volume" ? "Set volume" : "Set box", why, values: draft.values ?? {} };
   }
   const goes = kind === "target" || (kind === "trajectory" && draft.away > THERE);
   const behavior = status?.behavior?.toLowerCase();
-  const why = !status ? "no data from the vehicle" : !status.airborne ? "take off first" : refusal ? "the vehicle cannot fly it"
-    : !checked ? CHECKING : !goes && behavior !== "hover" ? "wait until it hovers" : "";
-  if (goes) return { label: kind === "target" ? "Fly there" : "Fly to its start", why, behavior: "fly_to", values: { x, y, z } };
-  const values = kind === "trajectory" ? draft.arguments : { trajectory: "waypoints", waypoints: points.map(triple).join("; ") };
-  return { label: kind === "trajectory" ? "Fly it" : points.length > 1 ? "Fly them" : "Fly there", why, behavior: "follow_trajectory", values };
+  const why = !status
+    ? "no data from the vehicle"
+    : !status.airborne
+      ? "take off first"
+      : refusal
+        ? "the vehicle cannot fly it"
+        : !checked
+          ? CHECKING
+          : !goes && behavior !== "hover"
+            ? "wait until it hovers"
+            : "";
+  if (goes)
+    return {
+      label: kind === "target" ? "Fly there" : "Fly to its start",
+      why,
+      behavior: "fly_to",
+      values: { x, y, z },
+    };
+  const values =
+    kind === "trajectory"
+      ? draft.arguments
+      : { trajectory: "waypoints", waypoints: points.map(triple).join("; ") };
+  return {
+    label: kind === "trajectory" ? "Fly it" : points.length > 1 ? "Fly them" : "Fly there",
+    why,
+    behavior: "follow_trajectory",
+    values,
+  };
 }

@@ -3,10 +3,37 @@
 import { element, optionsOf } from "../core/dom.js";
 import { legend } from "./path_color.js";
 
-const CAMERAS = [["free", "Free camera"], ["follow", "Follow"], ["top", "Top"], ["side", "Side"], ["first", "First person"]];
-const LAYERS = [["flown", "Flown path"], ["reference", "Reference"], ["truth", "Truth"], ["volume", "Flight volume"], ["ground", "Ground"], ["error", "Error vector"]];
-const COLORS = [["none", "one colour"], ["error", "error"], ["speed", "speed"], ["thrust", "thrust"]];
-export const SHOWN = { flown: true, reference: true, truth: true, volume: true, ground: true, error: false, magnified: 10, color: "none" };
+const CAMERAS = [
+  ["free", "Free camera"],
+  ["follow", "Follow"],
+  ["top", "Top"],
+  ["side", "Side"],
+  ["first", "First person"],
+];
+const LAYERS = [
+  ["flown", "Flown path"],
+  ["reference", "Reference"],
+  ["truth", "Truth"],
+  ["volume", "Flight volume"],
+  ["ground", "Ground"],
+  ["error", "Error vector"],
+];
+const COLORS = [
+  ["none", "one colour"],
+  ["error", "error"],
+  ["speed", "speed"],
+  ["thrust", "thrust"],
+];
+export const SHOWN = {
+  flown: true,
+  reference: true,
+  truth: true,
+  volume: true,
+  ground: true,
+  error: false,
+  magnified: 10,
+  color: "none",
+};
 
 export class ViewTools {
   /**
@@ -17,19 +44,70 @@ export class ViewTools {
    */
   constructor(place, { camera, onCamera, onView, isEnabled = true, note = "", more = [] }) {
     const disabled = !isEnabled;
-    this.camera = element("select", { id: "view-camera", ariaLabel: "camera", title: "how the camera moves with the vehicle", onchange: () => onCamera(this.camera.value) }, ...optionsOf(CAMERAS, camera));
-    this.boxes = new Map(LAYERS.map(([name]) => {
-      const box = element("input", { type: "checkbox", disabled, onchange: () => onView({ [name]: box.checked }) });
-      box.dataset.layer = name;
-      return [name, box];
-    }));
-    this.magnified = element("select", { disabled, ariaLabel: "magnification of the error vector", onchange: () => onView({ magnified: Number(this.magnified.value) }) }, ...optionsOf(["1", "10", "50"].map((one) => [one, `× ${one}`])));
-    this.color = element("select", { disabled, ariaLabel: "colour of the flown path", onchange: () => onView({ color: this.color.value }) }, ...optionsOf(COLORS));
-    const layers = LAYERS.map(([name, words]) => element("label", {}, /** @type {HTMLElement} */ (this.boxes.get(name)), words, ...(name === "error" ? [this.magnified] : [])));
-    const panel = element("div", { className: "layers" }, ...layers, element("label", {}, "Path by", this.color), ...more, ...(note ? [element("small", {}, note)] : []));
+    this.camera = element(
+      "select",
+      {
+        id: "view-camera",
+        ariaLabel: "camera",
+        title: "how the camera moves with the vehicle",
+        onchange: () => onCamera(this.camera.value),
+      },
+      ...optionsOf(CAMERAS, camera),
+    );
+    this.boxes = new Map(
+      LAYERS.map(([name]) => {
+        const box = element("input", {
+          type: "checkbox",
+          disabled,
+          onchange: () => onView({ [name]: box.checked }),
+        });
+        box.dataset.layer = name;
+        return [name, box];
+      }),
+    );
+    this.magnified = element(
+      "select",
+      {
+        disabled,
+        ariaLabel: "magnification of the error vector",
+        onchange: () => onView({ magnified: Number(this.magnified.value) }),
+      },
+      ...optionsOf(["1", "10", "50"].map((one) => [one, `× ${one}`])),
+    );
+    this.color = element(
+      "select",
+      {
+        disabled,
+        ariaLabel: "colour of the flown path",
+        onchange: () => onView({ color: this.color.value }),
+      },
+      ...optionsOf(COLORS),
+    );
+    const layers = LAYERS.map(([name, words]) =>
+      element(
+        "label",
+        {},
+        /** @type {HTMLElement} */ (this.boxes.get(name)),
+        words,
+        ...(name === "error" ? [this.magnified] : []),
+      ),
+    );
+    const panel = element(
+      "div",
+      { className: "layers" },
+      ...layers,
+      element("label", {}, "Path by", this.color),
+      ...more,
+      ...(note ? [element("small", {}, note)] : []),
+    );
     this.key = element("span", { className: "key flown" });
     this.wanted = element("span", { className: "key wanted" }, "reference");
-    place.prepend(this.camera, element("details", {}, element("summary", {}, "Layers"), panel), this.key, this.wanted);
+    place.prepend(
+      this.camera,
+      element("details", {}, element("summary", {}, "Layers"), panel),
+      this.key,
+      this.wanted,
+    );
     this.show(SHOWN);
   }
 

@@ -32,7 +32,7 @@ def seen_from_first(p: Array, yaws: Array) -> tuple[Array, Array]:
 
 
 def test_the_error_is_that_of_the_bound() -> None:
-    """At most 1.1 times, with 10 % for the scatter of 40 formations."""
+    """The ratio is at most 1.1, with 10 % for the scatter of 40 formations."""
     ratio = math.sqrt(float(squares(Case(3, 15, moving=True, ranged=False), 40).mean()))
     assert ratio < 1.1 * 1.1
 
