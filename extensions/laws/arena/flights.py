@@ -104,7 +104,9 @@ def fly_arena(entries: Sequence[Entry], seeds: int, tell: Callable[[str], None])
         for name, disturbance in DISTURBANCES.items():
             tell(f"{course}, {name}")
             for entry in entries:
-                rms, saturated = fly_cell(entry, disturbance, eight, range(FIRST_SEED, FIRST_SEED + seeds))
+                rms, saturated = fly_cell(
+                    entry, disturbance, eight, range(FIRST_SEED, FIRST_SEED + seeds)
+                )
                 yield Cell(entry.name, course, name, rms, saturated)
 
 

@@ -204,8 +204,10 @@ def random_flights(
 
 
 class Steering:
-    """The part of a commanded motion that each vehicle adds, in the axes of vehicle 0: from the desired
-    shape, and as its scale the distance of vehicles 0 and 1, measured with 5 cm.
+    """The part of a commanded motion that each vehicle adds, in the axes of vehicle 0.
+
+    It follows from the desired shape, with the distance of vehicles 0 and 1 as its scale, measured
+    with 5 cm.
     """
 
     def __init__(self, flight: Flight, bound: float = 0.0) -> None:

@@ -152,7 +152,7 @@ def test_edges_that_leave_the_view_and_return_do_no_harm() -> None:
 
 
 def test_noise_does_not_inflate_the_formation() -> None:
-    """A formation with compasses keeps its size; from bearings alone a part remains that the docstring names."""
+    """A formation with compasses keeps its size; from bearings alone a known part remains."""
     grown = {}
     for sigma, compass in ((0.0, True), (SIGMA, True), (SIGMA, False)):
         flight = random_flights(5, range(8), Network(compass=compass), near=True)
