@@ -101,28 +101,16 @@ def _here(outcome: Outcome) -> Outcome:
 
 def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
     """Fly as `quadlab fly` does with the words of this row."""
-    from quadlab.simulated.experiment import chosen, fly
-
-    file, plan = settings.file, settings.file.plan
+    plan = settings.file.plan
     began, processor = time.perf_counter(), time.process_time()
     folder = Path(tempfile.mkdtemp(prefix="quadlab-campaign-"))
     verdict, reason, log = RAISED, "", None
     metrics: dict[str, float] = {}
     judged: tuple[str, ...] = ()
     try:
-        done = fly(
-            chosen(file.experiment),
-            seed=settings.cells.seed(index),
-            words=settings.words(index // plan.seeds),
-            out=folder,
-            plugins=file.plugins,
-            board=plan.board,
-            true_state=plan.true_state,
-        )
-        verdict, reason = done.result.verdict, done.aborted or done.result.reason
-        metrics = {**done.result.metrics, "flown_s": done.flight.view().time}
-        judged = tuple(done.result.limits)
-        verdict, reason, metrics, judged = _judged(plan, verdict, reason, metrics, judged)
+        done = (_together if plan.vehicles > 1 else _alone)(settings, index, folder)
+        verdict, reason, metrics, judged = _judged(plan, *done[:4])
+        processor -= done[4]
     except QuadlabError as error:
         _check_computer(error)
         reason = str(error).partition("; the log is kept: ")[0]
@@ -137,6 +125,49 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
     outcome = Outcome(index, verdict, reason, metrics, judged=judged, log=log)
     wall, processor = time.perf_counter() - began, time.process_time() - processor
     return _here(replace(outcome, wall=wall, processor=processor))
+
+
+def _alone(
+    settings: Settings, index: int, folder: Path
+) -> tuple[str, str, dict[str, float], tuple[str, ...], float]:
+    """Return verdict, reason, metrics, judged metrics, and s of processor time elsewhere."""
+    from quadlab.simulated.experiment import chosen, fly
+
+    file, plan = settings.file, settings.file.plan
+    done = fly(
+        chosen(file.experiment),
+        seed=settings.cells.seed(index),
+        words=settings.words(index // plan.seeds),
+        out=folder,
+        plugins=file.plugins,
+        board=plan.board,
+        true_state=plan.true_state,
+    )
+    metrics = {**done.result.metrics, "flown_s": done.flight.view().time}
+    reason = done.aborted or done.result.reason
+    return done.result.verdict, reason, metrics, tuple(done.result.limits), 0.0
+
+
+def _together(
+    settings: Settings, index: int, folder: Path
+) -> tuple[str, str, dict[str, float], tuple[str, ...], float]:
+    """Return the same of several vehicles, which one other process flies."""
+    from quadlab.simulated.together import fly_together
+
+    file, plan = settings.file, settings.file.plan
+    done = fly_together(
+        file.experiment,
+        plan.vehicles,
+        seed=settings.cells.seed(index),
+        words=settings.words(index // plan.seeds),
+        out=folder,
+        plugins=file.plugins,
+        board=plan.board,
+        true_state=plan.true_state,
+        processes=1,
+    )
+    metrics = {**done.metrics, "flown_s": done.flown}
+    return done.verdict, done.reason, metrics, tuple(done.limits), done.processor
 
 
 def _check_computer(error: BaseException) -> None:

@@ -17,6 +17,7 @@ TEXT = """\
 experiment = "figure_eight"  # any of `quadlab fly`, a file of your own, or "closed_loop"
 seeds = 4                    # flights in each cell
 # seed = 1                   # from which the seed of each flight follows
+# vehicles = 1               # that fly together in each flight
 # board = "mikrokopter"
 # law = "geometric"
 # estimator = "complementary"

@@ -57,6 +57,8 @@ class Plan(Part):
     """flights in each cell, each with its own seed"""
     seed: int = Field(default=1, ge=0, lt=2**63)
     """from which the seed of each flight follows"""
+    vehicles: int = Field(default=1, ge=1, le=8)
+    """vehicles that fly together in each flight, as for `quadlab fly --vehicles`"""
     board: str = "mikrokopter"
     """the vehicle's board, as for `quadlab fly --board`"""
     law: str = ""
@@ -112,6 +114,13 @@ class Plan(Part):
                     raise ValueError(f'factors."{name}" needs number = … for {self.design}')
         if both := self.fixed.keys() & self.factors.keys():
             raise ValueError(f"{', '.join(sorted(both))} is both fixed and a factor; remove one")
+        if self.vehicles > 1 and self.experiment == COMPILED:
+            raise ValueError(f"vehicles = {self.vehicles}: {COMPILED} flies one vehicle")
+        if self.vehicles > 1 and self.keep.logs != "none":
+            raise ValueError(
+                f"vehicles = {self.vehicles}: logs of several vehicles are not kept; leave out "
+                "keep.logs, and fly the flights again that you want to see (quadlab campaign show)"
+            )
         if self.correlations:
             self._fits_correlations()
         if self.search is not None:

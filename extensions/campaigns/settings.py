@@ -147,6 +147,7 @@ class Settings:
             ends = Cells(self.file.plan, dict(enumerate(_ends(self.file.plan.search.parameters))))
             Settings(self.file, ends).check()
             return
+        self._check_count()
         _ = self.parameters
         self._check_own(self.experiment)
         paired = {name for pair in ORDERED for name in pair}
@@ -167,6 +168,16 @@ class Settings:
                 except QuadlabError as error:
                     raise UsageError(f"cell {cell}: {error}") from None
             self.store.preset(before)
+
+    def _check_count(self) -> None:
+        from quadlab.simulated.together import check_count
+
+        if self.file.plan.experiment == COMPILED:
+            return
+        try:
+            check_count(self.experiment, self.file.plan.vehicles)
+        except UsageError as error:
+            raise UsageError(str(error).replace("--vehicles ", "vehicles = ", 1)) from None
 
     @staticmethod
     def _check_own(experiment: Experiment) -> None:

@@ -80,6 +80,7 @@ def command_of(settings: Settings, index: int) -> str:
     words = ["quadlab", "fly", file.experiment, "--seed", str(settings.cells.seed(index))]
     words += ["--board", plan.board] if plan.board != "mikrokopter" else []
     words += ["--true-state"] if plan.true_state else []
+    words += ["--vehicles", str(plan.vehicles)] if plan.vehicles > 1 else []
     words += ["--plugins", str(file.plugins)] if file.plugins is not None else []
     for one in settings.words(index // plan.seeds):
         words += ["--set", one]

@@ -85,13 +85,15 @@ def fly_together(
     plugins: Path | None = None,
     board: str = "mikrokopter",
     true_state: bool = False,
+    processes: int | None = None,
 ) -> FlownTogether:
     """Fly an experiment with several simulated vehicles at once, and judge their logs.
 
     Args:
         experiment: its name or file. count: of vehicles. seed: of the first one; `seed_of` of the
             others. words: NAME=VALUE of parameters, for one vehicle quad2.NAME=VALUE. out: folder
-            in which the folder of the logs is made; None: flights in the data folder.
+            in which the folder of the logs is made; None: flights in the data folder. processes:
+            that fly the vehicles; None: one for each processor. The flight is the same.
 
     Raises QuadlabError.
     """
@@ -99,11 +101,11 @@ def fly_together(
     from vehicle.processes.parent import PLUGINS
 
     fleet = SimulatedFleet(count, THE_VEHICLE, 0)
-    fleet.check()
     check_seed(seed)
     plugins = plugins or data_folder(None) / PLUGINS
     offer_plugins(plugins)
     first = chosen(experiment)
+    check_count(first, count)
     own_words = _words_of(first, experiment, fleet.names, seed, words, board)
     folder = _new_folder(
         open_data_folder(out or open_data_folder(None) / "flights", "--out"),
@@ -124,7 +126,22 @@ def fly_together(
         board=board,
         true_state=true_state,
     )
-    return _merged(first, folder, logs, _flown(order, vehicles))
+    processes = min(count, processes or len(os.sched_getaffinity(0)))
+    return _merged(first, folder, logs, _flown(order, vehicles, processes))
+
+
+def check_count(experiment: Experiment, count: int) -> None:
+    """Check that so many vehicles can fly an experiment. Raises UsageError."""
+    from console.experiments.together import Together
+
+    SimulatedFleet(count, THE_VEHICLE, 0).check()
+    if isinstance(experiment, Together) and not (
+        experiment.vehicles_min <= count <= experiment.vehicles_max
+    ):
+        raise UsageError(
+            f"--vehicles {count}: {experiment.name} is flown by {experiment.vehicles_min} to "
+            f"{experiment.vehicles_max} vehicles"
+        )
 
 
 def _words_of(
@@ -144,11 +161,6 @@ def _words_of(
     flight_parameters(first, kind, seed, others)  # sets its options
     places: Sequence[tuple[float, float]] = ()
     if isinstance(first, Together):
-        if not first.vehicles_min <= len(names) <= first.vehicles_max:
-            raise UsageError(
-                f"--vehicles {len(names)}: {first.name} is flown by {first.vehicles_min} to "
-                f"{first.vehicles_max} vehicles"
-            )
         places = first.start_places(len(names), seed)
     found: dict[str, list[str]] = {}
     taken: list[tuple[str, float, float, float]] = []
@@ -183,9 +195,8 @@ def _names_vehicle(word: str, names: Sequence[str]) -> bool:
     return False
 
 
-def _flown(order: Callable[..., Order], vehicles: Sequence[Vehicle]) -> list[Answers]:
-    """Return how the vehicles have flown, from each process. Raises JobError."""
-    count = min(len(vehicles), len(os.sched_getaffinity(0)))
+def _flown(order: Callable[..., Order], vehicles: Sequence[Vehicle], count: int) -> list[Answers]:
+    """Return how the vehicles have flown, from each of `count` processes. Raises JobError."""
     files = Meeting.new_files(len(vehicles), count)
     answers: list[int] = []
     processes: list[forked.Process] = []
