@@ -329,9 +329,9 @@ def test_a_preset_sets_all_its_gains_and_later_words_change_them() -> None:
     with pytest.raises(UsageError, match="'sporty'"):
         parse_settings(parameters, ["control.preset=sporty"])
     parse_settings(parameters, ["control.preset=observer"])
-    assert parameters.control == preset("observer")
+    assert dict(preset("observer")).items() <= dict(parameters.control).items()
     parse_settings(parameters, ["control.preset=standard"])
-    assert parameters.control == preset("standard")
+    assert dict(preset("standard")).items() <= dict(parameters.control).items()
     parse_settings(parameters, ["estimation.preset=paper"])
     assert parameters.estimation.position_bandwidth == 63.15
     with pytest.raises(UsageError, match="there are paper"):

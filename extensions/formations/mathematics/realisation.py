@@ -37,6 +37,8 @@ AGREED = 1e-6
 ENOUGH = 3
 """Starts that end at the least residual, after which no other is tried."""
 STEPS = 40
+DAMPING_MIN = 1e-12
+"""Least damping of a step: bearings that contradict each other may leave a motion undetermined."""
 STEEP = 0.2
 """Horizontal length of a bearing below which its azimuth is not used."""
 AGREEMENT = math.radians(0.1)
@@ -66,7 +68,7 @@ def realise(
     for start in range(STARTS):
         psi = _yaws_of_pairs(wanted, pairs, n, rng, spread=0.0 if start == 0 else 0.5)
         p = _places_at(psi, wanted, pairs, n)
-        if start >= STARTS // 2 or _least(p) < NEAREST:
+        if start % 2 or _least(p) < NEAREST:  # a ring without pairs needs places at random
             p = p + rng.normal(size=(n, 3))
         found = _refined(p, psi, wanted, pairs)
         if best is None or found[2] < best[2] - AGREED:
@@ -216,7 +218,7 @@ def _refined(p: Array, psi: Array, wanted: Array, pairs: Edges) -> tuple[Array, 
         gained = float(np.vdot(error, error) - np.vdot(error_new, error_new))
         if gained > 0.0:
             p, psi, error = p_new / mean_distance(p_new), psi_new, error_new
-            damping *= 0.1
+            damping = max(0.1 * damping, DAMPING_MIN)
         else:
             damping *= 10.0
         if np.abs(step).max() < 1e-12 or damping > 1e8 or 0.0 < gained < 1e-16:

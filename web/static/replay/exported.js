@@ -163,6 +163,9 @@ export async function request(_method, _path) {
   throw new Error(GONE);
 }
 /** @param {string} _name @returns {Promise<any>} */
+// No command is ever sent.
+export const commands = new EventTarget();
+
 export async function command(_name) {
   throw new Error(GONE);
 }
