@@ -43,7 +43,7 @@ def run(size: Size = Size.FULL) -> list[Report]:
 
 def _report(name: str, noise: float, count: int) -> Report:
     report = Report(
-        f"active_sensing_{name}",
+        f"active_sensing_{name}".replace(".", "_"),
         f"Paths that look around, motion known to {name} m/√s",
         [
             f"{count} flights of {DURATION:g} s a row, the same starts and noise on each path; "

@@ -67,7 +67,7 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     row = page.locator(".behavior", has_text="Figure 8")
     row.locator("input").first.fill("1")
     row.get_by_role("button").click()
-    shows("#behavior", "follow")
+    shows("#behavior", "Figure 8")
 
     # Drag a gain; the cell shows the value that the vehicle confirmed, not the slider's.
     page.locator("[data-tab=gains]").click()

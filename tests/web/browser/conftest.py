@@ -108,6 +108,7 @@ class Profile:
     def __init__(self, browser: Any, address: str) -> None:
         self.context = browser.new_context(viewport={"width": 1440, "height": 900})
         self.context.set_default_timeout(BOUND)
+        self.context.set_default_navigation_timeout(3 * BOUND)  # with the 3D view, by software
         self._address = address
         self._blank = self.context.new_page()
         self._devtools = self.context.new_cdp_session(self._blank)
