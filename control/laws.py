@@ -24,6 +24,7 @@ import numpy.typing as npt
 from pydantic import create_model
 
 from control.parameters import CONTROL, GEOMETRIC, NEAR_HOVERING, NONE, ControlParameters
+from quadrotor.errors import UsageError
 from quadrotor.extension import Law
 from quadrotor.extensions import Offered, Registry, registry
 from quadrotor.parameters import Parameters
@@ -57,9 +58,13 @@ class CompiledLaw:
 
 
 def settings_type(parameters: type[Parameters]) -> np.dtype[np.void]:
-    """Return the record of parameters without texts, in their order."""
-    kinds = {name: field.annotation for name, field in parameters.model_fields.items()}
-    fields = [(name, TYPES[kind.__name__ if kind else ""]) for name, kind in kinds.items()]
+    """Return the record of a law's parameters, in their order. Raises UsageError for a text."""
+    fields = []
+    for name, field in parameters.model_fields.items():
+        kind = field.annotation.__name__ if field.annotation else ""
+        if kind not in TYPES:
+            raise UsageError(f"its parameter {name} is {kind}; allowed are {', '.join(TYPES)}")
+        fields.append((name, TYPES[kind]))
     return np.dtype(fields, align=True)
 
 
@@ -73,8 +78,22 @@ def settings_of(control: ControlParameters, law: str) -> Bytes:
 
 
 def extended() -> dict[str, Offered[Law]]:
-    """Return the laws of extensions by name."""
-    return registry().offers(Law, taken=RESERVED)
+    """Return the laws of extensions by name, without those whose parameters cannot be used."""
+    return _usable(registry())
+
+
+@lru_cache(maxsize=1)
+def _usable(found: Registry) -> dict[str, Offered[Law]]:
+    usable = {}
+    for name, law in found.offers(Law, taken=RESERVED).items():
+        try:
+            if law.offer.parameters:
+                settings_type(law.load(law.offer.parameters))
+        except UsageError as error:  # all else flies
+            found.problems[f"the control law {name} is left out: {error}"] = None
+            continue
+        usable[name] = law
+    return usable
 
 
 def new_control_parameters() -> ControlParameters:
@@ -83,9 +102,9 @@ def new_control_parameters() -> ControlParameters:
 
 
 @lru_cache(maxsize=1)
-def _tree(_: Registry) -> type[ControlParameters]:
+def _tree(found: Registry) -> type[ControlParameters]:
     fields: dict[str, Any] = {}
-    for name, law in extended().items():
+    for name, law in _usable(found).items():
         if law.offer.parameters:
             kind = law.load(law.offer.parameters)
             fields[name] = (kind, kind())
