@@ -95,7 +95,8 @@ def test_what_a_vehicle_did_unheard_is_not_taken_for_done(
     page.click("[data-tab=fly]")
     look.text("#behavior", "^hover$")
     flying(False)
-    look.has_class("#behavior", "stale")  # by its own age: none is on its way any more
+    look.has_class("#behavior", "stale")  # none is on its way any more
+    page.evaluate(LATER, 2000)  # past the second for which a press takes a status for the newest
     page.click(FIGURE_8)
     station.said = FLIES
     flying(True)
