@@ -18,8 +18,7 @@ def page() -> str:
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import station_parameters
     from extensions.mavlink.parameter_names import has_short_name, is_faithful, short_name
-    from quadlab.simulated.parameters import CameraParameters, OutsideCameraParameters
-    from quadrotor.extension import Board
+    from quadrotor.extension import Board, SimulatedSensor
     from quadrotor.extensions import registry
     from vehicle.boards.kind import find_kind
     from vehicle.parameters import new_parameters
@@ -30,8 +29,10 @@ def page() -> str:
         ("Simulator", "simulator.", SimulatorParameters()),
         ("Tracker", "tracker.", TrackerParameters()),
         ("Bearings", "bearings.", BearingParameters()),
-        ("Camera on board, of quadlab fly", "camera.", CameraParameters()),
-        ("Cameras around the room, of quadlab fly", "outside_cameras.", OutsideCameraParameters()),
+        *(
+            (f"Sensor {name}, of quadlab fly", f"{name}.", one.load(one.offer.parameters)())
+            for name, one in registry().offers(SimulatedSensor).items()
+        ),
         *(
             (f"Board {name}", "board.", options())
             for name in registry().offers(Board)

@@ -166,16 +166,22 @@ class Link(Offer):
 class TrackingSystem(Offer):
     """A laboratory's tracking system, for `quadlab tracker NAME` and `quadlab up --tracker NAME`.
 
-    The target is a `console.trackers.source.System`.
+    The target is a `console.trackers.source.System`, or, with options, a class of one that is made
+    of them.
 
     Attributes:
         port: the usual port of its server; 0 for a system without an address.
         library: the module without which it cannot work; "" for none.
+        options: names, in the same way, a dataclass of what it adds to the options of `quadlab
+            tracker`; "" for none.
+        bearings: whether it measures bearings to beacons from one vehicle, instead of poses.
     """
 
     kind: ClassVar[str] = "tracking system"
     port: int = 0
     library: str = ""
+    options: str = ""
+    bearings: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,6 +197,18 @@ class ServedSystem(Offer):
 
     kind: ClassVar[str] = "served system"
     port: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedSensor(Offer):
+    """A sensor of a flight in simulated time; the name is the group of its parameters.
+
+    The target is a `quadlab.simulated.sensors.Make`; `parameters` names a
+    `quadrotor.parameters.Parameters` in the same way.
+    """
+
+    kind: ClassVar[str] = "simulated sensor"
+    parameters: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,6 +41,7 @@ BUILT_IN = (
     "offline",
     "reports",
     "tuning",
+    "vision",
 )
 """The folders of `extensions`. A folder that was taken away is no error."""
 

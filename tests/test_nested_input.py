@@ -11,8 +11,6 @@ import msgspec
 import pytest
 
 from console.link.known_vehicles import FILE, KnownVehicles
-from estimation.tags.intrinsics import read_yaml
-from estimation.tags.tag_layout import load_tags
 from extensions.foxglove.protocol import parse_text
 from extensions.importers.mapping import load_mapping
 from extensions.importers.readers.formats import open_source
@@ -49,8 +47,6 @@ FILES: dict[str, tuple[str, str | bytes, Callable[[Path], object]]] = {
     "ulog": ("a.ulg", ulog(), lambda path: open_source(path, ["x"])),
     "numpy": ("a.npy", npy(), lambda path: open_source(path, [])),
     "base stations": ("a.yaml", NEST, read_stations),
-    "intrinsics": ("a.yaml", NEST, lambda path: read_yaml(path, "calibrate")),
-    "tags": ("a.toml", f"tags = {NEST}", load_tags),
     "known vehicles": (FILE, f"quad1 = {NEST}", lambda path: KnownVehicles(path.parent).all()),
     "plugin": ("a.py", PLUGIN, declared),
 }

@@ -14,7 +14,6 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from console.catalogue.catalogue import Catalogue
-from console.trackers.camera_store import CameraStore
 from quadrotor.extensions import registry
 from web.access.gate import Gate
 from web.access.passwords import Passwords
@@ -28,7 +27,6 @@ from web.features import built_in, of_extensions, panels_of_extensions
 from web.fleet.fleet import Fleet
 from web.fleet.vehicle_router import VehicleRouter
 from web.live.events import EventHub
-from web.setup.camera_calibration import CameraCalibrations
 from web.static_files import files_with
 from web.vehicle_context import Connect, Runs, SharedServices, VehicleContext
 from web.view.server import ViewServer
@@ -53,7 +51,6 @@ def assemble(
     limiter: SignInLimiter | None = None,
     passwords: Passwords | None = None,
     survey: SurveyRun | None = None,
-    cameras: CameraCalibrations | None = None,
 ) -> ASGIApp:
     """Assemble the whole application behind its gate.
 
@@ -63,7 +60,7 @@ def assemble(
         connect: makes the client of the station for one vehicle.
         names: host names of this page, in addition to those of `base_url` and loopback.
         tls: the page's certificate, for the start-up checks.
-        limiter, passwords, cameras: replacements for tests.
+        limiter, passwords: replacements for tests.
         survey: finds the beacons' positions from a run's log; without it the page offers no survey.
 
     Raises StorageError.
@@ -89,10 +86,7 @@ def assemble(
         VehicleContext(name, shared, connect, EventHub(hubs), new_view_server())
         for name in vehicles
     ]
-    features = (
-        *built_in(survey, cameras or CameraCalibrations(CameraStore(data))),
-        *of_extensions(say),
-    )
+    features = (*built_in(survey), *of_extensions(say))
     files = files_with(tuple(panels_of_extensions()))
     for line in (*registry().problems, *files.problems):
         say("error", line)

@@ -25,16 +25,14 @@ from web.replay.routes import add_replay
 from web.replay.store import ReplayStore
 from web.runs.report_making import ReportMaking
 from web.runs.routes import add_runs
-from web.setup.camera_calibration import CameraCalibrations, add_camera_calibration
 
 
-def built_in(survey: SurveyRun | None, cameras: CameraCalibrations) -> tuple[Feature, ...]:
+def built_in(survey: SurveyRun | None) -> tuple[Feature, ...]:
     """Return the features of every page; `survey` is None where no survey can be made."""
     reports, replays = ReportMaking(), ReplayStore()
     return (
         Feature(add_runs),
         Feature(lambda app, context: add_replay(app, context.catalogue, replays)),
-        Feature(lambda app, _: add_camera_calibration(app, cameras), cameras.stop),
         Feature(add_experiments),
         Feature(add_calibration),
         Feature(partial(add_reports, reports=reports), reports.stop),

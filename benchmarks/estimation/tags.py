@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from bearing_sim.rendered_camera import Pattern
 from benchmarks.harness import Report, Row, Size, Target, time_in_turns
-from estimation.tags.detector import Picture, TagDetector, dictionary_of
-from estimation.tags.tag_layout import ROUND
-from quadlab.simulated.camera_scene import CAMERA, LENS
+from extensions.vision.simulated.camera_scene import CAMERA, LENS
+from extensions.vision.simulated.rendered_camera import Pattern
+from extensions.vision.tags.detector import Picture, TagDetector, dictionary_of
+from extensions.vision.tags.tag_layout import ROUND
 from quadrotor.records import Array
 from quadrotor.rotations import rotation_exp
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
+from extensions.vision.simulated.outside_cameras import OutsideCameras
 
 SECONDS, LAPS = 10.0, 2
 RATE = 30.0, 30.0, 12.0  # Hz, of each size
@@ -33,8 +34,8 @@ def _flown(
     quiet = {"outside_cameras.exposure": 0.0, "outside_cameras.pictures": 0.0}
     quiet["outside_cameras.rate"] = size.of(*RATE)
     flight = WatchedFlight(seed, {"estimation.estimator": estimator, **quiet, **settings})
-    camera = flight._outside
-    assert camera is not None
+    camera = flight._poses
+    assert isinstance(camera, OutsideCameras)
     flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
     flight.hover(1.0, size.of(1.5, 1.5, 0.2))
     hover = []

@@ -9,10 +9,9 @@ from pathlib import Path
 from console.experiments import watched
 from console.experiments.catalogue import find
 from console.experiments.client import Calibrating, Result
-from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight, TrueState
 from quadlab.simulated.flight_log import FlightLog
-from quadlab.simulated.parameters import FlightParameters
+from quadlab.simulated.parameters import FlightParameters, with_groups
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
@@ -57,7 +56,7 @@ def fly(
     """
     experiment, kind = find(name, VEHICLE), find_kind(board)
     options = kind.configured({})
-    parameters = with_options(
+    parameters = with_groups(
         FlightParameters().model_copy(deep=True),
         {"experiment": experiment.parameters, "board": options},
     )

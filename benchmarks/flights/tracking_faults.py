@@ -172,7 +172,7 @@ def fly(seed: int, name: str, size: Size) -> dict[str, float]:
     fault, seconds, goes_on = FAULTS[name]
     flight = WatchedFlight(seed)
     system = System(flight._tracker, seed)
-    flight._tracker = system  # type: ignore[assignment]
+    flight._poses = system
     flight.hover(settling=size.of(3.0, 3.0, 0.5))
     if seed % 2:
         flight.start("follow_trajectory", trajectory="figure_eight", laps=3)

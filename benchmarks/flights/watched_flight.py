@@ -12,9 +12,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight, TrueState
-from quadlab.simulated.parameters import FlightParameters
+from quadlab.simulated.parameters import with_groups
+from quadlab.simulated.sensors import new_flight_parameters
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Array
@@ -67,7 +67,7 @@ class WatchedFlight(SimulatedFlight):
     ) -> None:
         kind = find_kind(board)
         options = kind.configured({})
-        parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
+        parameters = with_groups(new_flight_parameters(), {"board": options})
         parameters.seed(seed)
         ParameterStore(parameters).preset(kind.simulated_parameters | (settings or {}))
         firmware = firmware_of(board, options)

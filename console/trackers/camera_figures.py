@@ -1,11 +1,17 @@
-"""Figures of how well a camera sees, and the text in which process and page show them."""
+"""What a tracker's cameras show people: pictures, and figures of how well they see."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from estimation.tags.detector import wrong_exposure
+DARK, BRIGHT = 12.0, 243.0
+"""Mean grey levels beyond which the exposure is wrong."""
+
+
+def wrong_exposure(level: float) -> str:
+    """Return "black" or "white" for a mean grey level (0 to 255) that is unusable, else ""."""
+    return "black" if level <= DARK else "white" if level >= BRIGHT else ""
 
 
 class Figures(NamedTuple):
@@ -24,6 +30,30 @@ class Figures(NamedTuple):
     tags_share: float = math.nan
     grey_level: float = math.nan
     residual: float = math.nan
+
+
+class CameraPicture(NamedTuple):
+    """A picture to be shown."""
+
+    taken_ns: int
+    """Time of the picture on the host's steady clock."""
+    jpeg: bytes
+
+
+class View(Protocol):
+    """A camera as people see it; its source fills it from another thread.
+
+    Attributes:
+        is_watched: whether pictures are made; set by their sender.
+        newest: the newest picture that was made.
+    """
+
+    is_watched: bool
+    newest: CameraPicture | None
+
+    def figures(self) -> Figures:
+        """Return the present figures of the camera."""
+        ...
 
 
 def figures_text(figures: Figures | Any, markers: str = "tags") -> str:

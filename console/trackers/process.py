@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from console.tracker_feed import ENDED
-from console.trackers.camera_figures import figures_text
-from console.trackers.camera_view import CameraPicture, CameraView
+from console.trackers.camera_figures import CameraPicture, View, figures_text
 from console.trackers.health import Unit, Up, to_world
 from console.trackers.source import Body, Frame, Source
 from console.trackers.source_reader import RETRY, SourceReader, is_final
@@ -77,7 +76,7 @@ class Tracker:
         session: Session,
         unit: Unit = "m",
         up: Up = "z",
-        views: Sequence[CameraView] = (),
+        views: Sequence[View] = (),
     ) -> None:
         self._name, self._open_source, self._unit, self._up = name, open_source, unit, up
         self._vehicles = [

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from estimation.tags.tag_bearings import Sighting
+from console.trackers.camera_figures import View
 from quadrotor.plain_rotations import Array
 
 
@@ -21,6 +21,17 @@ class Body(NamedTuple):
     """(4,), w x y z, body to world; None for a single marker, which has only a position."""
     covariance: Array | None = None
     """(6, 6) of the position, m, and of a turn in body axes, rad, if the system tells it."""
+
+
+class Sighting(NamedTuple):
+    """The beacons in one picture: ids, unit vectors (N, 3) in body axes, rad on each of two tangent
+    axes, and the pixels (N, 2) of their centres.
+    """
+
+    beacon_ids: list[int]
+    bearings_b: Array
+    sigma: float
+    pixels: Array
 
 
 class Frame(NamedTuple):
@@ -44,16 +55,21 @@ class Connection(NamedTuple):
         host, port: the address of the server, or where to listen.
         session: the session with the station.
         bodies: the system's name of each vehicle's body.
+        data: the data folder.
     """
 
     host: str
     port: int
     session: Any
     bodies: Mapping[str, str]
+    data: Path
 
 
 class System(Protocol):
-    """A tracking system that an extension offers (`quadrotor.extension.TrackingSystem`)."""
+    """A tracking system that an extension offers (`quadrotor.extension.TrackingSystem`).
+
+    A system of cameras also has the attributes of `HasViews`.
+    """
 
     def check(self, bodies: Mapping[str, str]) -> None:
         """Raise UsageError for names of bodies that the system cannot have."""
@@ -68,9 +84,17 @@ class System(Protocol):
         ...
 
 
-def name_of(camera: int | Path) -> str:
-    """Return the name of a camera in messages and in the file of tags."""
-    return camera.stem if isinstance(camera, Path) else str(camera)
+@runtime_checkable
+class HasViews(Protocol):
+    """A system of cameras, whose pictures are shown to people.
+
+    Attributes:
+        where: the cameras, for messages.
+        views: one for each camera.
+    """
+
+    where: str
+    views: Sequence[View]
 
 
 class Source(Protocol):

@@ -22,7 +22,7 @@ class Report:
     def run(self) -> int:
         check_log_file(self.file)
         from extensions.reports.report import write_report
-        from quadlab.simulated.parameters import new_defaults
+        from quadlab.simulated.sensors import new_defaults
 
         here = self.file.resolve()
         folder = self.out or (here if here.is_dir() else here.parent)

@@ -184,7 +184,7 @@ def write_report(
     """Write the page, the PDF and the experiment's own files next to the log."""
     from console.experiments.client import Reporting
     from console.reports.writer import report_writer
-    from quadlab.simulated.parameters import new_defaults
+    from quadlab.simulated.sensors import new_defaults
 
     write = report_writer()
     files = write(log, log.parent, result=result, proposal=proposal, defaults=new_defaults)

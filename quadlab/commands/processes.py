@@ -133,7 +133,7 @@ def check_tracker(words: str) -> None:
     if command.of_bearings:
         raise UsageError(
             f"--tracker {words!r}: it provides bearings and no poses; run quadlab tracker "
-            "onboard_camera by itself, next to the station"
+            f"{command.system} by itself, next to the station"
         )
 
 

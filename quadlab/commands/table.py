@@ -85,18 +85,6 @@ _ROWS = (
         },
     ),
     Row(
-        name="camera",
-        group=Group.SET_UP,
-        summary="Calibrate a camera with a ChArUco board (DICT_4X4_250), which is moved as the "
-        "lines say.",
-        target=".camera:Camera",
-        examples={
-            "quadlab camera --paper board.pdf": "write the board, to be printed at 100 %",
-            "quadlab camera --device 0": "calibrate a camera with that board",
-            "quadlab camera --board 9x6 --square 0.04 --marker 0.03": "… with another board",
-        },
-    ),
-    Row(
         name="gains",
         group=Group.SET_UP,
         summary="Print the phase margins of the named gain sets, and of one made with --set.",
@@ -163,13 +151,7 @@ _ROWS = (
         summary="Connect a laboratory's tracking system to the station.",
         target=".tracker:Tracker",
         examples={
-            "quadlab tracker natnet --host 192.168.1.5 --body quad1=cf7": "track with OptiTrack",
-            "quadlab tracker camera --device 0 --intrinsics camera.yaml --tags tags.toml": (
-                "track with a USB camera"
-            ),
-            "quadlab tracker camera --device 0 1 --intrinsics a.yaml b.yaml --tags tags.toml": (
-                "track with two"
-            ),
+            "quadlab tracker natnet --host 192.168.1.5 --body quad1=cf7": "track with OptiTrack"
         },
     ),
     Row(

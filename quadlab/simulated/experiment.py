@@ -5,11 +5,11 @@ from __future__ import annotations
 import atexit
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from quadlab.data_folder import data_folder, open_data_folder
 from quadlab.settings import parse_settings
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from quadlab.simulated.member import Member
     from quadlab.simulated.parameters import FlightParameters
     from quadrotor.calibration_record import CalibrationRecord
-    from quadrotor.parameters import Parameters
     from vehicle.boards.kind import Kind
     from vehicle.flight.kernels import BackgroundParts
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -160,11 +159,12 @@ def flight_parameters(
     experiment: Experiment, kind: Kind, seed: int, words: Sequence[str]
 ) -> FlightParameters:
     """Return the parameters of the flight. Raises QuadlabError."""
-    from quadlab.simulated.parameters import FlightParameters
+    from quadlab.simulated.parameters import with_groups
+    from quadlab.simulated.sensors import new_flight_parameters
     from quadrotor.parameters import ParameterStore
 
-    parameters = with_options(
-        FlightParameters().model_copy(deep=True),
+    parameters = with_groups(
+        new_flight_parameters(),
         {"experiment": experiment.parameters, "board": kind.options() if kind.options else None},
     )
     ParameterStore(parameters).preset(kind.simulated_parameters)
@@ -258,21 +258,6 @@ class InstructionPrinter:
         self._last = progress.instruction
         step = f"{progress.number}/{progress.count}" if progress.count else ""
         print(f"  {self._flight.view().time:7.1f} s {step:>6}  {progress.instruction}", flush=True)
-
-
-def with_options(
-    parameters: FlightParameters, options: Mapping[str, Parameters | None]
-) -> FlightParameters:
-    """Return the tree with the options of the experiment and of the board, under these names."""
-    from pydantic import create_model
-
-    there = {name: of for name, of in options.items() if of is not None}
-    fields: dict[str, Any] = {name: (type(of), of) for name, of in there.items()}
-    tree = create_model("ChosenParameters", __base__=type(parameters), **fields)
-    # Not copied: the experiment reads this same object.
-    values: dict[str, Any] = dict(parameters) | there
-    chosen: FlightParameters = tree.model_construct(**values)
-    return chosen
 
 
 def _new_log(folder: Path, stem: str) -> Path:

@@ -11,9 +11,11 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from bearing_sim import BearingMeasurement
 from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import parse_layout
 from bearing_sim.emulator import BearingEmulator
+from bearing_sim.pose_measurement import PoseMeasurement
 from bearing_sim.tracker import SimulatedTracker
 from console.experiments.client import VehicleView
 from estimation.convergence import Convergence
@@ -21,9 +23,8 @@ from estimation.estimator import Estimator
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.guide import REQUESTER, SimulatedGuide
 from quadlab.simulated.neighbours import Neighbours
-from quadlab.simulated.onboard_camera import OnboardCamera
-from quadlab.simulated.outside_cameras import OutsideCameras
 from quadlab.simulated.parameters import FlightParameters
+from quadlab.simulated.sensors import Source, replacements
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
 from quadrotor.parameter_description import ParameterValue
@@ -82,16 +83,12 @@ class SimulatedFlight(SimulatedGuide):
         self._board = kind.connect(
             simulated.ports, options, parameters.simulator.imu_rate, lambda: simulated.stamp_ns
         )
+        poses, bearings = replacements(parameters, self.stack.state["position_w"][0])
         self._tracker = SimulatedTracker(parameters.tracker)
-        self._outside: OutsideCameras | None = None
-        if parameters.outside_cameras.number:  # they replace the tracker
-            self._outside = OutsideCameras(parameters.outside_cameras, parameters.tracker.seed)
-        self._bearings: BearingEmulator | OnboardCamera = BearingEmulator(parameters.bearings)
-        if parameters.camera.enabled:
-            estimated_w = self.stack.state["position_w"][0]
-            self._bearings = OnboardCamera(parameters.bearings, parameters.camera, estimated_w)
-        cameras = self._bearings, self._outside
-        self._cameras = [one for one in cameras if isinstance(one, OnboardCamera | OutsideCameras)]
+        self._bearings = BearingEmulator(parameters.bearings)
+        self._poses: Source[PoseMeasurement] = poses or self._tracker
+        self._sightings: Source[BearingMeasurement] = bearings or self._bearings
+        self._sensors = [one for one in (bearings, poses) if one is not None]
         self._beacons = KnownBeacons(parse_layout(parameters.beacons.layout))
         self._sender = CommandSender(self.stack.modes, self._board)
         self._complained_ns = -WARN_NS
@@ -205,31 +202,29 @@ class SimulatedFlight(SimulatedGuide):
         if now_ns >= self._next_heartbeat_ns:
             self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
             self.stack.measure(mailbox.Heartbeat(now_ns))
-        tracker = self._outside or self._tracker
         if now_ns >= self._next_truth_ns:
             self._next_truth_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
             position_w, quaternion_wb = self._true_position_w, self._true_quaternion_wb
-            tracker.observe(now_ns, position_w, quaternion_wb)
-            self._bearings.observe(now_ns, position_w, quaternion_wb)
+            self._poses.observe(now_ns, position_w, quaternion_wb)
+            self._sightings.observe(now_ns, position_w, quaternion_wb)
             self._log.truth(now_ns, self._simulated.truth)
-        for pose in tracker.due(now_ns):
+        for pose in self._poses.due(now_ns):
             self.stack.measure(pose_sample(pose.stamp_ns, pose.position_w, pose.quaternion_wb))
             if has_attitude(pose.quaternion_wb):
                 self._pose = pose
             self._log.pose(pose.stamp_ns, pose.position_w, pose.quaternion_wb, now_ns)
-        for frame in self._bearings.due(now_ns):
+        for frame in self._sightings.due(now_ns):
             self._log.bearings(frame, now_ns)
             seen = bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
             self.stack.measure(seen)
             self._solve(seen, now_ns)
-        for cameras in self._cameras:
-            for topic, stamp_ns, jpeg in cameras.shown():
+        for sensor in self._sensors:
+            for topic, stamp_ns, jpeg in sensor.shown():
                 self._log.picture(topic, stamp_ns, jpeg, now_ns)
-        if self._outside is not None:
-            for line in self._outside.said():
+            for line in sensor.said():
                 self.stack.say(f"tracker: {line}", mailbox.WARN)
         self._next_station_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
-        for arrival_ns in (tracker.next_ns, self._bearings.next_ns):
+        for arrival_ns in (self._poses.next_ns, self._sightings.next_ns):
             if arrival_ns is not None and arrival_ns < self._next_station_ns:
                 self._next_station_ns = arrival_ns
 

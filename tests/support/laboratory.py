@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from console.experiments.catalogue import find
-from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
-from quadlab.simulated.parameters import FlightParameters
+from quadlab.simulated.parameters import FlightParameters, with_groups
 from quadrotor.parameters import ParameterStore
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
@@ -20,7 +19,7 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 def laboratory(name: str, log: Path, **settings: Any) -> Iterator[tuple[Any, SimulatedFlight]]:
     """Yield the experiment and its flight; in a setting, __ stands for each dot of its name."""
     experiment = find(name)
-    parameters = with_options(
+    parameters = with_groups(
         FlightParameters().model_copy(deep=True), {"experiment": experiment.parameters}
     )
     ParameterStore(parameters).preset({k.replace("__", "."): v for k, v in settings.items()})

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from bearing_sim import BearingParameters
-from quadlab.simulated.onboard_camera import OnboardCamera
-from quadlab.simulated.parameters import CameraParameters
+from extensions.vision.simulated.onboard_camera import OnboardCamera
+from extensions.vision.simulated.parameters import CameraParameters
 from quadrotor.records import beacon_ids_of
 from tests.system.conftest import PATIENCE, Laboratory
 from vehicle_link import clock, topics

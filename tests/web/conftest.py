@@ -23,7 +23,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from bearing_sim.emulator import BearingParameters
 from console.catalogue.catalogue import Catalogue
-from console.trackers.camera_store import CameraStore
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
@@ -43,7 +42,6 @@ from web.latest import TICKS
 from web.live.sockets import listen
 from web.live.station import Station
 from web.process import server, url_of
-from web.setup.camera_calibration import CameraCalibrations
 from web.view.server import ViewServer
 
 RUN = "20260131T093042Z_quad1"
@@ -293,7 +291,6 @@ class Site:
     clock: list[float] = field(default_factory=list)
     tls: Tls | None = None
     vehicle: Any = None
-    cameras: Any = None
     stations: list[ScriptedStation] = field(default_factory=list)
     """Stations of all vehicles."""
 
@@ -460,7 +457,6 @@ class serving:  # noqa: N801 - used as `with serving(...)`
             view_servers.append(ViewServer())
             return view_servers[-1]
 
-        cameras = CameraCalibrations(CameraStore(data), pace=0.0)
         now = [0.0]  # s, of the sign-in limits; a test moves it
         app = assemble(
             limiter=SignInLimiter(lambda: now[0]),
@@ -474,14 +470,13 @@ class serving:  # noqa: N801 - used as `with serving(...)`
             show_link=show,
             new_view_server=new_view_server,
             survey=survey,
-            cameras=cameras,
         )
         self._server: uvicorn.Server = server(_with_view(app), tls)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True
         )
         self.site = Site(base, data, made[0], view_servers[0], app, links, now, tls)
-        self.site.stations, self.site.cameras = made, cameras
+        self.site.stations = made
 
     def __enter__(self) -> Site:
         self._thread.start()

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from web.app import create_app
 from web.beacons.survey import BeaconSurvey, add_survey
 from web.feature import Feature
-from web.features import built_in, panels_of_extensions
+from web.features import panels_of_extensions
 from web.static_files import files_with
 from web.vehicle_context import VehicleContext
 
@@ -34,13 +34,6 @@ def test_a_feature_adds_its_routes_to_a_vehicle_with_that_vehicles_context() -> 
     assert "/api/extra" in addresses(app)
     assert "/api/commands/arm" in addresses(app), "the routes of every page are there"
     assert "/api/runs" not in addresses(app), "a feature that was left out has no routes"
-
-
-def test_stopping_the_features_stops_the_services_that_vehicles_share() -> None:
-    cameras = MagicMock()
-    for feature in built_in(None, cameras):
-        feature.stop()
-    cameras.stop.assert_called_once_with()
 
 
 def test_a_service_of_one_vehicle_ends_with_its_context(monkeypatch: pytest.MonkeyPatch) -> None:

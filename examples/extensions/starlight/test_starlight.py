@@ -37,7 +37,7 @@ def test_frames_of_a_server_arrive_as_bodies() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         threading.Thread(target=lambda: server.accept()[0].sendall(2 * LINE), daemon=True).start()
         port = server.getsockname()[1]
-        source = SYSTEM.open(Connection("127.0.0.1", port, None, {"quad1": "cf7"}))
+        source = SYSTEM.open(Connection("127.0.0.1", port, None, {"quad1": "cf7"}, Path()))
         frames = source.frames()
         (body,) = next(frames).bodies
         assert body.name == "cf7"
@@ -54,4 +54,4 @@ def test_what_is_no_frame_is_refused(line: bytes) -> None:
 
 def test_a_server_that_is_not_there_is_named() -> None:
     with pytest.raises(UnreachableError, match="no starlight server at"):
-        SYSTEM.open(Connection("127.0.0.1", 1, None, {}))
+        SYSTEM.open(Connection("127.0.0.1", 1, None, {}, Path()))

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -91,7 +92,7 @@ def frames_of(system: str, port: int) -> Iterator[Iterator[Frame]]:
     end = time.monotonic() + LIMIT
     while True:
         client: System = registry().offers(TrackingSystem)[system].load()
-        source = client.open(Connection("127.0.0.1", port, None, {}))
+        source = client.open(Connection("127.0.0.1", port, None, {}, Path()))
         frames = source.frames()
         try:
             first = next(frames)

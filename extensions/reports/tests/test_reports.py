@@ -24,7 +24,7 @@ from extensions.reports.report import assemble, write_report
 from flight_log import LogWriter
 from flight_log.reader import read_log
 from quadlab.__main__ import main
-from quadlab.simulated.parameters import new_defaults
+from quadlab.simulated.sensors import new_defaults
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 from vehicle_link.messages import encode, new

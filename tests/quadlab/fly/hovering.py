@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
-from quadlab.simulated.parameters import FlightParameters
+from quadlab.simulated.parameters import FlightParameters, with_groups
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from vehicle.boards.kind import find_kind
@@ -25,7 +24,7 @@ class Hovering:
     def __init__(self, folder: Path, board: str, **options_set: ParameterValue) -> None:
         kind = find_kind(board)
         options = kind.configured(options_set)
-        parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
+        parameters = with_groups(FlightParameters().model_copy(deep=True), {"board": options})
         store = ParameterStore(parameters)
         store.preset(kind.simulated_parameters | {"behavior.volume_z_max": 3.5})
         self.vehicle = SimulatedVehicle(parameters.simulator, firmware=firmware_of(board, options))

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
-
-from estimation.tags.detector import picture_with_corners
-from tests.support.board_hand import Hand, walk
 
 PAD = """() => { const pad = { id: "Wireless Controller", index: 0, connected: true,
   mapping: "standard", axes: [0, 0, 0, 0],
@@ -152,27 +146,6 @@ class Room:
     def setup(self) -> None:
         self._go("/setup", "#checks li")
         self.page.wait_for_selector("#volume rect.confirmed >> nth=0")
-
-    def camera_guide(self) -> None:
-        """Show the guided calibration of a camera, with seven views taken."""
-        guide = walk(7)
-        hand = Hand(guide, np.random.default_rng(1))
-        hand.hold("left", shown=1)
-        guide.hint = "Hold the board still"
-        jpeg = picture_with_corners(hand.picture(), guide.corners, taken=False)
-        told = {**guide.state(), "picture": base64.b64encode(jpeg).decode()}
-        cameras = self.lab.cameras
-        cameras._state, cameras._requester, cameras._camera = "running", "anna", 0
-        cameras._take(told)
-        self._go("/setup#camera", "#camera .counts dd >> nth=4")
-        self.page.wait_for_selector("#camera .picture rect >> nth=5", state="attached")
-
-    def camera_result(self) -> None:
-        """Show what it found, with a warning."""
-        cameras = self.lab.cameras
-        cameras._state, cameras._found = "ready", replace(walk().result(), coverage=0.3)
-        cameras._wake()
-        self.page.wait_for_selector("#camera .warnings li")
 
     def kill(self) -> None:
         self._go("/kill", "#cut")

@@ -2,11 +2,11 @@
 
 import { get } from "../core/api.js";
 import { begin, followConnection } from "../core/connection.js";
-import { $ } from "../core/dom.js";
+import { showPanels } from "../console/panels.js";
+import { $, element } from "../core/dom.js";
 import { head } from "../core/page_header.js";
 import { Parameters } from "../gains/parameters.js";
 import { BeaconSection } from "./beacons.js";
-import { CameraSection } from "./camera.js";
 import { CheckSection } from "./checks.js";
 import { TrackerSection } from "./tracker.js";
 import { UserSection } from "./users.js";
@@ -24,7 +24,10 @@ async function start() {
   new BeaconSection($("beacons"), events, isOperator);
   new VolumeSection($("volume"), events, parameters);
   new TrackerSection($("tracker"), events, parameters);
-  new CameraSection($("camera"), isOperator);
+  const after = document.querySelector('#sections [href="#users"]');
+  for (const { id, ariaLabel } of document.querySelectorAll("[data-panel]"))
+    after?.before(element("a", { href: `#${id}` }, ariaLabel ?? id));
+  showPanels({ events, isOperator, parameters });
   new UserSection($("users"), session);
   new CheckSection($("checks"), $("checks-summary"), isOperator, (checks) => vehicles.showChecks(checks));
   followConnection(events);

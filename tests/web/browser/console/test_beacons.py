@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from console.trackers.camera_figures import Figures
-from estimation.tags.detector import marked_picture
+from extensions.vision.tags.detector import marked_picture
 from vehicle_link.messages import decode, new
 from vehicle_link.topics import PICTURE, encode_picture
 

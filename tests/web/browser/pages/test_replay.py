@@ -11,7 +11,7 @@ import pytest
 from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
 from console.runs.adoption import tidy_runs
-from estimation.tags.detector import marked_picture
+from extensions.vision.tags.detector import marked_picture
 
 RUN, LATER = "20260131T093042Z_quad1", "20260131T100000Z_quad1"
 MADE = MadeRun(

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 
@@ -16,7 +15,6 @@ from bearing_sim.emulator import BearingParameters
 from bearing_sim.tracker import TrackerParameters
 from console.catalogue.catalogue import Catalogue
 from control.behaviors.parameters import BehaviorParameters
-from estimation.tags.intrinsics import load_intrinsics
 from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.vehicle_model import VehicleModel
 from vehicle_link.checks import Check, to_messages
@@ -251,43 +249,6 @@ def test_the_tracker_process_is_shown_with_its_bodies_its_latency_and_what_is_wr
     look.text("#tracker .pictures > div:nth-child(2)", "camera 1: no pictures|No data")
     assert page.locator("#tracker .pictures > div:visible").count() == 2
     assert not page.is_visible("#tracker .fields")
-
-
-def test_a_camera_is_calibrated_with_a_board_that_is_moved_as_the_guide_says(
-    ground: Ground, open_tab: Any, look_at: Any
-) -> None:
-    page = open_tab("/setup")
-    look = look_at(page)
-    look.text("#camera .facts", "none yet")
-    assert "columns=7&rows=5&square=0.035" in page.get_attribute("#camera a.button", "href")
-    page.select_option("#camera select", "simulated")
-    page.get_by_label("Squares across").fill("2")
-    page.click("#camera button:text-is('Calibrate')")
-    look.text("#camera > .reason", "2 x 5 squares is not possible: allowed are 3 to 30")
-    page.get_by_label("Squares across").fill("7")
-    page.evaluate(
-        """() => { window.said = []; const place = document.querySelector("#camera .instruction");
-        new MutationObserver(() => said.push(place.textContent)).observe(place,
-        { childList: true }); }"""
-    )
-    page.click("#camera button:text-is('Calibrate')")
-    page.wait_for_selector("#camera .guided >> nth=0")
-    with httpx.Client(base_url=ground.site.base, cookies=ground.cookies) as other:
-        refused = other.post("/api/setup/camera", json={"camera": 0})
-        assert (refused.status_code, "is calibrating" in refused.json()["error"]) == (409, True)
-    page.wait_for_selector("#camera .residual-picture circle >> nth=150", timeout=120_000)
-    assert any(
-        one.startswith(("Tilt the board", "Hold the board")) for one in page.evaluate("said")
-    )
-    assert page.locator("#camera .picture > svg g rect").count() > 20
-    look.text(
-        "#camera .counts >> nth=1", "Residual0[.]1. pixels rms.*Focal lengths(598|599|60[0-2])"
-    )
-    page.click("#camera button:text-is('Accept')")
-    look.text("#camera > .note", "Accepted and stored in .*simulated.yaml")
-    look.text("#camera .facts", "focal lengths .*, residual 0[.]1")
-    lens = load_intrinsics(ground.site.cameras.store.path("simulated"))
-    np.testing.assert_allclose(lens.matrix[[0, 1], [0, 1]], (600.0, 602.0), rtol=0.005)
 
 
 def test_an_admin_adds_a_user_changes_the_role_and_deletes(

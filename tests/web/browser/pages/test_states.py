@@ -31,8 +31,6 @@ STATES = (
     "compare",
     "design",
     "setup",
-    "camera_guide",
-    "camera_result",
     "kill",
     "sign_in",
 )

@@ -1,0 +1,1 @@
+"""The guided calibration of a camera, in the terminal and on the page."""

@@ -1,0 +1,1 @@
+"""Rendered pictures of the simulated vehicle and room, read as real ones are."""
