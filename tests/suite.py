@@ -1,4 +1,4 @@
-"""Which tests a run has (`scripts/test`), their order, and what all of them share."""
+"""Selection and order of the tests of a run (`scripts/test`), and what all of them share."""
 
 from __future__ import annotations
 

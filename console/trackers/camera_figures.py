@@ -1,4 +1,4 @@
-"""What a tracker's cameras show people: pictures, and figures of how well they see."""
+"""Pictures of a tracker's cameras for people, and figures of how well they see."""
 
 from __future__ import annotations
 

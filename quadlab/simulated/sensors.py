@@ -48,7 +48,7 @@ class Sensor(Source[Measured], Protocol[Measured]):
 
 
 class Replacements(NamedTuple):
-    """What replaces the simulated tracker, and the emulated bearings."""
+    """Sensors instead of the simulated tracker, and of the emulated bearings."""
 
     poses: Sensor[PoseMeasurement] | None = None
     bearings: Sensor[BearingMeasurement] | None = None

@@ -383,7 +383,7 @@ def test_garbage_is_refused_in_words() -> None:
 def test_of_more_than_four_beacons_another_four_may_start_the_search(
     rng: np.random.Generator,
 ) -> None:
-    """In this layout, the four widest beacons often lead to a wrong minimum: none is refused."""
+    """The four widest beacons of this layout often lead to a wrong minimum: none is refused."""
     flat = np.random.default_rng(8).uniform(-1.0, 1.0, (8, 2))
     solver = PlanarPoseSolver(np.column_stack([flat, np.full(8, 0.1)]))
     for _ in range(2000):

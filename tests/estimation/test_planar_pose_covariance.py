@@ -68,7 +68,7 @@ def solved(
 def test_low_over_a_beacon_a_pose_has_a_covariance_that_explains_its_error(
     rng: np.random.Generator, low: float, high: float
 ) -> None:
-    """At least 246 of 40,000 covariances were zero; mean normalised squares were 570 and 760."""
+    """Before, 246 of 40,000 covariances were zero; mean normalised squares were 570 and 760."""
     views = Views(rng, SQUARE, 4000, low, high)
     rows, poses = solved(PlanarPoseSolver(SQUARE), views, predicted=True)
     assert len(poses) > 0.997 * len(views.r)

@@ -110,7 +110,7 @@ BROKEN = {
 
 
 class OwnLines(io.StringIO):
-    """What this thread writes: threads that other tests have left may complain meanwhile."""
+    """Output of this thread alone: threads that other tests have left may complain meanwhile."""
 
     def __init__(self) -> None:
         super().__init__()

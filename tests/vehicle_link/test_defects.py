@@ -75,7 +75,7 @@ def test_a_thread_may_end_by_itself() -> None:
 
 
 def test_a_queue_outlasts_an_error_of_its_handler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where a defect does not end the process, as in a notebook, the queue is not deaf."""
+    """The queue is not deaf where a defect does not end the process, as in a notebook."""
     told: list[Any] = []
     monkeypatch.setattr("threading.excepthook", lambda args: told.append(args.exc_type))
     handled: list[int] = []

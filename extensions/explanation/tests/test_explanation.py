@@ -309,7 +309,7 @@ def test_a_log_without_a_topic_is_explained_by_the_others(missing: str) -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 21, 33])
 def test_a_log_that_ends_at_once_is_explained(count: int) -> None:
-    """It is shorter than the smoothing window, too; other topics may be longer."""
+    """The topic is shorter than the smoothing window, too; other topics may be longer."""
     topics = flight(imu={"linear_acceleration.x": 50.0 * NOISE})
     assert explain({name: one.cut(count) for name, one in topics.items()}, {}) == []
     assert explain({**topics, "imu": topics["imu"].cut(count)}, {}) == []

@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
-from extensions.vision.calibration import routes
-from extensions.vision.calibration.routes import FEATURE, CameraCalibrations, calibrations_of
+from extensions.vision.calibration import calibrations
+from extensions.vision.calibration.calibrations import CameraCalibrations
+from extensions.vision.calibration.routes import FEATURE, calibrations_of
 from extensions.vision.tags.camera_calibration import CameraCalibration
 from extensions.vision.tags.charuco import Board
 from extensions.vision.tags.intrinsics import load_intrinsics
@@ -66,7 +67,7 @@ class ScriptedJob:
 
 @pytest.fixture
 def cameras(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[CameraCalibrations]:
-    monkeypatch.setattr(routes, "Job", ScriptedJob)
+    monkeypatch.setattr(calibrations, "Job", ScriptedJob)
     made = CameraCalibrations(CameraStore(tmp_path))
     yield made
     made.stop()
@@ -183,7 +184,7 @@ def test_a_result_that_cannot_be_stored_still_waits(
 def test_stopping_the_page_ends_the_calibration_of_every_data_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, until: Callable[..., None]
 ) -> None:
-    monkeypatch.setattr(routes, "Job", ScriptedJob)
+    monkeypatch.setattr(calibrations, "Job", ScriptedJob)
     ScriptedJob.newest = None  # type: ignore[assignment]
     shared = calibrations_of(tmp_path)
     assert calibrations_of(tmp_path) is shared

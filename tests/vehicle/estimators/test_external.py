@@ -348,7 +348,7 @@ def test_on_bearings_the_reserve_is_the_built_in_one(link: Here) -> None:
 
 
 def test_a_program_answers_over_udp_as_the_estimator_and_its_wrong_packet_ends_it() -> None:
-    """It gets IMU and poses, and answers one tick later."""
+    """An estimator that gets IMU and poses, and answers one tick later."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free,

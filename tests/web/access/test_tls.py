@@ -156,7 +156,7 @@ def verified(authority: Path, certificate: Path, host: str) -> str:
 
 
 def test_the_pages_authority_can_stand_for_no_other_site(tmp_path: Path) -> None:
-    """It is imported into browsers: its key is worth as little as can be to a thief."""
+    """The authority is imported into browsers: its key is worth as little as can be to a thief."""
     files = ensure_web_certificate(tmp_path, ["base.lab", "192.0.2.7", "10.1.2.3"])
     authority = load_certificate(files.authority)
     for name in ("base.lab", "192.0.2.7", "10.1.2.3", "quad.local", "192.168.4.2", "fe80::1"):

@@ -143,7 +143,7 @@ def test_in_a_black_or_white_picture_there_are_no_tags(light: float) -> None:
 
 
 def test_a_moving_tag_is_where_it_is_half_way_through_the_exposure_of_its_rows() -> None:
-    """With a rolling shutter, lower rows are exposed later."""
+    """A rolling shutter exposes lower rows later."""
     velocity = np.array([1.0, 0.0, 0.0])
     camera = replace(CAMERA, exposure=0.004, readout=0.02, noise=0.0)
     place = np.array([0.0, 0.5, 2.0])
