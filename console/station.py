@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue.catalogue import Catalogue
@@ -24,6 +25,9 @@ from vehicle_link.security.authority import ensure_certificates, readable_keys
 from vehicle_link.termination_signal import EndSignal
 from vehicle_link.transport.radio import Radio, is_hanging_up
 from vehicle_link.transport.session import check_station, hub_session, parse_endpoint
+
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import Session
 
 SWITCH_INTERVAL = 0.0005
 DEAF = 4
@@ -102,6 +106,14 @@ def run_station(
         if any(station.link.is_deaf for station in stations):
             sys.stderr.write("station: hears a vehicle by its lane alone, and no command; ends\n")
             os._exit(DEAF)
+    _close(stations, radios, catalogue, hub)
+    return 0
+
+
+def _close(
+    stations: Sequence[BaseStation], radios: Sequence[Radio], catalogue: Catalogue, hub: Session
+) -> None:
+    """Close the runs' files and the links; end the process if a session cannot be closed."""
     _at_once([radio.close for radio in radios])
     _at_once([station.close for station in stations])  # several files may wait for the disk
     catalogue.close()
@@ -113,7 +125,6 @@ def run_station(
     _at_once([partial(radio.close, CLOSE_PATIENCE) for radio in radios])
     if closer.is_alive() or is_hanging_up():
         os._exit(0)
-    return 0
 
 
 def _at_once(acts: Sequence[Callable[[], None]]) -> None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,63 +73,11 @@ def lag_and_dead_time(
     Raises MeasurementError for a recording that is too short, not finite or without a step, or
     whose samples are too slow for the lag.
     """
-    changes = np.flatnonzero(np.diff(reference)) + 1
-    if len(changes) == 0 or np.ptp(reference) < STEP_MIN:
-        most = np.ptp(reference) if len(reference) else 0.0
-        raise MeasurementError(
-            f"the reference moves by {most:.0f} counts, needed is a step of {STEP_MIN:.0f} or more"
-        )
-    begins = reference_time[changes]
-    inside = (time >= begins[0] - BEFORE) & (time <= reference_time[-1])
-    apart = len(begins) <= STEPS_MAX and np.diff(begins).min(initial=math.inf) > APART
-    if apart:
-        since = time[:, None] - begins
-        inside &= ((since >= -BEFORE) & (since <= AFTER)).any(axis=1)
-    origin = begins[0]  # epoch seconds would lose microseconds
-    at, shown = time[inside] - origin, signal[inside]
-    if len(at) < SAMPLES_MIN:
-        raise MeasurementError(
-            f"{len(at)} samples since the first step of the reference, needed are {SAMPLES_MIN}"
-        )
-    if not np.isfinite(shown).all():
-        raise MeasurementError("the recording has values that are not finite; repair or repeat it")
-    speed = np.sqrt(np.maximum(shown, 0.0)) if is_force else shown
-    shape = speed - speed.mean()
-    begins = begins - origin
-    held = np.concatenate([reference[:1], reference[changes]])
-
-    from scipy.optimize import least_squares
-
-    def miss(unknowns: Array) -> Array:
-        course = _course(at, begins + unknowns[1:], held, math.exp(unknowns[0]))
-        course -= course.mean()  # gain and offset are those that fit best
-        left: Array = course * float(course @ shape / (course @ course)) - shape
-        return left
-
-    def fitted(start: Array) -> Any:
-        bounds = [[low, high], *([DEAD_TIME] * (len(start) - 1))]
-        scales = [0.1, *([0.001] * (len(start) - 1))]
-        return least_squares(
-            miss,
-            start,
-            bounds=tuple(zip(*bounds, strict=True)),
-            x_scale=scales,
-            diff_step=1e-4,
-            xtol=1e-9,
-            ftol=1e-10,
-        )
-
-    low, high = (math.log(bound) for bound in BOUNDS)
-    guesses = [
-        np.array((lag, late))
-        for lag in np.linspace(low, high, 12)[1:-1]
-        for late in (0.002, 0.01, 0.03)
-    ]
-    found = fitted(min(guesses, key=lambda one: float(np.square(miss(one)).sum())))
-    if apart:
-        found = fitted(np.concatenate([found.x[:1], np.full(len(begins), found.x[1])]))
+    steps = _steps_of(reference_time, reference, time, signal)
+    speed = np.sqrt(np.maximum(steps.shown, 0.0)) if is_force else steps.shown
+    found = _fitted(steps, speed - speed.mean())
     seconds, dead_times = float(math.exp(found.x[0])), found.x[1:]
-    period = float(np.median(np.diff(at)))
+    period = float(np.median(np.diff(steps.at)))
     if not 1.001 * BOUNDS[0] < seconds < 0.999 * BOUNDS[1] or seconds < period:
         raise MeasurementError(
             f"time constant {seconds:.4f} s is at the edge of what {period * 1e3:.1f} ms samples "
@@ -147,6 +95,89 @@ def lag_and_dead_time(
             "or the computers are busy"
         )
     return TimeConstant(seconds, error, rms, "; ".join(warnings)), float(np.median(dead_times))
+
+
+class _Steps(NamedTuple):
+    """A recording around the steps of its reference.
+
+    Attributes:
+        at, shown: (N,) s since the first step, and the signal.
+        begins, held: s since the first step, and the values before the first step and from each on.
+        apart: whether the steps are far enough apart for a dead time of each.
+    """
+
+    at: Array
+    shown: Array
+    begins: Array
+    held: Array
+    apart: bool
+
+
+def _steps_of(reference_time: Array, reference: Array, time: Array, signal: Array) -> _Steps:
+    """Return the steps in a recording. Raises MeasurementError."""
+    changes = np.flatnonzero(np.diff(reference)) + 1
+    if len(changes) == 0 or np.ptp(reference) < STEP_MIN:
+        most = np.ptp(reference) if len(reference) else 0.0
+        raise MeasurementError(
+            f"the reference moves by {most:.0f} counts, needed is a step of {STEP_MIN:.0f} or more"
+        )
+    begins = reference_time[changes]
+    inside = (time >= begins[0] - BEFORE) & (time <= reference_time[-1])
+    apart = bool(len(begins) <= STEPS_MAX and np.diff(begins).min(initial=math.inf) > APART)
+    if apart:
+        since = time[:, None] - begins
+        inside &= ((since >= -BEFORE) & (since <= AFTER)).any(axis=1)
+    origin = begins[0]  # epoch seconds would lose microseconds
+    at, shown = time[inside] - origin, signal[inside]
+    if len(at) < SAMPLES_MIN:
+        raise MeasurementError(
+            f"{len(at)} samples since the first step of the reference, needed are {SAMPLES_MIN}"
+        )
+    if not np.isfinite(shown).all():
+        raise MeasurementError("the recording has values that are not finite; repair or repeat it")
+    held = np.concatenate([reference[:1], reference[changes]])
+    return _Steps(at, shown, begins - origin, held, apart)
+
+
+def _fitted(steps: _Steps, shape: Array) -> Any:
+    """Return scipy's result for the logarithm of the time constant, and the dead times.
+
+    Args:
+        shape: (N,) the speeds without their mean.
+    """
+    from scipy.optimize import least_squares
+
+    low, high = (math.log(bound) for bound in BOUNDS)
+
+    def miss(unknowns: Array) -> Array:
+        begins = steps.begins + unknowns[1:]
+        course = _course(steps.at, begins, steps.held, math.exp(unknowns[0]))
+        course -= course.mean()  # gain and offset are those that fit best
+        left: Array = course * float(course @ shape / (course @ course)) - shape
+        return left
+
+    def fitted(start: Array) -> Any:
+        bounds = [[low, high], *([DEAD_TIME] * (len(start) - 1))]
+        scales = [0.1, *([0.001] * (len(start) - 1))]
+        return least_squares(
+            miss,
+            start,
+            bounds=tuple(zip(*bounds, strict=True)),
+            x_scale=scales,
+            diff_step=1e-4,
+            xtol=1e-9,
+            ftol=1e-10,
+        )
+
+    guesses = [
+        np.array((lag, late))
+        for lag in np.linspace(low, high, 12)[1:-1]
+        for late in (0.002, 0.01, 0.03)
+    ]
+    found = fitted(min(guesses, key=lambda one: float(np.square(miss(one)).sum())))
+    if steps.apart:
+        found = fitted(np.concatenate([found.x[:1], np.full(len(steps.begins), found.x[1])]))
+    return found
 
 
 def _course(time: Array, begins: Array, held: Array, seconds: float) -> Array:

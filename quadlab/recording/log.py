@@ -112,16 +112,8 @@ def read_recording(path: Path) -> Recording:
     for name in ("imu", "state", "truth"):
         if problem := log.problems.get(f"{space}/{name}"):
             raise LogFormatError(f"{path}: {name} cannot be read: {problem}")
-        if len(topics[name]) > MAX_SAMPLES:
-            raise LogFormatError(
-                f"{path.name} has {len(topics[name])} messages of {name}, at most {MAX_SAMPLES} "
-                "are replayed: cut it with `mcap filter --include-attachments "
-                "--output-compression lz4 --start … --end …`"
-            )
-    samples_ns, imu = _stamped(topics["imu"], FORCE + RATE)
-    samples = np.zeros(len(imu), IMU_SAMPLE)
-    samples["stamp_ns"] = samples_ns
-    samples["specific_force_b"], samples["angular_velocity_b"] = imu[:, :3], imu[:, 3:]
+        _check_length(path, name, topics[name])
+    samples_ns, samples = _imu_samples(topics["imu"])
     state_ns, state = _states(topics["state"])
     truth_ns, truth = _states(topics["truth"])
     status_ns, airborne = _stamped(topics["status"], ("airborne",))
@@ -165,6 +157,25 @@ def _without_bias(samples: Record) -> str:
     samples["angular_velocity_b"] -= found.bias_b
     degrees = ", ".join(f"{one:.2f}" for one in np.degrees(found.bias_b))
     return f"gyroscope bias {degrees} deg/s, found at rest, is taken off"
+
+
+def _check_length(path: Path, name: str, topic: Topic) -> None:
+    """Raise LogFormatError when a topic has more messages than are replayed."""
+    if len(topic) > MAX_SAMPLES:
+        raise LogFormatError(
+            f"{path.name} has {len(topic)} messages of {name}, at most {MAX_SAMPLES} are replayed: "
+            "cut it with `mcap filter --include-attachments --output-compression lz4 --start … "
+            "--end …`"
+        )
+
+
+def _imu_samples(topic: Topic) -> tuple[Stamps, Record]:
+    """Return the stamps, (N,), and the samples, (N,) IMU_SAMPLE."""
+    samples_ns, imu = _stamped(topic, FORCE + RATE)
+    samples = np.zeros(len(imu), IMU_SAMPLE)
+    samples["stamp_ns"] = samples_ns
+    samples["specific_force_b"], samples["angular_velocity_b"] = imu[:, :3], imu[:, 3:]
+    return samples_ns, samples
 
 
 def _check_whole(path: Path, log: LogColumns) -> None:

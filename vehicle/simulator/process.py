@@ -83,8 +83,7 @@ def run(
     try:
         truths = side_by_side(parameters, len(vehicles))
         for number, (truth, name) in enumerate(zip(truths, vehicles, strict=True)):
-            place = folder if len(vehicles) == 1 else folder / name
-            place.mkdir(exist_ok=True)
+            place = _place(folder, name, vehicles)
             firmware = firmware_of(board, kind.configured(board_options or {}), number)
             robots.append(
                 Robot(
@@ -98,13 +97,12 @@ def run(
                     firmware=firmware,
                 )
             )
+        refusal = _ask_for_priority()
         where = f"microcontroller at {robots[0].place}"
         if len(robots) > 1:
             where = f"microcontrollers of {', '.join(vehicles)} in {folder}"
-        refusal = _ask_for_priority()
-        if lockstep is not None:
-            refusal = ", in lockstep"
-        _say(f"{where}, {parameters.imu_rate} Hz{refusal}")
+        shown = refusal if lockstep is None else ", in lockstep"
+        _say(f"{where}, {parameters.imu_rate} Hz{shown}")
         gc.collect()
         gc.freeze()
         statistics = RunStatistics()
@@ -122,6 +120,13 @@ def run(
             lockstep.close()
         if served is not None:
             served.close()
+
+
+def _place(folder: Path, name: str, vehicles: Sequence[str]) -> Path:
+    """Return the folder of a vehicle's links, made if it has one of its own."""
+    place = folder if len(vehicles) == 1 else folder / name
+    place.mkdir(exist_ok=True)
+    return place
 
 
 def _lockstep(vehicles: Sequence[str], pace: Pace, is_asked: bool) -> LockstepPace | None:
