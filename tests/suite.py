@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import math
 import os
 from collections import Counter, defaultdict
 from collections.abc import Generator
@@ -106,7 +107,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     config.hook.pytest_deselected(items=dropped)
     if hasattr(config, "workerinput"):
         took = json.loads(DURATIONS.read_text())
-        kept.sort(key=lambda item: -took.get(_group(item.nodeid), 0.0))
+        kept.sort(key=lambda item: -took.get(_group(item.nodeid), math.inf))  # of a new file: long
     items[:] = kept
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -82,3 +83,19 @@ def test_a_bare_run_says_what_it_leaves_out_and_what_installs_that() -> None:
         "tests), Octave (1 test). `apt install gcc g++ make libc6-dev octave octave-sockets` and "
         "`scripts/betaflight` install these; `scripts/test --complete` then runs the rest"
     )
+
+
+def test_a_fresh_checkout_is_compiled_once_though_a_module_of_tests_was_imported(
+    tmp_path: Path,
+) -> None:
+    told, python = tmp_path / "told", tmp_path / ".venv" / "bin"
+    for folder in (tmp_path / "scripts", tmp_path / "tests" / "__pycache__", python):
+        folder.mkdir(parents=True)
+    shutil.copy(ROOT / "scripts" / "test", tmp_path / "scripts")
+    program(tmp_path / "scripts", "setup", "exit 0")
+    program(python, "python", f'echo "$*" | head -1 >> {told}')
+    for _ in range(2):
+        subprocess.run([tmp_path / "scripts" / "test"], check=True)
+    ran = told.read_text()
+    assert ran.count("--collect-only") == ran.count("import prepare") == 1
+    assert ran.count("-m not alone") == ran.count("-m pytest -m alone") == 2

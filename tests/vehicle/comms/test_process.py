@@ -33,6 +33,7 @@ from tests.waiting import LIMIT as BOUND
 from tests.waiting import free_port, wait_for
 from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.repair import torn_logs
+from vehicle.processes.config import TICK_SLOTS
 from vehicle.processes.parent import DEATHS_OUTLASTED
 from vehicle_link import messages, telemetry, topics
 from vehicle_link.parameters.messages import from_value, to_parameters
@@ -55,9 +56,13 @@ from pathlib import Path
 from vehicle.processes.parent import run_vehicle
 sys.exit(run_vehicle([f"{sys.argv[1]}/mcu0", f"{sys.argv[1]}/mcu1"], Path(sys.argv[2]),
                      int(sys.argv[3]),
-                     settings={"model.mass": 1.3, "safety.link_land_after": 20.0,
+                     settings={"model.mass": 1.3, "safety.link_land_after": 60.0,
                                "safety.pose_reaction": "none"}))
 """
+
+
+BRIDGED = TICK_SLOTS / 500 - 1.0
+"""Time without a comms process whose ticks wait in the ring, s."""
 
 
 class VehicleProcesses:
@@ -286,43 +291,58 @@ def take_off(station: FakeStation) -> None:
     wait_for(lambda: station.height > 0.7, what="height 0.7 m")
 
 
-def survive_comms(station: FakeStation, processes: VehicleProcesses) -> None:
+def survive_comms(station: FakeStation, processes: VehicleProcesses) -> float:
+    """Kill comms; return the time until telemetry of the next one has arrived, s."""
     flight, comms = processes.children()
     station.counts.clear()
     os.kill(comms, signal.SIGKILL)
+    killed = time.monotonic()
     wait_for(
         lambda: processes.child("vehicle.comms.process") not in (0, comms),
         what="a new comms process",
     )
     wait_for(lambda: station.counts["telemetry"] > 10, what="telemetry again")
+    outage = time.monotonic() - killed
     assert processes.child("vehicle.flight.process") == flight
     assert station.height > 0.6
     values = ParameterClient(station.node, "/quad1/vehicle").values()
     assert values["model.mass"] == 1.308, "changed before the comms process lived"
+    return outage
 
 
-def land_when_comms_dies_again_and_again(station: FakeStation, processes: VehicleProcesses) -> None:
-    """Kill each comms process that has a link, until the vehicle lands in the pause."""
+def land_when_comms_dies_again_and_again(
+    station: FakeStation, processes: VehicleProcesses
+) -> list[float]:
+    """Kill each comms process that has a link, until the vehicle lands in the pause; return the
+    times without one, s.
+    """
     usual = to_parameters({"safety.link_land_after": 2.0})
     assert station.command("change_parameters", "p3", parameters=usual).accepted
 
-    deaths = 0
+    killed: list[float] = []
+    outages: list[float] = []
 
     def has_begun() -> bool:
-        nonlocal deaths
         if station.counts["telemetry"] <= 10:
             return False
-        if not station.command("start_behavior", f"again{deaths}", name="brake").accepted:
+        outages.extend(time.monotonic() - one for one in killed[len(outages) :])
+        if not station.command("start_behavior", f"again{len(killed)}", name="brake").accepted:
             return True
-        deaths += 1
         station.counts.clear()
         os.kill(processes.children()[1], signal.SIGKILL)
+        killed.append(time.monotonic())
         return False
 
     wait_for(has_begun, what="the vehicle's landing by itself")
+    return outages
 
 
-def check_logs(processes: VehicleProcesses) -> None:
+def check_logs(processes: VehicleProcesses, outages: list[float]) -> None:
+    """Check what is in the files of all comms processes.
+
+    Args:
+        outages: times without a comms process, s, of which the rings bridge the first seconds.
+    """
     paths = sorted((processes.data / "onboard").glob("*.mcap"))
     assert len(paths) > DEATHS_OUTLASTED
     for path in paths[:DEATHS_OUTLASTED]:
@@ -334,13 +354,14 @@ def check_logs(processes: VehicleProcesses) -> None:
         carried = json.loads(read_attachments(path)["calibrations.json"])["in_force"]
         assert set(carried) == {"motor", "gyroscope", "arm"}
         assert carried["gyroscope"]["requester"] == "anna"
+    beyond = [max(0.0, 1e9 * (outage - BRIDGED)) for outage in outages]
     for topic in ("state", "reference", "imu", "actuators"):
         gaps = np.diff(np.unique(stamps_of(paths, topic)))
         # More than a few consecutive ticks are missing only if the machine stalled.
-        assert gaps[gaps > 10_000_000].sum() <= 300_000_000, topic
+        assert gaps[gaps > 10_000_000].sum() <= 300_000_000 + sum(beyond), topic
         # Ticks that the killed process had not written are in the next file.
         killed, following = (stamps_of([path], topic) for path in paths[:2])
-        assert following[0] - killed[-1] <= 10_000_000, topic
+        assert following[0] - killed[-1] <= 10_000_000 + beyond[0], topic
     kept = {m.topic for path in paths for m in read_log(path)}
     assert {"/quad1/tracker_pose", "/quad1/events", "/quad1/estimator"} <= kept
     # Here and not by the link: the station may not have found the new process yet when it is said.
@@ -377,11 +398,12 @@ def test_a_flight_goes_on_when_comms_is_killed(tmp_path: Path) -> None:
             check_parameters(station)
             check_calibrations(station)
             take_off(station)
+            outages = []
             for death in range(DEATHS_OUTLASTED):
-                survive_comms(station, processes)
+                outages.append(survive_comms(station, processes))
                 braking = station.command("start_behavior", f"b{2 + death}", name="brake")
-                assert braking.accepted, (braking.reason, station.events)
-            land_when_comms_dies_again_and_again(station, processes)
+                assert braking.accepted, "\n".join([braking.reason, *station.events[-10:]])
+            outages += land_when_comms_dies_again_and_again(station, processes)
             wait_for(lambda: station.mode == "ready", what="landed and disarmed")
             logs = processes.data / "onboard"
             wait_for(lambda: all(map(is_closed, logs.glob("*.mcap"))), what="closed onboard logs")
@@ -394,7 +416,7 @@ def test_a_flight_goes_on_when_comms_is_killed(tmp_path: Path) -> None:
         assert processes.vehicle.wait(BOUND) == 0
         assert not any(map(alive, children))
         assert "Traceback" not in processes.errors()
-        check_logs(processes)
+        check_logs(processes, outages)
 
 
 def test_the_vehicle_ends_when_flight_dies(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 SCRIPT = Path(__file__).with_name("driver.js")
-LATE = 60.0
+LATE = 120.0
 """Longest wait for node itself, in s."""
 
 

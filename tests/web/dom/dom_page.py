@@ -16,7 +16,7 @@ from typing import Any
 
 from tests.web.dom.dom_driver import DomDriver, DomError, DomRequest, PageError
 
-BOUND = 20_000
+BOUND = 60_000
 """Longest wait in a page, in ms, which only a broken page needs."""
 Selector = str | dict[str, str]
 """Playwright's selector; as {"only": selector} it may find only one element."""

@@ -157,12 +157,14 @@ def test_the_view_is_shared(
 ) -> None:
     other = opened(open_page(site))
     box = "#beacons-view input[data-view='rays']"
-    before = tab.is_checked(box)
+    for one in (tab, other):
+        until(lambda one=one: one.is_checked(box))  # the view is there, with its default
     tab.click(box)
     for one in (tab, other):
-        until(lambda one=one: one.is_checked(box) is not before)
+        until(lambda one=one: not one.is_checked(box))
     other.click(box)
-    until(lambda: tab.is_checked(box) is before)
+    for one in (tab, other):
+        until(lambda one=one: one.is_checked(box))
     other.close()
 
 
