@@ -39,6 +39,7 @@ class Finding:
         weight: the figure relative to its limit.
         follows: whether it can be the consequence of another finding.
         confidence: share of the evidence for any cause, 0 to 1; 0 for a consequence.
+        alike: causes that leave the same evidence in this flight, which nothing here tells apart.
         signals: names of the page's signals that show it.
         label, unit, limit, time, values: the evidence, to be plotted.
     """
@@ -56,6 +57,15 @@ class Finding:
     values: Array
     follows: bool = False
     confidence: float = 0.0
+    alike: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """Return the claim, with the causes that this flight does not tell apart."""
+        if not self.alike:
+            return self.claim
+        *others, last = self.alike
+        return f"{self.claim} It may be {', '.join(others)} or {last}: this flight does not tell."
 
     def as_json(self) -> dict[str, Any]:
         """Return the finding for the page, without the columns of the evidence."""
@@ -65,7 +75,8 @@ class Finding:
             "confidence": round(self.confidence, 2),
             "from": round(self.start, 3),
             "to": round(self.end, 3),
-            "text": self.claim,
+            "text": self.text,
+            "alike": list(self.alike),
             "signals": list(self.signals),
         }
 

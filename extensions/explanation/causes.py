@@ -1,15 +1,15 @@
-"""Findings that can cause others: a weak motor, vibration, the tracker, the link, the battery."""
+"""Findings that can cause others: a weak motor, vibration, the tracker, the link."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, flagged, within
+from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, flagged
 from extensions.explanation.blocks import (
     BLOCK,
-    SETTLING,
     blocks,
     distances,
     has,
@@ -34,8 +34,8 @@ SILENCE = 0.2
 """Limit in s of the time between two poses."""
 OUTLIERS, OUTLIER_DISTANCE = 0.02, 0.1
 """Limit of the share of poses that are farther than this (m) from the estimate."""
-CELL_WARNING, CELL_LAND, CELL_FULL = 3.45, 3.275, 4.25
-"""V per cell, for a battery whose limits are not in the log."""
+NEIGHBOURS = 9
+"""Number of poses, in an odd window about each, most of which are no outliers."""
 
 
 def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
@@ -165,7 +165,8 @@ def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Fi
     if not has(topics, topic, *fields) or not has(topics, "state", *POSITION):
         return
     state, seen = topics["state"], topics[topic]
-    distance = distances(seen, fields, state, POSITION)
+    # Where it is the estimate that errs, the poses still agree with those next to them.
+    distance = np.fmin(distances(seen, fields, state, POSITION), _apart(seen.rows(fields)))
     time, share = blocks(seen.time, distance[:, None], spans, _outlying)
     far = share[:, 0]
     for start, end in longest(time, far, OUTLIERS, 1):
@@ -176,10 +177,10 @@ def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Fi
             most / OUTLIERS,
             start=start,
             end=end,
-            claim=f"{100 * most:.0f} % of the tracker's poses were far from the estimate while "
-            f"most were near it, up to {float(np.nanmax(distance[inside])):.2f} m.",
+            claim=f"{100 * most:.0f} % of the tracker's poses were far from the estimate and from "
+            f"the poses next to them, up to {float(np.nanmax(distance[inside])):.2f} m.",
             signals=(*(f"{topic}/{name}" for name in fields), *axes("state.position")),
-            label="distance between pose and estimate",
+            label="distance of the pose from the estimate and from those next to it",
             unit="m",
             limit=OUTLIER_DISTANCE,
             time=seen.time,
@@ -211,38 +212,6 @@ def link_lost(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[
     )
 
 
-def battery_sag(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find a battery voltage below its warning."""
-    if not has(topics, "battery", "voltage"):
-        return
-    series = topics["battery"]
-    volts = series.values("voltage")
-    cells = max(1, int(np.ceil(np.nanmax(volts, initial=0.0) / CELL_FULL)))
-    warning = number(parameters, "safety.battery_warning", cells * CELL_WARNING)
-    landing = min(number(parameters, "safety.battery_land", cells * CELL_LAND), warning - 0.1)
-    known = "safety.battery_warning" in parameters
-    assumed = "" if known else f" ({CELL_WARNING:g} V a cell; {cells} cells assumed)"
-    whole = [(start - SETTLING, end + SETTLING) for start, end in spans]
-    inside = within(series.time, whole) & (volts < warning) & (volts > 0.3 * warning)
-    times = series.time[inside]
-    if len(times) < 2 or times[-1] - times[0] < 1.0:
-        return
-    least = float(np.min(volts[inside]))
-    yield Finding(
-        "battery_sag",
-        1.0 + (warning - least) / (warning - landing),
-        start=float(times[0]),
-        end=float(times[-1]),
-        claim=f"The battery fell to {least:.1f} V, below its warning of {warning:.1f} V{assumed}.",
-        signals=("battery.voltage",),
-        label="battery",
-        unit="V",
-        limit=warning,
-        time=series.time,
-        values=volts,
-    )
-
-
 def _silences(topics: Topics) -> Spans:
     """Return start and length (s) of the tracker's silences."""
     topic, _ = tracker_of(topics)
@@ -253,8 +222,16 @@ def _silences(topics: Topics) -> Spans:
     return [(float(time[k]), float(time[k + 1] - time[k])) for k in ends]
 
 
+def _apart(places: Array) -> Array:
+    """Return the distances (m) of places (N, 3) from the median of those about them."""
+    about = np.pad(places.astype(np.float64), ((NEIGHBOURS // 2,) * 2, (0, 0)), mode="edge")
+    middle = np.median(sliding_window_view(about, NEIGHBOURS, axis=0), axis=2)
+    found: Array = np.linalg.norm(places - middle, axis=1)
+    return found
+
+
 def _outlying(rows: Array) -> Array:
-    """Return the share of poses that are far from the estimate while most are near it."""
+    """Return the share of poses that are far away while most are near."""
     limit = np.maximum(OUTLIER_DISTANCE, 5.0 * np.median(rows, axis=0))
     share: Array = (rows > limit).mean(axis=0)
     return share

@@ -8,6 +8,7 @@ from math import log2
 
 from console.evaluation.findings import Finding, Parameters, Spans, Topics
 from extensions.explanation import (
+    battery,
     bearings,
     causes,
     consequences,
@@ -42,7 +43,8 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
     bearings.bearings_disagree,
     bearings.fell_back,
     causes.link_lost,
-    causes.battery_sag,
+    battery.battery_sag,
+    battery.battery_drop,
     consequences.oscillating,
     consequences.off_reference,
     consequences.saturation,

@@ -38,6 +38,9 @@ PRECISE = 0.006
 """Largest rms in m of what a fit leaves that shows a delay or a scale."""
 MOVING = 0.3
 """Least rms of the places in m for a delay, a scale or drag to show."""
+HEAVY = ("more mass (a payload, a slung load)", "motors that are all weaker", "sinking air")
+LIGHT = ("less mass", "motors that are all stronger", "rising air")
+"""Causes of a thrust that is larger or smaller than the model says."""
 CENTRE = 0.005
 """Limit in m of the lever that the mean torque makes of the thrust."""
 
@@ -56,10 +59,8 @@ def motion(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Fin
         found=found,
         values=turning,
         limit=GYROSCOPE,
-        claim=lambda most, _: (
-            f"The gyroscope turned {most:.1f}°/s faster or slower than the poses: its "
-            "bias has changed, or its scale is wrong."
-        ),
+        claim=lambda most, _: f"The gyroscope turned {most:.1f}°/s more or less than the poses.",
+        alike=lambda _: ("a changed bias of the gyroscope", "its scale", "poses that turn slowly"),
         signals=("imu/angular_velocity.x", "imu/angular_velocity.y", "imu/angular_velocity.z"),
         evidence=("rate of the gyroscope besides that of the poses", "°/s"),
     )
@@ -77,10 +78,14 @@ def _accelerometer(found: Sequence[Window]) -> Iterator[Finding]:
         grew = off[-1] - off[0] > 0.5 * most
         return (
             f"The accelerometer read {x:+.2f}, {y:+.2f}, {z:+.2f} m/s² (body axes) more than poses "
-            f"and motors show{', and it grew' if grew else ''}: a bias, a wrong scale "
-            f"({100 * z / GRAVITY:+.0f} % on z), or a sensor that is turned by "
-            f"{np.degrees(np.hypot(x, y) / GRAVITY):.1f}°; a hover cannot tell which."
+            f"and motors show{', and it grew' if grew else ''}."
         )
+
+    def alike(heaviest: Window) -> tuple[str, ...]:
+        x, y, z = -heaviest.imu.acceleration_b
+        turned = np.degrees(np.hypot(x, y) / GRAVITY)
+        scale = f"a wrong scale ({100 * z / GRAVITY:+.0f} % on z)"
+        return "a bias", scale, f"a sensor that is turned by {turned:.1f}°"
 
     yield from _of(
         kind="accelerometer_off",
@@ -88,6 +93,7 @@ def _accelerometer(found: Sequence[Window]) -> Iterator[Finding]:
         values=off,
         limit=ACCELEROMETER,
         claim=claim,
+        alike=alike,
         signals=axes("imu/linear_acceleration"),
         evidence=("acceleration read besides that of poses and motors", "m/s²"),
     )
@@ -117,6 +123,7 @@ def _tracker(found: Sequence[Window]) -> Iterator[Finding]:
             f"The tracker's vertical was {np.degrees(most / GRAVITY):.1f}° off: IMU and "
             "motors agree with each other and not with its poses."
         ),
+        alike=lambda _: ("a tilted world", "axes of the body that are tilted in the tracker"),
         signals=axes("imu/linear_acceleration"),
         evidence=("horizontal acceleration that neither IMU nor motors have", "m/s²"),
     )
@@ -134,8 +141,11 @@ def _tracker(found: Sequence[Window]) -> Iterator[Finding]:
         limit=SCALE,
         claim=lambda _, one: (
             f"The tracker's distances were {100 * one.imu.scale:+.1f} % off against the "
-            "accelerometer: its calibration has a wrong length, or the accelerometer a wrong scale "
-            "on x and y."
+            "accelerometer."
+        ),
+        alike=lambda _: (
+            "a wrong length in the tracker's calibration",
+            "a wrong scale of the accelerometer on x and y",
         ),
         signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
         evidence=("scale of the poses minus 1", ""),
@@ -174,6 +184,7 @@ def _forces(found: Sequence[Window]) -> Iterator[Finding]:
         values=up,
         limit=THRUST,
         claim=lambda _, one: _thrust_claim(-float(lacking[known.index(one), 2])),
+        alike=lambda one: HEAVY if lacking[known.index(one), 2] < 0.0 else LIGHT,
         signals=("thrust", "mass"),
         evidence=("acceleration that the thrust lacks or has too much", "m/s²"),
     )
@@ -183,9 +194,9 @@ def _forces(found: Sequence[Window]) -> Iterator[Finding]:
         values=aside,
         limit=SIDEWAYS,
         claim=lambda most, _: (
-            f"A sideways force of {most:.1f} m/s² times the mass acted besides the "
-            "thrust: wind, a wall or a cable; or the thrust is not along z_B."
+            f"A sideways force of {most:.1f} m/s² times the mass acted besides the thrust."
         ),
+        alike=lambda _: ("wind", "a wall", "a cable", "thrust that is not along z_B"),
         signals=axes("disturbance"),
         evidence=("horizontal acceleration besides thrust", "m/s²"),
     )
@@ -205,17 +216,8 @@ def _forces(found: Sequence[Window]) -> Iterator[Finding]:
 
 
 def _thrust_claim(excess: float) -> str:
-    share = 100.0 * excess / GRAVITY
-    if excess > 0.0:
-        return (
-            f"The vehicle needed {share:.0f} % more thrust than its mass and motors' model say: it "
-            "is heavier (a payload, a slung load), all its motors are weaker, or the air sinks; a "
-            "hover cannot tell which."
-        )
-    return (
-        f"The vehicle needed {-share:.0f} % less thrust than its mass and motors' model say: it is "
-        "lighter, its motors are stronger, or the air rises; a hover cannot tell which."
-    )
+    share, more = 100.0 * abs(excess) / GRAVITY, "more" if excess > 0.0 else "less"
+    return f"The vehicle needed {share:.0f} % {more} thrust than its mass and motors' model say."
 
 
 def centre(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
@@ -236,9 +238,9 @@ def centre(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
             weight=most / CENTRE,
             start=start,
             end=end,
-            claim=f"A steady torque held the vehicle level: its centre of mass is about {-x:+d} mm "
-            f"along x_B and {y:+d} mm along y_B from the rotors' middle, or two motors are weaker "
-            "than the others.",
+            claim="A steady torque held the vehicle level, as of a centre of mass that is about "
+            f"{-x:+d} mm along x_B and {y:+d} mm along y_B from the rotors' middle.",
+            alike=("a centre of mass beside the rotors' middle", "two weaker motors"),
             signals=("torque.x", "torque.y"),
             label="mean torque over thrust",
             unit="m",
@@ -256,6 +258,7 @@ def _of(
     claim: Callable[[float, Window], str],
     signals: tuple[str, ...],
     evidence: tuple[str, str],
+    alike: Callable[[Window], tuple[str, ...]] = lambda _: (),
 ) -> Iterator[Finding]:
     """Yield the heaviest stretch of windows beyond a limit, if there is one."""
     starts = np.array([one.start for one in found])
@@ -270,6 +273,7 @@ def _of(
             start=start,
             end=float(starts[over[-1]]) + WINDOW,
             claim=claim(most, found[heaviest]),
+            alike=alike(found[heaviest]),
             signals=signals,
             label=evidence[0],
             unit=evidence[1],

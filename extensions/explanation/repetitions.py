@@ -186,8 +186,8 @@ def barometer_off(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
             weight=abs(most) / BAROMETER,
             start=start,
             end=end,
-            claim=f"The barometric height left the estimated one by {most:+.1f} m, {how}: a door, "
-            "the weather, a leaking port, or wind over it.",
+            claim=f"The barometric height left the estimated one by {most:+.1f} m, {how}.",
+            alike=("a door", "the weather", "a leaking port", "wind over it"),
             signals=("pressure/fluid_pressure",),
             label="barometric height minus the estimated one, since the start",
             unit="m",

@@ -94,6 +94,8 @@ def sightings(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[
             found.time,
             np.nanmean(angle, axis=1),
         )
+        if agree:  # in a hover over the middle such a lens looks like another height
+            yield from _moved_apart(topics, spans)
         return
     if agree:  # with each other
         yield from _moved_apart(topics, spans)
@@ -139,8 +141,12 @@ def _moved_apart(topics: Topics, spans: Spans) -> Iterator[Finding]:
             start=start,
             end=end,
             claim=f"The tracker's poses and those of the bearings moved {most:.2f} m apart, and "
-            "the bearings agree with each other: the tracker's origin drifts, its scale or its "
-            "axes are wrong, or all beacons were moved together.",
+            "the bearings agree with each other.",
+            alike=(
+                "a tracker whose origin drifts",
+                "its scale or its axes",
+                "beacons that were all moved together",
+            ),
             signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
             label="distance between the two poses",
             unit="m",

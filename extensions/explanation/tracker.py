@@ -23,8 +23,9 @@ from quadrotor.plain_rotations import rotation_vectors_between
 
 ELSEWHERE, TURNED = 0.15, 8.0
 """Limits in m and deg between a pose and the estimate."""
-NEARLY_ALL = 0.9
-"""Share of a second's poses that are elsewhere, beyond which they are no outliers."""
+NEARLY_ALL, AT_ONCE = 0.9, 0.25
+"""Share of the poses of such a time (s) that are elsewhere, beyond which they are no outliers. An
+estimate follows poses that agree with each other after 0.5 s."""
 UNUSED = 0.15
 """Limit of the share of poses that the vehicle ignored because of their stamps."""
 REPEATED = 0.05
@@ -53,8 +54,8 @@ def tracker_moved(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
     far = (size > 1.0).astype(np.float64)
     ends = [(start, end + BLOCK) for start, end in spans]  # a flight may end by it
     on_bearings = flagged(topics, "on_bearings")  # then it is the estimate that may be elsewhere
-    starts, share = blocks(seen.time, far[:, None], ends, means, 1.0)
-    for start, end in longest(starts, share[:, 0], NEARLY_ALL, 1, 1.0):
+    starts, share = blocks(seen.time, far[:, None], ends, means, AT_ONCE)
+    for start, end in longest(starts, share[:, 0], NEARLY_ALL, 1, AT_ONCE):
         if overlaps(on_bearings, start, end):
             continue
         inside = (seen.time >= start) & (seen.time < end)
@@ -65,8 +66,8 @@ def tracker_moved(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
             start=start,
             end=end,
             claim=f"All poses were {metres:.2f} m and {degrees:.0f}° away from the estimate for "
-            f"{end - start:.0f} s: the tracker's origin or axes have changed, it gives another "
-            "body this name, or the estimate is wrong.",
+            f"{end - start:.1f} s.",
+            alike=("a changed origin or axes", "another body of this name", "a wrong estimate"),
             signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
             label="distance of the poses over its limit",
             unit="",

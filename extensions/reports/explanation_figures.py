@@ -43,7 +43,7 @@ def _picture(log: RunLog, finding: Finding) -> Picture:
     title = finding.kind.replace("_", " ").capitalize()
     return Picture(
         f"{title}, {finding.start:.1f} to {finding.end:.1f} s",
-        finding.claim,
+        finding.text,
         f"{finding.label} over time with its limit of {finding.limit:g} {finding.unit}.",
         1.7,
         styled(draw),

@@ -49,6 +49,8 @@ void begin_descent(struct program *p)
     p->unloaded = 0;
     p->shown = up(p->force_b[2], 16);
     p->pulling = p->commanded;
+    p->struck = BLOW_LASTS;
+    p->try_at = 0;
     p->longest = SPARE + up(by16(within(p->height - p->ground, 0, HIGHEST), narrow(SLOWNESS)), 3);
     p->integral[0] = 0;
     p->integral[1] = 0;
@@ -63,7 +65,7 @@ static int32_t pull_of(const struct program *p)
     return up(by16(by16(p->pulling, narrow(PULL)), narrow(p->support >> 16)), 4);
 }
 
-/* Presume the ground where it seems to carry the vehicle, and begin to test it. */
+/* Presume the ground where it seems to carry the vehicle, or has hit it, and begin to test it. */
 static void presume_ground(struct program *p, int32_t climb)
 {
     const int16_t second = p->gains.second;
@@ -75,10 +77,18 @@ static void presume_ground(struct program *p, int32_t climb)
     } else {
         p->carried = (p->carried > second) ? (p->carried - second) : 0;
     }
-    if (p->carried > CARRIED_TIME) {
+    const int32_t pull = pull_of(p);
+    const int32_t struck = p->struck + second;
+    p->struck = (struck < BLOW_LASTS) ? struck : BLOW_LASTS;
+    if ((p->shown - pull) > BLOW) {
+        p->struck = 0;
+        p->try_at = CARRIED_TIME;
+    }
+    const bool is_carried = p->carried > CARRIED_TIME;
+    if (is_carried || ((p->struck >= p->try_at) && (p->struck < BLOW_LASTS))) {
         p->unloaded = 1;
-        p->began_at = pull_of(p);
-        p->refuted = up(force, 16);
+        p->began_at = pull;
+        p->refuted = is_carried ? up(force, 16) : p->support;
         p->carried = 0;
         p->falling = 0;
         p->tested = 0;
@@ -92,6 +102,7 @@ static void test_ground(struct program *p)
     const int32_t unloaded = p->unloaded + up(by16(second, narrow(UNLOAD_RAMP)), 9);
     p->unloaded = (unloaded < UNLOAD_MOST) ? unloaded : UNLOAD_MOST;
     p->tested += second;
+    p->struck += second;
     const int32_t pull = pull_of(p);
     const int32_t most = (pull < SHOWN_MEAN) ? pull : SHOWN_MEAN;
     const bool falls = p->shown < (((SHOWN_MEAN + most) >> 1) - SHOWN_MARGIN);
@@ -106,6 +117,7 @@ static void test_ground(struct program *p)
         p->carried = 0;
         p->unloaded = 0;
         p->support = p->refuted; /* that much lift the air gives */
+        p->try_at = p->struck + CARRIED_TIME;
     } else {
         /* the test goes on */
     }

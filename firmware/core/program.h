@@ -40,6 +40,8 @@ struct program {
     int32_t longest;        /* 2^-18 s, duration from which on it becomes faster */
     int32_t faster;         /* 2^-22 m/s, of a descent that should have ended */
     int32_t carried;        /* 2^-22 s, the ground has carried the vehicle */
+    int32_t struck;         /* 2^-22 s, since the ground hit the feet last */
+    int32_t try_at;         /* 2^-22 s, from which on this presumes the ground */
     int32_t shown;          /* 2^-16 count, mean specific force along z_B in the descent */
     int32_t pulling;        /* 2^-24 N, commanded thrust with the motors' lag */
     int32_t held;           /* 2^-24 N, the descent's thrust before a test of the ground */

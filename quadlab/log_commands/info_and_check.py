@@ -61,7 +61,7 @@ class Info:
         for name, size in sorted(found.attachments.items()):
             print(f"  attached: {name}, {size} bytes")
         if self.explain:
-            claims = [f"{one.start:.1f} s: {one.claim}{_share(one)}" for one in findings]
+            claims = [f"{one.start:.1f} s: {one.text}{_share(one)}" for one in findings]
             print(
                 "what happened:",
                 *claims or ["No anomalies found in what was recorded."],

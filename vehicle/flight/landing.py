@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from control.behaviors.ground import rest_reference
@@ -28,6 +29,9 @@ LOW, LOW_BY_BAROMETER = 0.1, 0.5
 a take-off is aborted by motors off: the estimate rests on the poses that are in doubt."""
 AGAIN = 0.5
 """Time, in s, from the start and from a test that found the air, in which this shows nothing."""
+BLOW, BLOW_LASTS = 0.35, 1.0
+"""Specific force, in g, beyond that of the thrust, which a touch-down gives and moving air does
+not; time, in s, for which it presumes the ground, which the vehicle may leave again meanwhile."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -45,6 +49,10 @@ class Landing:
     unloading: Unloading = field(default_factory=Unloading)
     stopped: float = 0.0
     """Time, in s, for which a commanded descent has not been flown."""
+    since_blow: float = math.inf
+    """Time, in s, since the ground hit the feet last."""
+    try_at: float = 0.0
+    """Value of `since_blow` from which on the blow presumes the ground."""
 
     def watch(self, dt: float) -> None:
         """Detect lift-off and touch-down, after a tick of dt (s) in which the behavior flew."""
@@ -69,10 +77,11 @@ class Landing:
         lift, thrust = self.tick.specific_force_b.item(2), self.tick.wrench.item(0)
         per_newton = ground.lift_per_newton or GRAVITY / self.behaviors.hover_thrust
         test.observe(lift, per_newton * thrust, dt)
+        self.since_blow += dt
         if not test.is_running:
             ground.observe(lift, thrust, p.safety.landing_support, dt)
             if not landing:
-                self.stopped = -AGAIN
+                self.stopped, self.since_blow = -AGAIN, math.inf
                 return False
             if not self._is_presumed(dt):
                 return False
@@ -83,12 +92,16 @@ class Landing:
         if verdict is Verdict.AIR and landing:
             ground.refute()
             self.stopped = -AGAIN
+            self.try_at = self.since_blow + self.parameters.behavior.landing_dwell
             self.outbox.say("not on the ground: the vehicle sank with less thrust; descending on")
         return verdict is Verdict.GROUND
 
     def _is_presumed(self, dt: float) -> bool:
         """Return whether one witness shows the ground: little thrust and yet a steady velocity,
-        more lift than the thrust gives, or a descent that is commanded and not flown.
+        more lift than the thrust gives, a blow, or a descent that is commanded and not flown.
+
+        A blow beyond the accelerometer's range leaves the climb rate wrong, so that the descent
+        seems to be flown.
         """
         tick, dwell = self.tick, self.parameters.behavior.landing_dwell
         if (level := self.behaviors.level) is None:
@@ -98,8 +111,11 @@ class Landing:
         is_stopped = wanted < -LEAST_DESCENT and flown > STOPPED * wanted
         waits = self.stopped < 0.0 or is_stopped
         self.stopped = self.stopped + dt if waits else 0.0
+        if self.unloading.unexplained > BLOW * GRAVITY:
+            self.since_blow, self.try_at = 0.0, dwell
         return (
             self.behaviors.landed
+            or self.try_at <= self.since_blow < BLOW_LASTS
             or self.ground.carried >= dwell
             or self.stopped >= dwell + STOPPED_LONGER
         )

@@ -58,6 +58,11 @@ class Unloading:
         """Return whether thrust is being taken away."""
         return self.share > 0.0
 
+    @property
+    def unexplained(self) -> float:
+        """Return the specific force along z_B, m/s², that the commanded thrust does not give."""
+        return self._lift - self._thrust_lift
+
     def end(self) -> None:
         """Give all thrust back."""
         self.share = self._lasted = self._carried = self._falling = 0.0

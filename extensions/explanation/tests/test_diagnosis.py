@@ -17,6 +17,7 @@ from extensions.explanation.tests.made_flight import (
     Flight,
     attitudes_along,
 )
+from flight_log.fields import ATTITUDE, POSITION
 from quadrotor.constants import GRAVITY
 from quadrotor.records import Array
 from quadrotor.rotations import rotation_exp
@@ -135,7 +136,7 @@ def test_the_cause_comes_first_with_its_figure(name: str) -> None:
     wrong, kind, figure, near = CAUSES[name]
     first, *others = explained(wrong)
     assert first.kind == kind, [one.kind for one in [first, *others]]
-    assert any(abs(abs(one) - figure) <= near for one in numbers(first.claim)), first.claim
+    assert any(abs(abs(one) - figure) <= near for one in numbers(first.text)), first.text
     assert not first.follows
     assert 0.5 < first.confidence <= 1.0, others
     assert all(one.confidence <= 0.5 for one in others)
@@ -223,8 +224,8 @@ def test_a_barometer_that_leaves_the_height_says_how(steady: bool, how: str) -> 
     assert numbers(found.claim)[0] == pytest.approx(3.0, abs=0.3)
 
 
-def battery(voltage: Array) -> list[str]:
-    topics = Flight().topics()
+def battery(voltage: Array, flight: Flight | None = None) -> list[str]:
+    topics = (flight or Flight()).topics()
     time = np.arange(0.0, 40.0, 0.5)
     topics["battery"] = Columns(time, {"voltage": voltage})
     return [one.kind for one in explain(topics, PARAMETERS)]
@@ -235,6 +236,81 @@ def test_a_voltage_that_the_motors_do_not_move_is_not_measured() -> None:
     flown = np.where((time > 5.0) & (time < 35.0), 15.9, 16.6)
     assert battery(flown) == []
     assert battery(np.where(time > 20.0, 15.9, flown)) == ["battery_stuck"]
+
+
+def test_a_voltage_that_falls_at_the_same_thrust_is_a_weak_battery() -> None:
+    time = np.arange(0.0, 40.0, 0.5)
+    drained = 16.2 - 0.02 * time
+    assert battery(drained) == []
+    assert battery(drained - np.where(time > 20.0, 0.8, 0.0)) == ["battery_sag"]
+    loaded = Flight()
+    payload(loaded)  # which needs more current
+    assert battery(drained - np.where(time > FROM, 0.8, 0.0), loaded) == ["thrust_off"]
+
+
+def test_bearings_that_are_late_are_named() -> None:
+    topics = Flight().topics()
+    time = np.arange(0.0, 40.0, 0.02)
+    age = np.where(time > 20.0, 0.06, 0.008) + 0.01 * (np.arange(len(time)) % 2)
+    topics["estimator"] = Columns(time, {"measurement_age": age})
+    topics["status"] = Columns(
+        topics["status"].time,
+        {"airborne": topics["status"].values("airborne")},
+        [(0.0, ""), (12.0, "on_bearings")],
+    )
+    [found] = explain(topics, PARAMETERS)
+    assert found.kind == "tracker_late"
+    assert any(abs(one - 60.0) < 2.0 for one in numbers(found.claim)), found.claim
+
+
+def gyroscope_ramp(flight: Flight) -> None:
+    flight.rates[:, 1] += np.radians(0.3) * (flight.time - FROM).clip(0.0)
+
+
+def test_a_gyroscope_whose_bias_grows_is_not_taken_for_outliers_of_the_tracker() -> None:
+    """The estimate follows the gyroscope, so that the poses are far from it."""
+    flight = Flight()
+    gyroscope_ramp(flight)
+    topics = flight.topics()
+    state = topics["state"]
+    assert isinstance(state, Columns)
+    wrong = np.where((state.time > 24.0) & (state.time % 1.0 < 0.15), 0.3, 0.0)
+    state._values[POSITION[0]] = state.values(POSITION[0]) + wrong
+    found = explain(topics, PARAMETERS)
+    assert found[0].kind == "gyroscope_off", [one.kind for one in found]
+    assert "tracker_outliers" not in [one.kind for one in found]
+
+
+def test_axes_that_turn_are_named_although_the_estimate_follows_at_once() -> None:
+    flight = Flight()
+    turn = rotation_exp(np.array([0.0, 0.0, np.pi / 2.0]))
+    after = flight.poses >= 20.0
+    topics = flight.topics()  # the estimate, as if there was no turn
+    flight.tracked[after] = flight.tracked[after] @ turn.T
+    flight.tracked_R_wb = np.where(
+        after[:, None, None], turn @ flight.tracked_R_wb, flight.R_wb[::5]
+    )
+    turned = flight.topics()
+    followed = turned["state"].time >= 20.5
+    state = {}
+    for name in (*POSITION, *ATTITUDE):
+        state[name] = np.where(followed, turned["state"].values(name), topics["state"].values(name))
+    turned["state"] = Columns(turned["state"].time, state)
+    turned["bearings"] = Columns(np.zeros(0), {})
+    first = explain(turned, PARAMETERS)[0]
+    assert first.kind == "tracker_moved"
+    assert first.start == pytest.approx(20.0, abs=0.3)
+
+
+def test_what_a_flight_does_not_tell_apart_is_said() -> None:
+    first = explained(payload)[0]
+    assert first.alike[0].startswith("more mass")
+    assert first.text.endswith(
+        "motors that are all weaker or sinking air: this flight does not tell."
+    )
+    assert first.as_json()["alike"] == list(first.alike)
+    stuck = repeated("angular_velocity.y", "imu", 20.0, 22.0)[0]
+    assert (stuck.alike, stuck.text) == ((), stuck.claim)
 
 
 def test_poses_that_come_twice_late_or_less_often_are_told_apart() -> None:

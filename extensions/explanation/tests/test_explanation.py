@@ -199,7 +199,7 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
         for flag in ("tracker_contradicted", "inertial_suspect", "tracker_tilted")
     },
     "tilted": (
-        {"state": {"pose.pose.orientation.x": during(500, 33.0, 34.0, np.sqrt(0.5))}},
+        {"state": {"pose.pose.orientation.x": during(500, 33.0, 33.2, np.sqrt(0.5))}},
         {"state": {"pose.pose.orientation.x": 0.5}, "tracker_pose": {"pose.orientation.x": 0.5}},
         90.0 / 70.0,
         "90°",

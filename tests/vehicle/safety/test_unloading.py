@@ -105,6 +105,23 @@ def test_what_lifts_a_landing_vehicle_is_not_taken_for_the_ground() -> None:
     assert refuted >= len(descents) // 2, "what looks like the ground and is none is told"
 
 
+def test_a_hard_touch_down_is_recognised_although_the_climb_rate_is_wrong_after_it() -> None:
+    """The blow is beyond the accelerometer's range, and the vehicle may bounce."""
+    flight = hovering(11)
+    pushed = Disturbance("step", {"push_z": -2.172}, 2.32)
+    loaded = Disturbance("payload on", {"payload": 0.092}, 0.155)
+    for disturbed, behavior, slope in (
+        (pushed, "emergency_landing", 0.0),
+        (pushed, "silent", 0.0),
+        (loaded, "emergency_landing", -1.6),
+    ):
+        found = land(flight, disturbed, behavior, {"ground_slope": slope})
+        assert found.told is not None, found
+        assert found.contact is not None, found
+        assert not found.is_in_the_air, found
+        assert found.told - found.contact < 0.45, (behavior, found)
+
+
 def test_a_calm_touch_down_is_recognised_at_once() -> None:
     found = land(hovering(2), Disturbance("none", {}))
     assert found.refuted == 0

@@ -117,6 +117,9 @@ SUPPORT_MAX = 4 << 12
 CARRIED_SHARE = round(1.1 * 2**10)
 """Specific force over that in the air, 2^-10; the ground carries the rest."""
 CARRIED_TIME = round(0.1 * 2**22)  # 2^-22 s, after which the ground is presumed, and tested
+BLOW = round(0.35 * _g * 2**16)
+"""Mean specific force beyond that of the thrust, in 2^-16 count, which only a touch-down gives."""
+BLOW_LASTS = round(1.0 * 2**22)  # 2^-22 s, for which a blow presumes the ground
 UNLOAD_MOST = round(0.7 * _weight * 2**24)
 """Thrust, in 2^-24 N, that is taken away to see whether the specific force falls with it."""
 UNLOAD_RAMP = round(4.0 * _weight * 2**9)  # 4 weights/s: 2^-24 N per 2^-22 s, times 2^7

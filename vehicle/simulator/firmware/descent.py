@@ -84,16 +84,24 @@ def descend(p: Item, registers: Registers) -> None:
 
 @compiled(inner=True)
 def _presume(p: Item, climb: int) -> None:
-    """Presume the ground where it seems to carry the vehicle, and begin to test it."""
+    """Presume the ground where it seems to carry the vehicle, or has hit it, and begin to test it.
+
+    A blow beyond the accelerometer's range leaves the climb rate wrong.
+    """
     second = p.gains.second
     given = _given(p, max(p.pulling >> 12, k.LEAST_WEIGHT))
     learnt = ((p.support >> 16) * k.CARRIED_SHARE) >> 10
     carries = given > learnt and climb > -by16(p.sink << 1, k.SLOW_SHARE)
     p.carried = p.carried + second if carries else max(0, p.carried - second)
-    if p.carried > k.CARRIED_TIME:
+    pull = _pull(p)
+    p.struck = min(k.BLOW_LASTS, p.struck + second)
+    if p.shown - pull > k.BLOW:
+        p.struck, p.try_at = 0, k.CARRIED_TIME
+    is_carried = p.carried > k.CARRIED_TIME
+    if is_carried or p.try_at <= p.struck < k.BLOW_LASTS:
         p.unloaded = 1
-        p.began_at = _pull(p)
-        p.refuted = given << 16
+        p.began_at = pull
+        p.refuted = given << 16 if is_carried else p.support
         p.carried = p.falling = p.tested = 0
 
 
@@ -109,6 +117,7 @@ def _test(p: Item) -> None:
     second = p.gains.second
     p.unloaded = min(k.UNLOAD_MOST, p.unloaded + (by16(second, k.UNLOAD_RAMP) << 9))
     p.tested += second
+    p.struck += second
     pull = _pull(p)
     falls = p.shown < ((k.SHOWN_MEAN + min(k.SHOWN_MEAN, pull)) >> 1) - k.SHOWN_MARGIN
     p.falling = p.falling + second if falls else 0
@@ -120,6 +129,7 @@ def _test(p: Item) -> None:
     elif p.falling > k.TEST_DWELL or over:
         p.carried = p.unloaded = 0
         p.support = p.refuted  # that much lift the air gives
+        p.try_at = p.struck + k.CARRIED_TIME
 
 
 @compiled(inner=True)
@@ -130,6 +140,7 @@ def begin_descent(p: Item) -> None:
     one is not.
     """
     p.landing, p.landed, p.carried, p.faster, p.lasted = 1, 0, 0, 0, 0
+    p.struck, p.try_at = k.BLOW_LASTS, 0
     p.lift = max(p.thrust, min(p.commanded, k.WEIGHT))
     p.sink = -climb_rate(p)
     p.unloaded, p.shown, p.pulling = 0, p.force_b[2] << 16, p.commanded

@@ -56,6 +56,8 @@ PROGRAM = np.dtype(
         ("longest", "i8"),  # 2^-18 s, duration from which on it becomes faster
         ("faster", "i8"),  # 2^-22 m/s, of a descent that should have ended
         ("carried", "i8"),  # 2^-22 s, for which the ground has carried the vehicle
+        ("struck", "i8"),  # 2^-22 s, since the ground hit the feet last
+        ("try_at", "i8"),  # 2^-22 s, from which on this presumes the ground
         ("shown", "i8"),  # 2^-16 count, mean specific force along z_B in the descent
         ("pulling", "i8"),  # 2^-24 N, commanded thrust with the motors' lag
         ("held", "i8"),  # 2^-24 N, the descent's thrust before a test of the ground
