@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from bearing_sim.sampling import Draws
 from console.evaluation.result import Result
 from console.experiments.client import Client
@@ -14,6 +16,7 @@ from console.experiments.together import Company
 from extensions.formations.mathematics.steering import NullMotion
 from extensions.formations.options import FormationOptions
 from extensions.formations.pilot import Pilot
+from extensions.formations.separation import Guard
 from extensions.formations.shape import Shape, shape_of
 from extensions.formations.starts import random_starts
 from extensions.formations.verdict import Windows, judge
@@ -67,7 +70,7 @@ class FormationExperiment:
             raise UsageError(
                 f"experiment.fails={self.parameters.fails}: there are vehicles 1 to {count}"
             )
-        return random_starts(self._shape(count).places, seed)
+        return random_starts(self._shape(count).places, seed, self.parameters.crossing)
 
     def join(self, company: Company) -> None:
         """Take the place of one vehicle."""
@@ -101,15 +104,17 @@ class FormationExperiment:
         assert self._company is not None
         if p.fails == self._company.index + 1:
             fails = 0.5 * (windows.converged + windows.held)
+        guard, limits = Guard(self._company, pilot.radio), np.array([speed_xy, speed_xy, speed_z])
         client.start("velocity")
         pilot.is_flying = True
-        while (now := client.view().time) < windows.end:
+        while (now := (view := client.view()).time) < windows.end:
             if now >= fails:
-                pilot.mute = True
+                pilot.radio.mute = True
                 client.start("land")
                 break
             pilot.command = self._command(now - windows.held)
-            u, v, w = pilot.velocity_y.tolist()
+            kept = guard.keep(pilot.velocity_y, view.position_w, round(1e9 * now), limits)
+            u, v, w = kept.tolist()
             client.sticks((u / speed_xy, v / speed_xy, w / speed_z, pilot.yaw_rate / yaw_rate))
             self._effort.append(math.sqrt(u * u + v * v + w * w))
             client.wait(STEP)

@@ -39,6 +39,8 @@ class FormationOptions(Parameters):
     """bound of the rigidity eigenvalue, at which commanded motions stop"""
     fails: int = parameter(0, ge=0, le=8, step=1)
     """vehicle, from 1, that lands in the middle of the hold; 0 none"""
+    crossing: bool = parameter(False)
+    """the paths from the starts cross, as a test of the separation"""
     occlusion: bool = parameter(True)
     """vehicles hide those behind them"""
     bearings: BearingParameters = BearingParameters()

@@ -1,7 +1,7 @@
 """The program on board of each vehicle of a formation: from bearings and messages to sticks.
 
 It uses the vehicle's own bearings, its own estimate of its attitude, and the others' messages. It
-never sees a position of anybody.
+never sees a position of anybody: those that `separation` uses, beneath it, are in its radio alone.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from bearing_sim.sampling import Draws, pair
 from console.experiments.together import Company
 from extensions.formations.mathematics.law import Gains, formation_velocity
 from extensions.formations.mathematics.steering import NullMotion, steering_pace, steering_velocity
-from extensions.formations.messages import Inbox, Message
+from extensions.formations.messages import Message, Radio
 from extensions.formations.options import FormationOptions
 from extensions.formations.relative_bearings import RelativeBearings
 from extensions.formations.shape import Edge, Shape
@@ -40,6 +40,7 @@ class Pilot:
         velocity_y, yaw_rate: what it wants to fly, m/s and rad/s.
         eigenvalue: of the formation by the edges in use; least: the smallest so far.
         is_flying: whether it steers, and so tells what it misses.
+        radio: the link to the others.
     """
 
     def __init__(self, company: Company, options: FormationOptions, shape: Shape) -> None:
@@ -48,14 +49,14 @@ class Pilot:
         parameters = options.bearings.model_copy()
         parameters.seed = (options.bearings.seed + company.seed) % (2**31 - 1)
         self._sensor = RelativeBearings(parameters, company, options.occlusion)
-        self._inbox = Inbox(company, options.messages)
+        self.radio = Radio(company, options.messages)
         self._newest: dict[int, Message] = {}
         self._suspicion, self._out = Suspicion(), set[int]()
         self._silent: set[int] = set()
         sigma = math.radians(options.bearings.sigma)
         self._gains = Gains(options.gain, 1.0, SPEED, YAW_RATE, sigma)
         self._was_rigid = True
-        self.command, self.is_flying, self.mute = NullMotion(), False, False
+        self.command, self.is_flying = NullMotion(), False
         self.velocity_y: Array = np.zeros(3)
         self.yaw_rate = self.eigenvalue = 0.0
         self.least = math.inf
@@ -63,7 +64,7 @@ class Pilot:
 
     def _met(self, now_ns: int) -> None:
         self._sensor.look()
-        for k, message in self._inbox.arrived(now_ns):
+        for k, message in self.radio.arrived(now_ns):
             self._newest[k] = message
             self._suspicion.note(k, self._newest)
         for frame in self._sensor.due(now_ns):
@@ -87,8 +88,7 @@ class Pilot:
             found[number - 1] = (c * x + s * y, c * y - s * x, z)
         message = Message(stamp_ns, yaw, self._distance(stamp_ns), found)
         self._newest[self._own] = message
-        if not self.mute:
-            self._company.broadcast(message.encode())
+        self.radio.send(message)
 
     def _distance(self, stamp_ns: int) -> float:
         """Return the distance that the first vehicle measures to the second, for the scale."""

@@ -13,13 +13,12 @@ from console.evaluation.result import Result
 from console.evaluation.verdict import judged
 from extensions.formations.mathematics.rigidity import bearings
 from extensions.formations.options import FormationOptions
+from extensions.formations.separation import SEPARATION
 from extensions.formations.shape import Shape
 from flight_log.fields import ATTITUDE, POSITION
 from flight_log.run import read_run
 from quadrotor.records import Array
 
-SEPARATION = 0.8
-"""m, smallest that passes."""
 STEADY, STEERED = 1.0, 2.5
 """deg, largest rms of the true bearings about the desired ones."""
 RATE = 20.0
