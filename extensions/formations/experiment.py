@@ -18,19 +18,19 @@ from extensions.formations.options import FormationOptions
 from extensions.formations.pilot import Pilot
 from extensions.formations.separation import Guard
 from extensions.formations.shape import Shape, shape_of
-from extensions.formations.starts import random_starts
-from extensions.formations.verdict import Windows, judge
+from extensions.formations.starts import random_starts, starts_near
+from extensions.formations.verdict import ROOM, Windows, judge
 from quadrotor.errors import RefusedError, UsageError
 
 GATHERED = 18.0
 """Time, s, at which all hover at their random starts and begin to converge."""
 VOLUME = {
-    f"behavior.volume_{axis}_{end}": 4.0 if end == "max" else -4.0
-    for axis in "xy"
-    for end in ("min", "max")
+    f"behavior.volume_{axis}_{end}": value
+    for end, corner in zip(("min", "max"), ROOM, strict=True)
+    for axis, value in zip("xyz", corner, strict=True)
 }
-TURN, LOW, HIGH = 1.0, 0.9, 1.5
-"""Largest yaw (rad) and smallest and largest height (m) of the random starts."""
+LOW, HIGH = 0.9, 1.5
+"""Smallest and largest height (m) of the random starts."""
 STEP = 0.02
 SPEEDS = "behavior.joy_speed_xy", "behavior.joy_speed_z", "behavior.joy_yaw_rate"
 
@@ -70,6 +70,8 @@ class FormationExperiment:
             raise UsageError(
                 f"experiment.fails={self.parameters.fails}: there are vehicles 1 to {count}"
             )
+        if self.parameters.near:
+            return starts_near(self._shape(count).places, seed, self.parameters.near)
         return random_starts(self._shape(count).places, seed, self.parameters.crossing)
 
     def join(self, company: Company) -> None:
@@ -87,7 +89,8 @@ class FormationExperiment:
         wait_ready(client)
         client.change({**VOLUME})
         draws = Draws(self._company.seed, 77)
-        height, yaw = LOW + (HIGH - LOW) * draws.uniform(), TURN * (2.0 * draws.uniform() - 1.0)
+        height, turned = LOW + (HIGH - LOW) * draws.uniform(), 2.0 * draws.uniform() - 1.0
+        yaw = math.remainder(self._pilot.desired_yaw + self.parameters.turn * turned, math.tau)
         arm(client)
         take_off(client, height)
         x, y, z = client.view().position_w.tolist()

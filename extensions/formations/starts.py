@@ -36,3 +36,15 @@ def random_starts(
     cost = ((flat[:, None] - away[None]) ** 2).sum(axis=2)
     _, chosen = linear_sum_assignment(cost, maximize=crossing)
     return [(round(float(x), 3), round(float(y), 3)) for x, y in starts[chosen]]
+
+
+def starts_near(
+    places: npt.NDArray[np.float64], seed: int, near: float
+) -> list[tuple[float, float]]:
+    """Return x and y (m) of starts within `near` of the formation, as large as keeps them APART."""
+    random = np.random.Generator(np.random.PCG64(seed))
+    i, j = np.triu_indices(len(places), 1)
+    flat = places[:, :2]
+    size = (APART + 2.0 * near) / np.linalg.norm(flat[i] - flat[j], axis=1).min()
+    starts = size * flat + random.uniform(-near, near, flat.shape)
+    return [(round(float(x), 3), round(float(y), 3)) for x, y in starts]

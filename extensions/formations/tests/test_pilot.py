@@ -113,7 +113,7 @@ def test_bearings_that_contradict_the_others_are_named_and_left_out(
     flock.fly(12.0)
     line = "formation: the bearings of quad2 contradict those of the others; they are left out"
     assert all(here.events == [line] for here in flock.all)
-    assert flock.error() < 1.2
+    assert flock.error() < 0.6
     assert flock.nearest > 0.8
 
 
