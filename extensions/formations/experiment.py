@@ -13,6 +13,7 @@ from console.evaluation.result import Result
 from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, brake, land, take_off, wait_ready
 from console.experiments.together import Company
+from control.trajectories.velocity_filter import BANDWIDTH
 from extensions.formations.mathematics.steering import NullMotion
 from extensions.formations.options import FormationOptions
 from extensions.formations.pilot import Pilot
@@ -32,6 +33,11 @@ VOLUME = {
 LOW, HIGH = 0.9, 1.5
 """Smallest and largest height (m) of the random starts."""
 STEP = 0.02
+FAST = {"behavior.joy_speed_xy": 1.5}
+"""m/s: the law, the commanded speed and the turn about the centroid together."""
+AS_LATE = 1.0 - math.exp(-BANDWIDTH * STEP)
+"""Share of a step by which yaw rates follow: the reference's velocity passes three poles, its yaw
+rate two, and a formation that turns keeps its bearings when both are equally late."""
 SPEEDS = "behavior.joy_speed_xy", "behavior.joy_speed_z", "behavior.joy_yaw_rate"
 
 
@@ -87,7 +93,7 @@ class FormationExperiment:
         if self._company is None or self._pilot is None:
             raise RefusedError("a formation is flown by several vehicles: quadlab fly --vehicles N")
         wait_ready(client)
-        client.change({**VOLUME})
+        client.change({**VOLUME, **FAST})
         draws = Draws(self._company.seed, 77)
         height, turned = LOW + (HIGH - LOW) * draws.uniform(), 2.0 * draws.uniform() - 1.0
         yaw = math.remainder(self._pilot.desired_yaw + self.parameters.turn * turned, math.tau)
@@ -109,7 +115,7 @@ class FormationExperiment:
             fails = 0.5 * (windows.converged + windows.held)
         guard, limits = Guard(self._company, pilot.radio), np.array([speed_xy, speed_xy, speed_z])
         client.start("velocity")
-        pilot.is_flying = True
+        pilot.is_flying, turning = True, 0.0
         while (now := (view := client.view()).time) < windows.end:
             if now >= fails:
                 pilot.radio.mute = True
@@ -118,7 +124,8 @@ class FormationExperiment:
             pilot.command = self._command(now - windows.held)
             kept = guard.keep(pilot.velocity_y, view.position_w, round(1e9 * now), limits)
             u, v, w = kept.tolist()
-            client.sticks((u / speed_xy, v / speed_xy, w / speed_z, pilot.yaw_rate / yaw_rate))
+            turning += AS_LATE * (pilot.yaw_rate - turning)
+            client.sticks((u / speed_xy, v / speed_xy, w / speed_z, turning / yaw_rate))
             self._effort.append(math.sqrt(u * u + v * v + w * w))
             client.wait(STEP)
         pilot.is_flying = False
