@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from flight_log.summary import summarize
 from quadlab.option_types import Settings
 from quadrotor.errors import StorageError, UsageError
 from quadrotor.extension import Exporter
@@ -100,12 +101,14 @@ class Dataset:
 
 
 def write_tables(log: Path, folder: Path) -> list[Path]:
-    """Write the tables of a log as Parquet into a new folder. Raises LogFormatError,
+    """Write those of TOPICS that a log has as Parquet into a new folder. Raises LogFormatError,
     StorageError.
     """
     from console.log_tables import Tables
 
-    tables = Tables(log, TOPICS)
+    there = summarize(log).topics
+    topics = [one for one in there if one.rpartition("/")[2] in TOPICS]
+    tables = Tables(log, topics)
     try:
         folder.mkdir(parents=True)
         files = registry().offers(Exporter)[PARQUET].load()(folder, log.stem, tables.run)

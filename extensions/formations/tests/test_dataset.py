@@ -7,11 +7,14 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from pyarrow import parquet
 
 from extensions.formations import dataset
-from extensions.formations.dataset import TOPICS, Dataset
+from extensions.formations.dataset import TOPICS, Dataset, write_tables
+from flight_log import LogWriter
 from quadlab.__main__ import main
 from quadlab.simulated import together
+from vehicle_link.messages import encode, header, new
 
 
 @pytest.mark.parametrize(
@@ -66,3 +69,17 @@ def test_each_flight_has_a_row_and_one_that_failed_stays(
     assert written[0][1] == out / "formation_seed3_x3" / "parquet" / "quad1"
     described = (out / "README.md").read_text()
     assert all(f"- {topic}: " in described for topic in TOPICS)
+
+
+def test_the_tables_are_those_topics_that_the_log_has(tmp_path: Path) -> None:
+    log, stamp = tmp_path / "quad1.mcap", 1_000_000_000
+    kind = "quadlab_msgs/BearingArray"
+    with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
+        for topic in ("neighbour_bearings", "bearings"):
+            fields = {"beacon_ids": [2], "bearings": [(0.0, 0.6, 0.8)], "sigma": 0.026}
+            message = new(kind, header=header(stamp), **fields)
+            writer.write(f"/quad1/{topic}", kind, encode(message), stamp, stamp)
+    files = write_tables(log, tmp_path / "parquet" / "quad1")
+    assert [file.name for file in files] == ["neighbour_bearings.parquet"]
+    [row] = parquet.read_table(files[0]).to_pylist()
+    assert (row["beacon_ids[0]"], row["bearings[0].z"], row["sigma"]) == (2.0, 0.8, 0.026)
