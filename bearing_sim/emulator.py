@@ -113,7 +113,7 @@ class BearingEmulator:
         sigma = math.radians(p.sigma)
         freedom = math.inf if p.distribution == "gaussian" else p.degrees_of_freedom
         spell_ns = round(p.occlusion_spell * SECOND_NS)
-        axis = _axis_of(p)
+        axis = axis_of(p)
         lowest = math.cos(math.radians(0.5 * p.field_of_view)) if p.field_of_view < 360.0 else -2.0
         biased = _bias_of(p)
         own_biases = parse_beacon_bias(p.beacon_bias) if p.beacon_bias else {}
@@ -208,7 +208,7 @@ def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:
     return ids
 
 
-def _axis_of(p: BearingParameters) -> Triple:
+def axis_of(p: BearingParameters) -> Triple:
     """Return the sensor's axis in body axes: -z of axes rotated by roll, pitch and yaw (ZYX)."""
     if p.mount_roll == p.mount_pitch == p.mount_yaw == 0.0:
         return 0.0, 0.0, -1.0

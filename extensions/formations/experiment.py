@@ -6,29 +6,38 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from bearing_sim.sampling import Draws
 from console.evaluation.result import Result
 from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, brake, land, take_off, wait_ready
 from console.experiments.together import Company
+from control.trajectories.velocity_filter import BANDWIDTH
 from extensions.formations.mathematics.steering import NullMotion
 from extensions.formations.options import FormationOptions
 from extensions.formations.pilot import Pilot
+from extensions.formations.separation import Guard
 from extensions.formations.shape import Shape, shape_of
-from extensions.formations.starts import random_starts
-from extensions.formations.verdict import Windows, judge
+from extensions.formations.starts import random_starts, starts_near
+from extensions.formations.verdict import ROOM, Windows, judge
 from quadrotor.errors import RefusedError, UsageError
 
 GATHERED = 18.0
 """Time, s, at which all hover at their random starts and begin to converge."""
 VOLUME = {
-    f"behavior.volume_{axis}_{end}": 4.0 if end == "max" else -4.0
-    for axis in "xy"
-    for end in ("min", "max")
+    f"behavior.volume_{axis}_{end}": value
+    for end, corner in zip(("min", "max"), ROOM, strict=True)
+    for axis, value in zip("xyz", corner, strict=True)
 }
-TURN, LOW, HIGH = 1.0, 0.9, 1.5
-"""Largest yaw (rad) and smallest and largest height (m) of the random starts."""
+LOW, HIGH = 0.9, 1.5
+"""Smallest and largest height (m) of the random starts."""
 STEP = 0.02
+FAST = {"behavior.joy_speed_xy": 1.5}
+"""m/s: the law, the commanded speed and the turn about the centroid together."""
+AS_LATE = 1.0 - math.exp(-BANDWIDTH * STEP)
+"""Share of a step by which yaw rates follow: the reference's velocity passes three poles, its yaw
+rate two, and a formation that turns keeps its bearings when both are equally late."""
 SPEEDS = "behavior.joy_speed_xy", "behavior.joy_speed_z", "behavior.joy_yaw_rate"
 
 
@@ -67,7 +76,9 @@ class FormationExperiment:
             raise UsageError(
                 f"experiment.fails={self.parameters.fails}: there are vehicles 1 to {count}"
             )
-        return random_starts(self._shape(count).places, seed)
+        if self.parameters.near:
+            return starts_near(self._shape(count).places, seed, self.parameters.near)
+        return random_starts(self._shape(count).places, seed, self.parameters.crossing)
 
     def join(self, company: Company) -> None:
         """Take the place of one vehicle."""
@@ -82,9 +93,10 @@ class FormationExperiment:
         if self._company is None or self._pilot is None:
             raise RefusedError("a formation is flown by several vehicles: quadlab fly --vehicles N")
         wait_ready(client)
-        client.change({**VOLUME})
+        client.change({**VOLUME, **FAST})
         draws = Draws(self._company.seed, 77)
-        height, yaw = LOW + (HIGH - LOW) * draws.uniform(), TURN * (2.0 * draws.uniform() - 1.0)
+        height, turned = LOW + (HIGH - LOW) * draws.uniform(), 2.0 * draws.uniform() - 1.0
+        yaw = math.remainder(self._pilot.desired_yaw + self.parameters.turn * turned, math.tau)
         arm(client)
         take_off(client, height)
         x, y, z = client.view().position_w.tolist()
@@ -101,16 +113,19 @@ class FormationExperiment:
         assert self._company is not None
         if p.fails == self._company.index + 1:
             fails = 0.5 * (windows.converged + windows.held)
+        guard, limits = Guard(self._company, pilot.radio), np.array([speed_xy, speed_xy, speed_z])
         client.start("velocity")
-        pilot.is_flying = True
-        while (now := client.view().time) < windows.end:
+        pilot.is_flying, turning = True, 0.0
+        while (now := (view := client.view()).time) < windows.end:
             if now >= fails:
-                pilot.mute = True
+                pilot.radio.mute = True
                 client.start("land")
                 break
             pilot.command = self._command(now - windows.held)
-            u, v, w = pilot.velocity_y.tolist()
-            client.sticks((u / speed_xy, v / speed_xy, w / speed_z, pilot.yaw_rate / yaw_rate))
+            kept = guard.keep(pilot.velocity_y, view.position_w, round(1e9 * now), limits)
+            u, v, w = kept.tolist()
+            turning += AS_LATE * (pilot.yaw_rate - turning)
+            client.sticks((u / speed_xy, v / speed_xy, w / speed_z, turning / yaw_rate))
             self._effort.append(math.sqrt(u * u + v * v + w * w))
             client.wait(STEP)
         pilot.is_flying = False

@@ -1,12 +1,23 @@
 """The declaration of the extension `formations`."""
 
-from quadrotor.extension import Evidence, Experiment, Extension, Judged
+from quadrotor.extension import Command, Evidence, Experiment, Extension, Group, Judged
 
 EXTENSION = Extension(
     name="formations",
     summary="Several vehicles that see each other by bearings, and fly as a formation",
     protocol=1,
-    offers=(Experiment(name="formation", target=".experiment:FormationExperiment"),),
+    offers=(
+        Experiment(name="formation", target=".experiment:FormationExperiment"),
+        Experiment(name="look_around", target=".look_around:LookAroundExperiment"),
+        Command(
+            name="formations",
+            target=".dataset:Dataset",
+            group=Group.FLY,
+            summary="Fly a formation several times, and write truth, bearings and covariances as "
+            "MCAP and Parquet.",
+            examples={"quadlab formations OUT": "make a dataset of ten flights"},
+        ),
+    ),
     judged=(Judged(Evidence.SIMULATED, "flights of five whole vehicles in one simulated time"),),
     docs="how_to/formations.md",
 )

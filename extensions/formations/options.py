@@ -20,7 +20,8 @@ class FormationOptions(Parameters):
 
     desired: str = parameter("")
     """desired bearings: 'observer observed azimuth elevation; …', vehicles from 1, deg in the
-    observer's yaw frame; empty: a pyramid of all, each seeing all others"""
+    observer's yaw frame; empty: a pyramid of all, each seeing all others; facing: five that look
+    at each other, for a field of view of 90 deg"""
     converge: float = parameter(25.0, unit="s", ge=5, le=120, step=1)
     """from the random starts to the formation"""
     hold: float = parameter(10.0, unit="s", ge=2, le=120, step=1)
@@ -39,6 +40,12 @@ class FormationOptions(Parameters):
     """bound of the rigidity eigenvalue, at which commanded motions stop"""
     fails: int = parameter(0, ge=0, le=8, step=1)
     """vehicle, from 1, that lands in the middle of the hold; 0 none"""
+    near: float = parameter(0.0, unit="m", ge=0, le=0.5, step=0.05)
+    """largest distance, on each axis, of the starts from the desired formation; 0: anywhere"""
+    turn: float = parameter(1.0, unit="rad", ge=0, le=3, step=0.05)
+    """largest yaw of the starts from the desired one"""
+    crossing: bool = parameter(False)
+    """the paths from the starts cross, as a test of the separation"""
     occlusion: bool = parameter(True)
     """vehicles hide those behind them"""
     bearings: BearingParameters = BearingParameters()

@@ -1,7 +1,7 @@
 """The program on board of each vehicle of a formation: from bearings and messages to sticks.
 
 It uses the vehicle's own bearings, its own estimate of its attitude, and the others' messages. It
-never sees a position of anybody.
+never sees a position of anybody: those that `separation` uses, beneath it, are in its radio alone.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from bearing_sim.sampling import Draws, pair
 from console.experiments.together import Company
 from extensions.formations.mathematics.law import Gains, formation_velocity
 from extensions.formations.mathematics.steering import NullMotion, steering_pace, steering_velocity
-from extensions.formations.messages import Inbox, Message
+from extensions.formations.messages import Message, Radio
 from extensions.formations.options import FormationOptions
 from extensions.formations.relative_bearings import RelativeBearings
 from extensions.formations.shape import Edge, Shape
 from extensions.formations.suspicion import Suspicion
+from extensions.formations.view import COUNTED, View
 from quadrotor.plain_rotations import Triple, rows_of
 from quadrotor.records import Array
 from vehicle_link.topics import encode_bearings
@@ -38,8 +39,9 @@ class Pilot:
     Attributes:
         command: the null motion that is commanded, in the yaw frame of the first vehicle.
         velocity_y, yaw_rate: what it wants to fly, m/s and rad/s.
-        eigenvalue: of the formation by the edges in use; least: the smallest so far.
+        eigenvalue: of the formation by the edges that count; least: the smallest so far.
         is_flying: whether it steers, and so tells what it misses.
+        radio: the link to the others. desired_yaw: rad, of this vehicle in the desired shape.
     """
 
     def __init__(self, company: Company, options: FormationOptions, shape: Shape) -> None:
@@ -48,14 +50,16 @@ class Pilot:
         parameters = options.bearings.model_copy()
         parameters.seed = (options.bearings.seed + company.seed) % (2**31 - 1)
         self._sensor = RelativeBearings(parameters, company, options.occlusion)
-        self._inbox = Inbox(company, options.messages)
+        self.desired_yaw = float(shape.yaws[self._own])
+        self.radio = Radio(company, options.messages)
         self._newest: dict[int, Message] = {}
         self._suspicion, self._out = Suspicion(), set[int]()
         self._silent: set[int] = set()
         sigma = math.radians(options.bearings.sigma)
         self._gains = Gains(options.gain, 1.0, SPEED, YAW_RATE, sigma)
-        self._was_rigid = True
-        self.command, self.is_flying, self.mute = NullMotion(), False, False
+        self._was_rigid, self._is_slow, self._slow_ns = True, False, -SECOND
+        self._view = View(options.bearings)
+        self.command, self.is_flying = NullMotion(), False
         self.velocity_y: Array = np.zeros(3)
         self.yaw_rate = self.eigenvalue = 0.0
         self.least = math.inf
@@ -63,7 +67,7 @@ class Pilot:
 
     def _met(self, now_ns: int) -> None:
         self._sensor.look()
-        for k, message in self._inbox.arrived(now_ns):
+        for k, message in self.radio.arrived(now_ns):
             self._newest[k] = message
             self._suspicion.note(k, self._newest)
         for frame in self._sensor.due(now_ns):
@@ -87,8 +91,7 @@ class Pilot:
             found[number - 1] = (c * x + s * y, c * y - s * x, z)
         message = Message(stamp_ns, yaw, self._distance(stamp_ns), found)
         self._newest[self._own] = message
-        if not self.mute:
-            self._company.broadcast(message.encode())
+        self.radio.send(message)
 
     def _distance(self, stamp_ns: int) -> float:
         """Return the distance that the first vehicle measures to the second, for the scale."""
@@ -114,10 +117,12 @@ class Pilot:
             and edge[0] not in self._out
             and edge[1] in fresh[edge[0]].bearings_y
         )
+        weights = self._weights(edges, fresh)
         # A vehicle whose bearings are left out is led by those of the others and its yaw alone.
         trusted = frozenset(fresh).difference(self._out)
-        among = frozenset(edge for edge in edges if edge[1] in trusted)
-        self.eigenvalue = self._shape.eigenvalue(among, trusted)
+        among = frozenset(edge for edge in edges if edge[1] in trusted and weights[edge] > 0.0)
+        firm = frozenset(edge for edge in among if weights[edge] >= COUNTED)
+        self.eigenvalue = self._shape.eigenvalue(firm, trusted)
         self.least = min(self.least, self.eigenvalue) if self.is_flying else self.least
         if not self._hold_together(among, trusted):
             self.velocity_y, self.yaw_rate = np.zeros(3), 0.0
@@ -131,22 +136,51 @@ class Pilot:
             if j == own
         }
         desired = {edge: self._shape.desired[edge] for edge in edges}
-        velocity_y, yaw_rate = formation_velocity(own, seen, seen_by, desired, self._gains)
-        moved_y, turned = self._steered(fresh)
+        velocity_y, yaw_rate = formation_velocity(
+            own, seen, seen_by, desired, self._gains, weights, yaws=self._shape.yaws
+        )
+        moved_y, turned = self._steered(fresh, now_ns)
         self.velocity_y, self.yaw_rate = velocity_y + moved_y, yaw_rate + turned
 
-    def _steered(self, fresh: dict[int, Message]) -> tuple[Array, float]:
-        first = fresh.get(0)
-        if first is None or not first.distance:
+    def _weights(self, edges: frozenset[Edge], fresh: dict[int, Message]) -> dict[Edge, float]:
+        """Return the weight of each edge, which both its ends find by the same messages."""
+        scale, places = self._scale(fresh), self._shape.places
+        return {
+            (i, j): self._view.weight(
+                fresh[i].bearings_y[j], scale * float(np.linalg.norm(places[j] - places[i]))
+            )
+            for i, j in edges
+        }
+
+    def _scale(self, fresh: dict[int, Message]) -> float:
+        """Return m in a unit of the desired shape, by the one measured distance; 0: not known."""
+        first, places = fresh.get(0), self._shape.places
+        if first is None:
+            return 0.0
+        return first.distance / float(np.linalg.norm(places[1] - places[0]))
+
+    def _steered(self, fresh: dict[int, Message], now_ns: int) -> tuple[Array, float]:
+        if not (scale := self._scale(fresh)):
             return np.zeros(3), 0.0
         places, yaws = self._shape.places, self._shape.yaws
-        scale = first.distance / float(np.linalg.norm(places[1] - places[0]))
         c, s = math.cos(yaws[self._own]), math.sin(yaws[self._own])
         x, y, z = scale * places[self._own]
         place_y = (c * x + s * y, c * y - s * x, z)
         pace = steering_pace(self.eigenvalue, self._options.eigenvalue_min)
-        yaw = fresh[self._own].yaw - first.yaw
+        self._tell_pace(pace, now_ns)
+        yaw = fresh[self._own].yaw - fresh[0].yaw
         return steering_velocity(self.command, place_y, yaw, pace)
+
+    def _tell_pace(self, pace: float, now_ns: int) -> None:
+        """Tell when the commanded motion slows down, and, 1 s after, when it no longer does."""
+        if pace < 1.0:
+            self._slow_ns = now_ns
+        if self.is_flying and self._is_slow != (now_ns - self._slow_ns < SECOND):
+            self._is_slow = not self._is_slow
+            bound = self._options.eigenvalue_min
+            told = f"its rigidity eigenvalue is {self.eigenvalue:.3f}, the bound {bound:g}"
+            slow = f"formation: it slows down; {told}"
+            self._company.event(slow if self._is_slow else "formation: as fast as commanded again")
 
     def _hold_together(self, edges: frozenset[Edge], vehicles: frozenset[int]) -> bool:
         """Return whether the edges in use make the formation rigid; tell when this changes."""

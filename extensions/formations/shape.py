@@ -21,6 +21,19 @@ from quadrotor.records import Array
 
 AGREEMENT = math.radians(0.5)
 """Residual (rms) up to which desired bearings agree."""
+FACING = "facing"
+"""Name of a formation whose vehicles see enough of each other in a field of view of 90 deg: of
+random ones that keep 1.35 m apart, the one with the greatest rigidity eigenvalue."""
+FACING_PLACES = np.array(
+    [
+        [1.83, 0.21, -0.29],
+        [-1.02, 0.06, 0.36],
+        [-1.52, -1.13, -0.24],
+        [0.02, 1.15, -0.16],
+        [0.69, -0.29, 0.33],
+    ]
+)
+FACING_YAWS = np.radians([-174.0, -9.0, 42.0, -89.0, 141.0])
 Edge = tuple[int, int]
 
 
@@ -76,10 +89,17 @@ def pyramid(count: int) -> Array:
 def shape_of(text: str, count: int) -> Shape:
     """Return the shape of `FormationOptions.desired`. Raises UsageError."""
     try:
-        if not text.strip():
-            places = pyramid(count)
+        if text.strip() in ("", FACING):
+            places, yaws = pyramid(count), np.zeros(count)
+            if text.strip():
+                if count != len(FACING_PLACES):
+                    raise UsageError(
+                        f"experiment.desired=facing is of {len(FACING_PLACES)} vehicles, not of "
+                        f"{count}: fly so many, or give the bearings"
+                    )
+                places, yaws = FACING_PLACES, FACING_YAWS
             every = [(i, j) for i in range(count) for j in range(count) if i != j]
-            return _shape(places, np.zeros(count), every, bearings(places, np.zeros(count), every))
+            return _shape(places, yaws, every, bearings(places, yaws, every))
         edges, wanted = _parsed(text, count)
         places, yaws, residual = realise(wanted, edges, count)
         if residual > AGREEMENT:

@@ -13,13 +13,14 @@ from console.evaluation.result import Result
 from console.evaluation.verdict import judged
 from extensions.formations.mathematics.rigidity import bearings
 from extensions.formations.options import FormationOptions
+from extensions.formations.separation import SEPARATION
 from extensions.formations.shape import Shape
 from flight_log.fields import ATTITUDE, POSITION
 from flight_log.run import read_run
 from quadrotor.records import Array
 
-SEPARATION = 0.8
-"""m, smallest that passes."""
+ROOM = (-4.0, -4.0, 0.2), (4.0, 4.0, 3.0)
+"""m, smallest and largest corner of the flight volume."""
 STEADY, STEERED = 1.0, 2.5
 """deg, largest rms of the true bearings about the desired ones."""
 RATE = 20.0
@@ -68,6 +69,9 @@ def judge(
     apart = np.linalg.norm(places[:, i] - places[:, j], axis=2)
     metrics["separation_lack_m"] = max(0.0, SEPARATION - float(apart.min()))
     limits["separation_lack_m"] = 0.0
+    inside = np.delete(places, sorted(left), axis=1)
+    metrics["outside_volume_m"] = outside(inside)
+    limits["outside_volume_m"] = 0.0
     staying = [one for k, one in enumerate(results.values()) if k not in left]
     metrics["eigenvalue_min"] = min(
         (one.metrics.get("eigenvalue_min", 0.0) for one in staying), default=0.0
@@ -87,6 +91,12 @@ def judge(
         f"{name}: {results[name].reason or 'beyond its limits'}" for name in ended
     )
     return result
+
+
+def outside(places: Array) -> float:
+    """Return by how many metres the farthest of places (…, 3) is outside the flight volume."""
+    low, high = np.array(ROOM)
+    return float(np.maximum(low - places, places - high).max(initial=0.0))
 
 
 def _truth(logs: Mapping[str, Path], times: Array) -> tuple[Array, Array]:

@@ -133,6 +133,8 @@ def formation_velocity(
     desired: Desired,
     gains: Gains,
     weights: Mapping[tuple[int, int], float] | None = None,
+    *,
+    yaws: npt.ArrayLike | None = None,
 ) -> tuple[Array, float]:
     """Return the velocity (3,) m/s of vehicle `own` in its own yaw frame, and its yaw rate, rad/s.
 
@@ -140,6 +142,8 @@ def formation_velocity(
 
     Args:
         weights: 0 to 1 by edge, the same at both of its ends; 1 for others.
+        yaws: rad, of all vehicles in the desired shape; with them a vehicle turns by all that see
+            it, also where its own bearings are not in use.
 
     Raises DegenerateGeometryError for a bearing that is not a unit vector.
     """
@@ -165,7 +169,7 @@ def formation_velocity(
             )
     speed = gains.bearing * share * math.hypot(x, y, z)
     scale = gains.bearing * share * min(1.0, gains.speed_limit / max(speed, 1e-12))
-    rate = gains.yaw * _turn(own, seen, seen_by, desired)
+    rate = gains.yaw * _turn(own, seen, seen_by, desired, yaws)
     rate = max(-gains.yaw_rate_limit, min(gains.yaw_rate_limit, rate))
     return scale * np.array([x, y, z]), rate
 
@@ -181,9 +185,15 @@ def _pull(beta: Vector, wanted: Vector, sigma: float) -> Vector:
     )
 
 
-def _turn(own: int, seen: Seen, seen_by: SeenBy, desired: Desired) -> float:
+def _turn(
+    own: int, seen: Seen, seen_by: SeenBy, desired: Desired, yaws: npt.ArrayLike | None
+) -> float:
     """Return the yaw rate for a gain of 1."""
     turns = []
+    if yaws is not None:
+        of = _floats(yaws)
+        turns = [math.sin(of[own] - of[j] - yaw) for j, (_, yaw) in seen_by.items()]
+        seen_by = {}
     for j, (_, yaw) in seen_by.items():
         if (own, j) in desired and (j, own) in desired:
             wanted = relative_yaw(desired[own, j], desired[j, own])

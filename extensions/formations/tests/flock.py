@@ -10,10 +10,13 @@ import numpy as np
 from console.experiments.together import Neighbour
 from extensions.formations.options import FormationOptions
 from extensions.formations.pilot import Pilot
+from extensions.formations.separation import Guard
 from extensions.formations.shape import shape_of
 from quadrotor.records import Array
 
 MEETING = 0.01
+LIMITS = np.array([1.0, 1.0, 0.5])
+"""m/s"""
 
 
 class Here:
@@ -52,13 +55,15 @@ class Here:
 
 
 class Flock:
-    """Vehicles that fly exactly the velocity that their programs ask for.
+    """Vehicles that fly the velocity that their programs ask for.
 
     Args:
-        options: one for each vehicle.
+        options: one for each vehicle. lag: s, time constant of following it; 0 for exactly.
     """
 
-    def __init__(self, options: Sequence[FormationOptions], places: Array, yaws: Array) -> None:
+    def __init__(
+        self, options: Sequence[FormationOptions], places: Array, yaws: Array, lag: float = 0.0
+    ) -> None:
         self.count = len(options)
         self.places, self.yaws = places.copy(), yaws.copy()
         self.velocities = np.zeros_like(places)
@@ -68,7 +73,10 @@ class Flock:
         self.pilots = [
             Pilot(here, p, self.shape) for here, p in zip(self.all, options, strict=True)
         ]
-        self.nearest = math.inf
+        self.guards = [
+            Guard(here, pilot.radio) for here, pilot in zip(self.all, self.pilots, strict=True)
+        ]
+        self.nearest, self._share = math.inf, MEETING / max(MEETING, lag)
 
     def quaternion(self, index: int) -> tuple[float, float, float, float]:
         half = 0.5 * float(self.yaws[index])
@@ -92,7 +100,10 @@ class Flock:
             for k, pilot in enumerate(self.pilots):
                 c, s = math.cos(self.yaws[k]), math.sin(self.yaws[k])
                 x, y, z = pilot.velocity_y
-                self.velocities[k] = c * x - s * y, s * x + c * y, z
+                if pilot.is_flying:
+                    x, y, z = self.guards[k].keep((x, y, z), self.places[k], self.now_ns, LIMITS)
+                wanted = np.array([c * x - s * y, s * x + c * y, z])
+                self.velocities[k] += self._share * (wanted - self.velocities[k])
                 self.yaws[k] += MEETING * pilot.yaw_rate
             self.places += MEETING * self.velocities
             apart = np.linalg.norm(self.places[i] - self.places[j], axis=1)

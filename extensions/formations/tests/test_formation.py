@@ -94,7 +94,7 @@ def test_a_vehicle_between_hides_the_one_behind_it() -> None:
             one.occlusion = occlusion
         flock = Flock(options, line, np.zeros(3))
         for pilot in flock.pilots:
-            pilot.mute = True  # nobody moves
+            pilot.radio.mute = True  # nobody moves
         flock.fly(0.2)
         assert flock.pilots[0]._newest[0].bearings_y.keys() == seen
         assert flock.pilots[1]._newest[1].bearings_y.keys() == {0, 2}

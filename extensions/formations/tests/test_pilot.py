@@ -81,7 +81,7 @@ def test_messages_that_are_late_leave_it_converging() -> None:
 def test_without_any_message_it_brakes_and_tells_who_is_silent() -> None:
     flock = _flock(_options(messages__loss=1.0))
     flock.fly(3.0)
-    assert float(np.abs(flock.velocities).max()) == 0.0
+    assert float(np.abs(flock.velocities).max()) < 1e-9
     told = flock.all[0].events
     assert "formation: no other vehicle is in contact; it brakes" in told
     assert "formation: quad4 is silent; it is left out" in told
@@ -90,7 +90,7 @@ def test_without_any_message_it_brakes_and_tells_who_is_silent() -> None:
 def test_a_vehicle_that_falls_silent_is_named_and_the_others_stay_rigid() -> None:
     flock = _flock(_options())
     flock.fly(10.0)
-    flock.pilots[3].mute = True
+    flock.pilots[3].radio.mute = True
     flock.fly(4.0)
     assert all(
         "formation: quad4 is silent; it is left out" in here.events
@@ -113,7 +113,7 @@ def test_bearings_that_contradict_the_others_are_named_and_left_out(
     flock.fly(12.0)
     line = "formation: the bearings of quad2 contradict those of the others; they are left out"
     assert all(here.events == [line] for here in flock.all)
-    assert flock.error() < 1.2
+    assert flock.error() < 0.6
     assert flock.nearest > 0.8
 
 
@@ -123,7 +123,7 @@ def test_edges_that_leave_it_not_rigid_are_named_and_it_brakes() -> None:
         one.bearings.lost = "all"
     flock = _flock(options)
     flock.fly(2.0)
-    assert float(np.abs(flock.velocities).max()) == 0.0
+    assert float(np.abs(flock.velocities).max()) < 1e-9
     told = flock.all[0].events[0]
     assert told.startswith("formation: not rigid, it brakes; it lacks quad")
 

@@ -176,6 +176,15 @@ def test_relative_yaw_of_two_that_see_each_other() -> None:
     assert relative_yaw([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]) is None
 
 
+def test_a_vehicle_whose_own_bearings_are_not_in_use_turns_by_the_yaws_that_it_is_told() -> None:
+    seen_by = {1: ((-1.0, 0.0, 0.0), 0.3), 2: ((0.0, -1.0, 0.0), 0.3)}
+    desired = {(1, 0): (-1.0, 0.0, 0.0), (2, 0): (0.0, -1.0, 0.0)}
+    _, still = formation_velocity(0, {}, seen_by, desired, Gains())
+    assert still == 0.0
+    _, rate = formation_velocity(0, {}, seen_by, desired, Gains(), yaws=[0.1, 0.0, 0.0])
+    assert rate == pytest.approx(math.sin(0.1 - 0.3))
+
+
 def test_commanded_motions_change_no_bearing() -> None:
     rng = np.random.default_rng(7)
     p, yaws, edges = scattered(rng, 5), rng.uniform(-3, 3, 5), complete(5)
