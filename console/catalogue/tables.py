@@ -67,6 +67,17 @@ class TagRow(Base):
     tag: Mapped[str] = mapped_column(String(40), primary_key=True, index=True)
 
 
+class TitleRow(Base):
+    """The title of a run: the station's, and the one that a person wrote instead."""
+
+    __tablename__ = "run_titles"
+
+    run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
+    automatic: Mapped[str] = mapped_column(String(120), default="")
+    written: Mapped[str] = mapped_column(String(120), default="")
+    author: Mapped[str] = mapped_column(String(LABEL), default="")
+
+
 class Mark(MappedAsDataclass, Base):
     """A moment that a person marked; the mark's messages are in the log too."""
 

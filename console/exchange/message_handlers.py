@@ -115,6 +115,7 @@ class MessageHandlers:
             revision, instance = change.revision, change.instance
             self._parameters.apply({change.name: change.new}, revision, instance)
             self._experiments.feed.wake()
+            self._runs.note_change(change.name, change.old, change.new)
         self._history.changed(change, received.received_ns)
 
     def _event(self, received: Received) -> None:
