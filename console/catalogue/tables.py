@@ -26,7 +26,7 @@ class RunEntry(MappedAsDataclass, Base):
 
     id: Mapped[str] = mapped_column(String(ID), primary_key=True)
     vehicle: Mapped[str] = mapped_column(String(60), index=True)
-    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)  # epoch, station clock
+    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)  # epoch, of the computer
     duration: Mapped[float]  # s
     file: Mapped[str] = mapped_column(String(200))
     """Name of the run's folder or single file within the runs folder."""

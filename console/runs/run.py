@@ -20,7 +20,7 @@ class Run:
     run_id: str
     path: Path
     metadata: Mapping[str, str]
-    start_ns: int = 0  # epoch, station clock
+    start_ns: int = 0  # epoch, of the computer
     attachments: Callable[[], Mapping[str, bytes]] = dict
     keep_free: int = 500_000_000  # bytes
     title: RunTitle = field(default_factory=RunTitle)

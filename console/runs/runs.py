@@ -24,7 +24,7 @@ from flight_log.provenance import provenance
 from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError
 from quadrotor.parameter_description import ParameterValue
-from vehicle_link.clock import monotonic, time_ns
+from vehicle_link.clock import host_time_ns, monotonic
 
 REQUEST_VALID_FOR = 5.0
 """Seconds for which a request to arm names the operator of the run that begins."""
@@ -165,7 +165,7 @@ class RunManager:
                 "seed": str(self._store.parameters.tracker.seed),
                 **self._provenance,
             },
-            start_ns=time_ns(),
+            start_ns=host_time_ns(),
             attachments=self._attachments,
             keep_free=round(self._store.parameters.recorder.keep_free * 1e6),
         )

@@ -17,6 +17,8 @@ from console.runs.runs import RunManager
 from console.runs.title import RunTitle
 from quadrotor.errors import ParameterError, StorageError
 from tests.waiting import wait_for
+from vehicle_link import clock
+from vehicle_link.lockstep import Page
 
 RUN = "20260131T093042Z_quad1"
 
@@ -107,3 +109,26 @@ def test_a_run_gets_its_title_when_it_ends(catalogue: Catalogue) -> None:
         runs.close()
     texts = {run_id: title.text for run_id, title in titles_of(catalogue, [first, second]).items()}
     assert texts == {first: "Fly to × 1, kp 2 → 3", second: "Step test × 1"}
+
+
+def test_a_run_in_slow_simulated_time_is_listed_by_the_computer_s_clock(
+    catalogue: Catalogue, tmp_path: Path
+) -> None:
+    store = StationStore()
+    store.preset({"station.recorder.keep_free": 10.0})
+    parameters: Any = SimpleNamespace(snapshot=lambda: ({}, 1, ""), defaults=dict)
+    page = Page(["quad1"], tmp_path)
+    clock.follow(page.path)
+    try:
+        words = clock.page()
+        assert words is not None
+        words[clock.LIMIT] = clock.FREE
+        words[clock.OFFSET] -= 480_000_000_000
+        runs = RunManager(catalogue, store, parameters, "quad1", "eva", lambda: b"{}")
+        run_id = runs.start("eva")
+        assert 400.0 < clock.wall_time() - 1e-9 * clock.time_ns() < 560.0
+        runs.close()
+    finally:
+        clock.follow(None)
+        page.close()
+    assert abs(1e-9 * catalogue.get(run_id).start_ns - clock.wall_time()) < 80.0

@@ -7,7 +7,7 @@ import { $ } from "../core/dom.js";
 export function followAddress() {
   const wanted = new URLSearchParams(location.hash.slice(1));
   document.querySelector(`[role=tab][data-tab="${CSS.escape(wanted.get("tab") ?? "")}"]`)?.click();
-  if (wanted.has("again")) again(wanted.get("again"));
+  if (wanted.has("again")) again(wanted.get("again") ?? "");
   const search = $("search");
   if (!wanted.has("search") || !search) return;
   search.value = wanted.get("search");
@@ -15,11 +15,12 @@ export function followAddress() {
 }
 
 // Where something differs, its comparison comes first.
+/** @param {string} run */
 async function again(run) {
   let found;
   try {
     found = await get(`/api/runs/${encodeURIComponent(run)}/again`);
-  } catch (error) {
+  } catch (/** @type {any} */ error) {
     found = { run, problem: error.message, lines: [], experiment: "", options: {} };
   }
   const tab = found.problem || found.lines.length ? "gains" : "fly";
