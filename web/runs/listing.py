@@ -15,6 +15,7 @@ from console.catalogue.tables import RunEntry
 from console.catalogue.tags import tags_of
 from console.catalogue.titles import Title, titles_of
 from console.runs.report_folders import RESULT, read_result, report_folder
+from console.runs.title import NAMES
 from flight_log.file import is_being_written
 from quadrotor.errors import StorageError
 from quadrotor.json_object import JsonObject
@@ -57,7 +58,8 @@ def _titled(title: Title | None, report: JsonObject) -> JsonObject:
     begins with its name.
     """
     text, author = (title.text, title.author) if title else ("", "")
-    experiment = str(report["experiment"]).replace("_", " ").capitalize()
+    name = str(report["experiment"])
+    experiment = NAMES.get(name, name.replace("_", " ")).capitalize()
     if experiment and not author:
         text = f"{experiment}, {text[:1].lower()}{text[1:]}" if text else experiment
     return {"title": text, "title_by": author, **report}

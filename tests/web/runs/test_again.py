@@ -68,7 +68,7 @@ def test_the_list_has_titles_verdicts_and_errors(flown: Catalogue, person: httpx
     store_title(flown, RUN, "Kp_xy 4 → 5")
     shown = {name: line(person)[name] for name in ("title", "title_by", "verdict", "rms")}
     assert shown == {
-        "title": "Figure eight, kp_xy 4 → 5",
+        "title": "Figure 8, kp_xy 4 → 5",
         "title_by": "",
         "verdict": "passed",
         "rms": 0.00213,
@@ -81,7 +81,7 @@ def test_a_title_is_written_and_taken_back(flown: Catalogue, person: httpx.Clien
     written = person.put(path, json={"title": "the windy one"}).json()
     assert written["title"] == line(person)["title"] == "the windy one"
     assert written["title_by"]
-    assert person.put(path, json={"title": ""}).json()["title"].startswith("Figure eight")
+    assert person.put(path, json={"title": ""}).json()["title"].startswith("Figure 8")
     refused = person.put(path, json={"title": "x" * 121})
     assert (refused.status_code, refused.json()["error"].count("121 characters")) == (422, 1)
     assert person.put("/api/runs/none/title", json={"title": "x"}).status_code == 404
