@@ -98,7 +98,7 @@ class CommandGateway:
         if name == "simulation" and cast("SimulationRequest", request).action == "reset":
             self._announce_move(request.request_id, request.requester)
         answer = self._ask(name, request)
-        if name == "start_behavior" and answer.accepted:
+        if name == "start_behavior" and cast("Answer", answer).accepted:
             started = cast("StartBehaviorRequest", request)
             self._on_started(started.name, from_parameters(started.arguments))
         return answer

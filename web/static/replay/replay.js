@@ -26,7 +26,7 @@ const PLAYING_PERIOD = 80; // ms between two questions for values while it plays
 const EVIDENCE = 10; // s, shown around a finding
 const LINK_PERIOD = 300; // ms between two changes of the address
 
-const AREAS = ["view", "side", "c0", "c1", "table"]; // outlined while the run is read
+const AREAS = ["view", "side", "c0", "c1", "table", "play"]; // outlined while the run is read
 
 function say(text, problem = false) {
   $("state").hidden = !text;

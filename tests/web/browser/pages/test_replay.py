@@ -415,7 +415,7 @@ def test_while_a_run_is_read_the_page_shows_its_outline_and_how_far_it_is(
 
     context.route(f"**/api/replay/{RUN}", answer)
     page = open_replay(f"{RUN}#t=5", ready="#state progress:not([hidden])")
-    assert page.locator(".outline").count() == 5
+    assert page.locator(".outline").count() == 6
     page.wait_for_function(
         "() => document.querySelector('#state').textContent.endsWith(': 50 %')", timeout=BOUND
     )
