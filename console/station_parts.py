@@ -408,6 +408,7 @@ class StationParts:
             record=self.runs.by_hand,
             permit=self.control.permit,
             on_asked=self.experiments.commanded,
+            on_started=self.runs.note_start,
         ).serve()
         MarkService(self.context, self.catalogue).serve()
         forward_service(self.node, "onboard_log", self.link.state, LOG_TIMEOUT)

@@ -122,8 +122,10 @@ def time_ns() -> int:
 
 
 def wall_time() -> float:
-    """Return the epoch time in s, as `time_ns`."""
-    return time_ns() * 1e-9
+    """Return the computer's epoch time in s, for what people read in lists; stamps are of
+    `time_ns`.
+    """
+    return host_time_ns() * 1e-9
 
 
 def has_begun() -> bool:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, and_, exists, or_, select
+from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 
-from console.catalogue.tables import Mark, RunEntry, TagRow, TrashRow
+from console.catalogue.tables import Mark, RunEntry, TagRow, TitleRow, TrashRow
 
 MOST_WORDS = 12
 
@@ -17,7 +17,7 @@ class RunSearch:
     """A search for runs: all criteria must match, and empty ones are ignored.
 
     Args:
-        words: each must occur in id, operator, notes, vehicle, a tag or the text of a mark.
+        words: each must occur in id, title, operator, notes, vehicle, a tag or the text of a mark.
         tag: must match exactly, except for case.
         since_ns, until_ns: bounds of the start, epoch, the second one excluded; 0 = none.
     """
@@ -52,6 +52,12 @@ def _has(word: str) -> ColumnElement[bool]:
     columns = (RunEntry.id, RunEntry.operator, RunEntry.notes, RunEntry.vehicle)
     return or_(
         *(column.icontains(word, autoescape=True) for column in columns),
+        exists().where(
+            TitleRow.run_id == RunEntry.id,
+            func.coalesce(func.nullif(TitleRow.written, ""), TitleRow.automatic).icontains(
+                word, autoescape=True
+            ),
+        ),
         exists().where(TagRow.run_id == RunEntry.id, TagRow.tag.icontains(word, autoescape=True)),
         exists().where(Mark.run_id == RunEntry.id, Mark.text.icontains(word, autoescape=True)),
     )

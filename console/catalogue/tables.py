@@ -26,7 +26,7 @@ class RunEntry(MappedAsDataclass, Base):
 
     id: Mapped[str] = mapped_column(String(ID), primary_key=True)
     vehicle: Mapped[str] = mapped_column(String(60), index=True)
-    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)  # epoch, station clock
+    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)  # epoch, of the computer
     duration: Mapped[float]  # s
     file: Mapped[str] = mapped_column(String(200))
     """Name of the run's folder or single file within the runs folder."""
@@ -65,6 +65,17 @@ class TagRow(Base):
 
     run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
     tag: Mapped[str] = mapped_column(String(40), primary_key=True, index=True)
+
+
+class TitleRow(Base):
+    """The title of a run: the station's, and the one that a person wrote instead."""
+
+    __tablename__ = "run_titles"
+
+    run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
+    automatic: Mapped[str] = mapped_column(String(120), default="")
+    written: Mapped[str] = mapped_column(String(120), default="")
+    author: Mapped[str] = mapped_column(String(LABEL), default="")
 
 
 class Mark(MappedAsDataclass, Base):

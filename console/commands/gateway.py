@@ -8,13 +8,14 @@ request id, so that a repeated request has one effect. Each service has its own 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import TypeVar, cast
 
 from console.parameters.store import PREFIX, StationStore
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError, RefusedError
+from quadrotor.parameter_description import ParameterValue
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import Message, new
 from vehicle_link.messages.records import (
@@ -26,6 +27,7 @@ from vehicle_link.messages.records import (
     RecordRequest,
     Request,
     SimulationRequest,
+    StartBehaviorRequest,
 )
 from vehicle_link.parameters.change import SIMULATOR, authority_of
 from vehicle_link.parameters.messages import from_parameters, to_parameters
@@ -49,6 +51,7 @@ class CommandGateway:
         record: (start, requester) → run id; raises StorageError with the reason.
         permit: called first with (command, requester); raises RefusedError with the reason.
         on_asked: called with (command, requester) before a command is forwarded.
+        on_started: called with a behavior and its arguments when the vehicle has accepted it.
     """
 
     def __init__(
@@ -60,13 +63,14 @@ class CommandGateway:
         record: Callable[[bool, str], str],
         permit: Callable[[str, str], None],
         on_asked: Callable[[str, str], None],
+        on_started: Callable[[str, Mapping[str, ParameterValue]], None] = lambda name, given: None,
     ) -> None:
         self._node, self._store = node, store
         self._refusal = refusal
         self._deadline_ns = deadline_ns
         self._record = record
         self._permit = permit
-        self._on_asked = on_asked
+        self._on_asked, self._on_started = on_asked, on_started
         change = "change_parameters"
         self._simulator = node.client(f"simulator/{change}", SERVICES[change])
         self._forwarded = [command for command in COMMANDS.values() if command.is_forwarded]
@@ -93,7 +97,11 @@ class CommandGateway:
         self._on_asked(name, request.requester)
         if name == "simulation" and cast("SimulationRequest", request).action == "reset":
             self._announce_move(request.request_id, request.requester)
-        return self._ask(name, request)
+        answer = self._ask(name, request)
+        if name == "start_behavior" and cast("Answer", answer).accepted:
+            started = cast("StartBehaviorRequest", request)
+            self._on_started(started.name, from_parameters(started.arguments))
+        return answer
 
     def _announce_move(self, request_id: str, requester: str) -> None:
         """Announce a reset to the vehicle, which would report it as a jump of the tracker.

@@ -19,6 +19,7 @@ from console.runs.event_book import EventWriter, KeptEvent
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from vehicle_link import topics
+from vehicle_link.clock import host_time_ns
 from vehicle_link.commands import BRAKING, EventKind
 from vehicle_link.lockstep import ProcessProgress
 from vehicle_link.messages import decode
@@ -115,7 +116,8 @@ class MessageHandlers:
             revision, instance = change.revision, change.instance
             self._parameters.apply({change.name: change.new}, revision, instance)
             self._experiments.feed.wake()
-        self._history.changed(change, received.received_ns)
+            self._runs.note_change(change.name, change.old, change.new)
+        self._history.changed(change, host_time_ns())
 
     def _event(self, received: Received) -> None:
         """Keep an event; print on the base's terminal why the vehicle landed while it received no
@@ -126,7 +128,7 @@ class MessageHandlers:
         sent_ns = event.stamp.sec * 1_000_000_000 + event.stamp.nanosec
         self._events.put(
             KeptEvent(
-                stamp_ns=received.received_ns,
+                stamp_ns=host_time_ns(),
                 sent_ns=sent_ns,
                 level=int(event.level),
                 source=str(event.name),

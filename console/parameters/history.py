@@ -73,7 +73,7 @@ class RecordedChange:
     old: ParameterValue
     new: ParameterValue
     requester: str
-    stamp_ns: int  # station's clock, at arrival
+    stamp_ns: int  # computer's clock, at arrival
     sent_ns: int  # clock of the authority that changed it
     flight: str  # run id, "" on the ground
     revision: int  # of the authority that changed it

@@ -16,7 +16,7 @@ from console.disk_worker import DiskWorker
 from console.parameters.history import ParameterHistory, RecordedChange
 from quadrotor.errors import StorageError
 from quadrotor.parameter_description import ParameterValue
-from vehicle_link.clock import time_ns
+from vehicle_link.clock import host_time_ns
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import Snapshot
 
@@ -76,9 +76,9 @@ class ParameterHistoryWriter:
                 return
             if not armed:
                 self._flight = ""
-                self._put(partial(self._history.end_flight, time_ns()))
+                self._put(partial(self._history.end_flight, host_time_ns()))
             elif not (was is None and self._is_open):  # the station ended in flight and restarted
-                self._put(partial(self._history.begin_flight, self._flight, time_ns()))
+                self._put(partial(self._history.begin_flight, self._flight, host_time_ns()))
 
     def compare(self, snapshot: Snapshot) -> None:
         """Write the changes that a snapshot of the vehicle shows and no message reported."""
@@ -105,7 +105,7 @@ class ParameterHistoryWriter:
         why: str,
         instance: int = 0,
     ) -> None:
-        now_ns = time_ns()
+        now_ns = host_time_ns()
         with self._lock:
             if unknown := {name: value for name, value in values.items() if name not in before}:
                 self._put(partial(self._history.learn, unknown))

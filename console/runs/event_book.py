@@ -43,7 +43,7 @@ class KeptEvent(msgspec.Struct, frozen=True):
     """One event.
 
     Attributes:
-        stamp_ns: of its arrival, station's clock.
+        stamp_ns: of its arrival, computer's clock.
         sent_ns: of the event, vehicle's clock.
         level: as in rcl_interfaces/Log.
         source: who says so, as a node's name.

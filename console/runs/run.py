@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+from console.runs.title import RunTitle
 
 RESTART_RESERVE = 50_000_000
 """Bytes in addition to those kept free that a run requires after the disk has ended one: minutes of
@@ -18,9 +20,10 @@ class Run:
     run_id: str
     path: Path
     metadata: Mapping[str, str]
-    start_ns: int = 0  # epoch, station clock
+    start_ns: int = 0  # epoch, of the computer
     attachments: Callable[[], Mapping[str, bytes]] = dict
     keep_free: int = 500_000_000  # bytes
+    title: RunTitle = field(default_factory=RunTitle)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,15 +13,18 @@ from typing import Any
 from console.catalogue.catalogue import Catalogue, run_name
 from console.catalogue.completeness import Completeness, store_completeness
 from console.catalogue.tables import RunEntry
+from console.catalogue.titles import store_title
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
 from console.runs.recorder import PERIOD, Recorder
 from console.runs.recording_rules import Decision, RecordingPolicy
 from console.runs.run import Run, RunEnd
+from console.runs.title import RunTitle
 from flight_log.provenance import provenance
 from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError
-from vehicle_link.clock import monotonic, time_ns
+from quadrotor.parameter_description import ParameterValue
+from vehicle_link.clock import host_time_ns, monotonic
 
 REQUEST_VALID_FOR = 5.0
 """Seconds for which a request to arm names the operator of the run that begins."""
@@ -55,6 +58,7 @@ class RunManager:
         self._asked = (operator, float("-inf"))
         self._latest = operator  # of the newest run
         self._policy = RecordingPolicy()
+        self._title = RunTitle()
         self._held_run = ""  # run that an experiment continues, motors on or off
         self._lock = threading.Lock()
         # Given by this process; their files are created a little later.
@@ -78,6 +82,16 @@ class RunManager:
         """Note the requester of this command; the person who arms is the run's operator."""
         if command == "arm":
             self._asked = (requester, monotonic())
+
+    def note_start(self, behavior: str, arguments: Mapping[str, ParameterValue]) -> None:
+        """Note a behavior that the vehicle accepted, for the title of the present run."""
+        if self.recorder.run_id:
+            self._title.started(behavior, arguments)
+
+    def note_change(self, name: str, old: ParameterValue, new: ParameterValue) -> None:
+        """Note the change of a parameter, for the title of the present run."""
+        if self.recorder.run_id:
+            self._title.changed(name, old, new)
 
     def status(self, armed: bool, starting: bool) -> None:
         """Handle a status of the vehicle. When a run cannot start, the recorder raises an alarm."""
@@ -151,11 +165,12 @@ class RunManager:
                 "seed": str(self._store.parameters.tracker.seed),
                 **self._provenance,
             },
-            start_ns=time_ns(),
+            start_ns=host_time_ns(),
             attachments=self._attachments,
             keep_free=round(self._store.parameters.recorder.keep_free * 1e6),
         )
         self.recorder.start(run, again=again)
+        self._title = run.title
         self._names.add(run_id)
         return run_id
 
@@ -206,6 +221,7 @@ class RunManager:
             problem=problem,
         )
         self._catalogue.add(entry)
+        store_title(self._catalogue, end.run.run_id, end.run.title.text())
         self._on_closed(end.run.run_id)
 
     def _entry(self, run: Run) -> RunEntry:

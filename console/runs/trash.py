@@ -21,7 +21,15 @@ from sqlalchemy import delete, select
 
 from console.catalogue.catalogue import SUFFIX, Catalogue, runs_in
 from console.catalogue.search import NOT_DELETED
-from console.catalogue.tables import CompletenessRow, Mark, NoteRow, RunEntry, TagRow, TrashRow
+from console.catalogue.tables import (
+    CompletenessRow,
+    Mark,
+    NoteRow,
+    RunEntry,
+    TagRow,
+    TitleRow,
+    TrashRow,
+)
 from flight_log.columns.places import place_of
 from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError, os_errors
@@ -168,7 +176,7 @@ def _remove(catalogue: Catalogue, run_id: str) -> None:
         for path in reversed(list(_belongings(log))):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     with catalogue.session() as session:
-        for table in (TagRow, NoteRow, Mark, CompletenessRow, TrashRow):
+        for table in (TagRow, TitleRow, NoteRow, Mark, CompletenessRow, TrashRow):
             session.execute(delete(table).where(table.run_id == run_id))
         session.execute(delete(RunEntry).where(RunEntry.id == run_id))
 

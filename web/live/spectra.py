@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Annotated, Any
 
+import numpy as np
 from fastapi import FastAPI, Query
 
 from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram_of
@@ -70,7 +71,7 @@ def spectra(found: Recent) -> dict[str, Any]:
     import_module("scipy.signal")  # slow once
     densities = []
     for name, column in found.columns.items():
-        rate, even = evenly(found.time, column[:, None])
+        rate, even = _even(found.time, column)
         densities.append({"signal": name} | density_of(rate, even))
     return {"spectra": densities, "rotors": [round(float(one.mean()), 2) for one in found.turns]}
 
@@ -82,9 +83,15 @@ def live_spectrogram(found: Recent) -> dict[str, Any]:
     """
     import_module("scipy.signal")
     [column] = found.columns.values()
-    rate, even = evenly(found.time, column[:, None])
+    rate, even = _even(found.time, column)
     turns = [(found.time, one) for one in found.turns]
     return spectrogram_of(rate, even, float(found.time[0]), turns, len(even))
+
+
+def _even(time: Array, values: Array) -> tuple[float, Array]:
+    """Return the rate (Hz) and the samples that have a value, at even steps, (N, 1)."""
+    known = np.isfinite(values)
+    return evenly(time[known], values[known, None])
 
 
 def add_spectra(app: FastAPI, log: SignalLog) -> None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
-from vehicle_link.clock import host_time_ns
+from vehicle_link.clock import host_time_ns, wall_time
 from vehicle_link.commands import COMMANDS, EventKind
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.messages.records import Answer
@@ -278,11 +278,10 @@ class Station:
 
     def _on_event(self, received: Received) -> None:
         log = decode(received.payload, "rcl_interfaces/Log")
-        stamp = received.received_ns * 1e-9
         level = LEVELS.get(int(log.level), "info")
         time = log.stamp.sec + 1e-9 * log.stamp.nanosec or None
         is_act = EventKind.ACT in event_kinds(log)
-        said = event(level, log.msg, log.name or self._vehicle, stamp, time, is_act=is_act)
+        said = event(level, log.msg, log.name or self._vehicle, wall_time(), time, is_act=is_act)
         self._hub.publish_from_thread(said)
 
     def _on_stick_status(self, received: Received) -> None:

@@ -18,6 +18,10 @@ class NotesBody(Body):
     seen: int | None = Field(None, ge=0, description="version of the notes that the writer saw")
 
 
+class TitleBody(Body):
+    title: str = Field(max_length=400, description="empty: the automatic one again")
+
+
 class RunsBody(Body):
     runs: list[RunId] = Field(min_length=1, max_length=2000)
 

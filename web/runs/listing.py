@@ -13,28 +13,31 @@ from console.catalogue.marks import mark_counts
 from console.catalogue.notes import Note, newest_notes
 from console.catalogue.tables import RunEntry
 from console.catalogue.tags import tags_of
+from console.catalogue.titles import Title, titles_of
 from console.runs.report_folders import RESULT, read_result, report_folder
+from console.runs.title import NAMES
 from flight_log.file import is_being_written
 from quadrotor.errors import StorageError
 from quadrotor.json_object import JsonObject
 
 
 def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[JsonObject]:
-    """Return for each run its entry, tags, number of marks, author of the notes and verdict.
+    """Return for each run its entry, title, tags, number of marks, author of the notes, verdict and
+    rms of the position error.
 
     `completeness` is how it compares with the vehicle's own log (null if it was not compared).
     """
     ids = [entry.id for entry in entries]
     tags, notes = tags_of(catalogue, ids), newest_notes(catalogue, ids)
     marks = mark_counts(catalogue, ids)
-    completeness = completeness_of(catalogue, ids)
+    completeness, titles = completeness_of(catalogue, ids), titles_of(catalogue, ids)
     return [
         {
             **asdict(entry),
             "tags": tags.get(entry.id, []),
             "marks": marks.get(entry.id, 0),
             "notes_by": about(notes.get(entry.id)),
-            **_report(catalogue.folder / Path(entry.file).name),
+            **_titled(titles.get(entry.id), _report(catalogue.folder / Path(entry.file).name)),
             "completeness": as_json(completeness.get(entry.id)),
             "recording": not entry.complete and _is_recorded(catalogue, entry),
         }
@@ -50,6 +53,18 @@ def about(note: Note | None) -> JsonObject:
     return {"version": note.version, "author": note.author, "stamp": stamp}
 
 
+def _titled(title: Title | None, report: JsonObject) -> JsonObject:
+    """Return the report's fields with the title; without a hand-written one, that of an experiment
+    begins with its name.
+    """
+    text, author = (title.text, title.author) if title else ("", "")
+    name = str(report["experiment"])
+    experiment = NAMES.get(name, name.replace("_", " ")).capitalize()
+    if experiment and not author:
+        text = f"{experiment}, {text[:1].lower()}{text[1:]}" if text else experiment
+    return {"title": text, "title_by": author, **report}
+
+
 def _is_recorded(catalogue: Catalogue, entry: RunEntry) -> bool:
     try:
         return is_being_written(catalogue.folder / Path(entry.file).name)
@@ -62,16 +77,21 @@ def _report(log: Path) -> JsonObject:
     try:
         stamp = (report_folder(log) / RESULT).stat().st_mtime_ns
     except OSError:
-        return {"report": False, "experiment": "", "verdict": ""}
-    experiment, verdict = _verdict(log, stamp)
-    return {"report": True, "experiment": experiment, "verdict": verdict}
+        return {"report": False, "experiment": "", "verdict": "", "rms": None}
+    experiment, verdict, rms = _verdict(log, stamp)
+    return {"report": True, "experiment": experiment, "verdict": verdict, "rms": rms}
 
 
 @lru_cache(maxsize=4096)
-def _verdict(log: Path, stamp: int) -> tuple[str, str]:
-    """Return experiment and verdict; `stamp` makes the cache miss after a new judgement."""
+def _verdict(log: Path, stamp: int) -> tuple[str, str, float | None]:
+    """Return experiment, verdict and rms position error (m) where it was judged; `stamp` makes the
+    cache miss after a new judgement.
+    """
     try:
         result = read_result(log)
     except StorageError:
-        return "", "unreadable"
-    return str(result.get("experiment", "")), str(result.get("verdict", ""))
+        return "", "unreadable", None
+    metrics = result.get("metrics")
+    rms = metrics.get("position_rms_m") if isinstance(metrics, dict) else None
+    known = float(rms) if isinstance(rms, int | float) else None
+    return str(result.get("experiment", "")), str(result.get("verdict", "")), known

@@ -16,10 +16,12 @@ from console.catalogue.marks import marks_of
 from console.catalogue.notes import notes_history, write_notes
 from console.catalogue.search import RunSearch
 from console.catalogue.tags import all_tags, change_tags
+from console.catalogue.titles import write_title
 from quadrotor.errors import StorageError
 from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
-from web.runs.bodies import MarkBody, NotesBody, TagsBody
+from web.runs.again import add_again
+from web.runs.bodies import MarkBody, NotesBody, TagsBody, TitleBody
 from web.runs.listing import about, lines
 from web.runs.onboard import add_onboard
 from web.runs.sharing import add_sharing, log_response
@@ -42,6 +44,7 @@ def add_runs(app: FastAPI, parts: VehicleContext) -> None:
     _add_list(app, parts)
     _add_notes(app, parts)
     _add_tags_and_marks(app, parts)
+    add_again(app, parts)
     add_trash(app, parts)
     add_sharing(app, parts)
     add_onboard(app, parts)
@@ -54,8 +57,8 @@ def _add_list(app: FastAPI, parts: VehicleContext) -> None:
     def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[JsonObject]:
         """Return the runs, newest first.
 
-        Each word of `search` must be in the id, operator, notes, vehicle, a tag or the text of a
-        mark. `report`: whether it has one.
+        Each word of `search` must be in the id, title, operator, notes, vehicle, a tag or the text
+        of a mark. `report`: whether it has one.
         """
         return lines(
             catalogue, catalogue.runs(search, limit=min(max(limit, 1), MOST), offset=max(offset, 0))
@@ -100,6 +103,16 @@ def _add_notes(app: FastAPI, parts: VehicleContext) -> None:
             "notes_by": about(written.note),
             "replaced": {"notes": replaced.text, **about(replaced)} if replaced else None,
         }
+
+    @app.put("/api/runs/{run_id}/title")
+    def set_title(run_id: str, body: TitleBody, session: Operator) -> JsonObject:
+        """Set the title; an empty one brings the automatic title back. Return the title in force
+        as the list of runs does.
+        """
+        write_title(catalogue, run_id, body.title, session.label)
+        parts.hub.runs_changed([run_id])
+        [line] = lines(catalogue, [catalogue.get(run_id)])
+        return {name: line[name] for name in ("title", "title_by")}
 
     @app.get("/api/runs/{run_id}/notes")
     def history(run_id: str) -> list[JsonObject]:

@@ -14,6 +14,12 @@ DEGREES = math.degrees(1.0)
 ATTITUDE = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
 VELOCITY = tuple(f"twist.twist.linear.{axis}" for axis in "xyz")
 """Linear velocity, in body axes."""
+SINKS, SLIDES, RISES = 0.1, 0.02, 0.1
+"""Reference of a landing: speed down, in m/s, from which on a descent that is not flown shows the
+ground; speed sideways and acceleration up, in m/s and m/s², that it has at most."""
+STOPPED = 0.3
+"""Share of a commanded descent below which it is not flown, as for the vehicle's own detection of
+a touch-down."""
 
 
 def _signals(prefix: str, group: str, unit: str, names: Sequence[str], topic: str) -> list[Signal]:
@@ -31,11 +37,23 @@ def _state(*columns: Array) -> Sequence[Array]:
 
 
 def _tracking(*inputs: Array) -> Sequence[Array]:
-    x, y, z, yaw, *reference, reference_yaw = inputs
+    """Return the tracking error, which has no value on the ground.
+
+    There the reference is the vehicle's own position, or, at a touch-down, sinks on below a vehicle
+    that has stopped.
+    """
+    x, y, z, yaw, climb, *rest = inputs
+    *reference, reference_yaw = rest[:4]
+    velocity, acceleration = rest[4:7], rest[7:]
     error = (x - reference[0], y - reference[1], z - reference[2])
     turn = (yaw - reference_yaw) / DEGREES
     wrapped = np.atan2(np.sin(turn), np.cos(turn))
-    return (*error, _length(*error), wrapped * DEGREES)
+    follows = (error[0] == 0.0) & (error[1] == 0.0) & (error[2] == 0.0)
+    sinks = (velocity[2] < -SINKS) & (acceleration[2] < RISES)
+    is_straight = np.hypot(*velocity[:2]) + np.hypot(*acceleration[:2]) < SLIDES
+    grounded = follows | (sinks & is_straight & (climb > STOPPED * velocity[2]))
+    values = (*error, _length(*error), wrapped * DEGREES)
+    return [np.where(grounded, np.nan, one) for one in values]
 
 
 def _truth(*inputs: Array) -> Sequence[Array]:
@@ -79,8 +97,11 @@ MOTION = (
         inputs=(
             *_names("state.position"),
             "state.yaw",
+            "state.velocity.z",
             *_names("reference.position"),
             "reference.yaw",
+            *_names("reference.velocity"),
+            *_names("reference.acceleration"),
         ),
     ),
     scaled(*xyz("truth.position", "truth position", "m", "truth/pose.pose.position")),

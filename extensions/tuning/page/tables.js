@@ -22,7 +22,8 @@ export function figuresTable(runs, letters, colors) {
       { unit, digits, scale } = unitOf(name, axis);
     const cells = runs.map((run, i) => value(name, values[i], run));
     const known = isPair && sameKind && values.every((one) => Number.isFinite(one));
-    const difference = known ? signed((values[1] - values[0]) * scale, digits) : NONE;
+    const [before, after] = values.map((one) => Number((one * scale).toFixed(digits))); // as they are shown
+    const difference = known ? signed(after - before, digits) : NONE;
     return element(
       "tr",
       {},

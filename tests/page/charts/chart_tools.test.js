@@ -80,4 +80,5 @@ test("a drawing holds the strokes, the paths made meanwhile and the texts of the
   assert.equal(globalThis.Path2D, Plain);
   assert.ok(!Object.hasOwn(context, "stroke"));
   assert.match(documentOf(parts, 20, 10, 2), /^<svg xmlns="http:\/\/www.w3.org\/2000\/svg" width="10" height="5" viewBox="0 0 20 10">/);
+  assert.match(documentOf(parts, 20, 10, 2, 88), /^<svg xmlns="http:\/\/www.w3.org\/2000\/svg" width="88mm" height="44mm" viewBox="0 0 20 10">/);
 });

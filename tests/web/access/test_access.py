@@ -63,6 +63,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "HEAD /api/runs/{run_id}/download": (VIEWER, None),
     "PUT /api/runs/{run_id}/notes": (OPERATOR, {"notes": ""}),
     "GET /api/runs/{run_id}/notes": (VIEWER, None),
+    "PUT /api/runs/{run_id}/title": (OPERATOR, {"title": ""}),
+    "GET /api/runs/{run_id}/again": (VIEWER, None),
     "GET /api/runs/{run_id}/marks": (VIEWER, None),
     "POST /api/runs/{run_id}/link": (VIEWER, {}),
     "GET /signed/runs/{name}": (VIEWER, None),

@@ -111,6 +111,9 @@ def test_beacons_are_added_and_presets_chosen_on_every_page(
 def test_the_way_onto_bearings_and_back(tab: Any, look: Any, station: Any) -> None:
     look.text("#beacons-session .flies", "^Flies on the tracker's poses$")
     look.has_class("#beacons-session .steps li >> nth=0", "done")
+    over = "#beacons-session button:has-text('Fly on bearings')"
+    look.text("#beacons-session .steps li >> nth=2", "^Hand over, run it in parallel first")
+    assert not tab.is_enabled(over)
     tab.click("#beacons-session button:has-text('Run in parallel')")
     look.has_class("#beacons-session .steps li >> nth=1", "done")
     now = values(station)
@@ -124,8 +127,13 @@ def test_the_way_onto_bearings_and_back(tab: Any, look: Any, station: Any) -> No
     tab.click("#beacons-session button:has-text('Fly on bearings')")
     look.text("#beacons-session .flies", "^Flies on bearings to the beacons$")
     look.text("#beacons-session .detail", "^error-state$")
+    look.text(
+        "#beacons-layout .facts", "^Beacons cannot be moved while .* Press Back to tracker first"
+    )
+    assert tab.locator("#beacons-layout fieldset:disabled").count() == 1
     tab.click("#beacons-session button:has-text('Back to tracker')")
     look.text("#beacons-session .flies", "^Flies on the tracker's poses$")
+    tab.wait_for_selector("#beacons-layout fieldset:enabled")
 
 
 def test_a_preset_of_gains_goes_with_the_complementary_filter(

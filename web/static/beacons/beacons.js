@@ -13,6 +13,7 @@ import { $, element } from "../core/dom.js";
 
 const LAYOUT = "station.bearings.layout";
 const PERIOD = 200; // ms
+const LOCKED = "Beacons cannot be moved while the vehicle flies on them. Press Back to tracker first.";
 
 // Events: "open" and "close" of the tab, and "draw".
 export class Beacons extends EventTarget {
@@ -104,6 +105,7 @@ export class Beacons extends EventTarget {
   draw() {
     if (document.hidden) return;
     this.session.draw();
+    this.layout.lock(this.session.isFlown ? LOCKED : "");
     this.residuals.mark(this.events.summary.status, this.ages.isOld("status"));
     this.dispatchEvent(new Event("draw"));
   }

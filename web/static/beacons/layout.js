@@ -2,7 +2,7 @@
 // draft, marked as such, until it is applied. A refused draft is put aside with its reason.
 
 import { request } from "../core/api.js";
-import { element, optionsOf, setIfChanged, showNote } from "../core/dom.js";
+import { element, hide, optionsOf, setIfChanged, setText, showNote } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
 import { exact, parseNumber } from "../core/format.js";
 
@@ -63,15 +63,24 @@ export class Layout {
       ...AXES.map((axis) => element("th", { className: `axis-${axis}` }, `${axis} [m]`)),
       element("th"),
     );
-    place.append(
-      element("h2", {}, "Layout"),
-      this.file,
+    this.why = element("p", { className: "facts", hidden: true, role: "status" });
+    this.fields = element(
+      "fieldset",
+      { className: "plain" },
       element("div", { className: "line" }, element("label", {}, "Preset", this.preset), open, save),
       element("table", { className: "layout" }, element("thead", {}, head), this.body),
       element("div", { className: "line" }, this.add, element("i"), this.discard, this.apply),
       element("div", { className: "line refused" }, this.reason, this.again),
     );
+    place.append(element("h2", {}, "Layout"), this.why, this.file, this.fields);
     this.draw();
+  }
+
+  // why: what has to end before beacons may be moved, or "".
+  lock(why) {
+    this.fields.disabled = Boolean(why);
+    setText(this.why, why);
+    hide(this.why, !why);
   }
 
   // rows: [[id, x, y, z], …] in m, confirmed; preset: its name, or "" for none

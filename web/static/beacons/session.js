@@ -14,6 +14,9 @@ const SOURCES = {
   bearings: "bearings to the beacons",
   both: "poses and bearings together",
 };
+const OVER =
+  "the vehicle switches when the estimate has converged and agrees with the one in use; " +
+  "otherwise it reports why not";
 const CALM = ["hover", "brake", "velocity"]; // what a hand-over is accepted in
 
 export class Session {
@@ -41,12 +44,7 @@ export class Session {
     this.stop = element("button", { onclick: () => this.attempt({ [P.shadow]: "none" }) }, "Stop");
     this.over = element(
       "button",
-      {
-        onclick: () => this.attempt({ [P.estimator]: this.estimator.value, [P.source]: "bearings" }),
-        title:
-          "the vehicle switches when the estimate has converged and agrees with the one in use; " +
-          "otherwise it reports why not",
-      },
+      { onclick: () => this.attempt({ [P.estimator]: this.estimator.value, [P.source]: "bearings" }) },
       "Fly on bearings",
     );
     this.back = element(
@@ -164,8 +162,16 @@ export class Session {
     for (const button of [this.beside, this.stop, this.over, this.back]) {
       button.disabled = !this.isOperator || Boolean(this.busy);
     }
-    if (!status?.airborne) this.over.disabled = true; // on the ground the choice would only keep it from arming
+    // What comes before a step is done first; on the ground the choice would only keep it from arming.
+    if (this.missing) this.over.disabled = true;
+    this.over.title = this.missing || OVER;
     this.preset.disabled = !this.isOperator || this.estimator.value !== "complementary";
+  }
+
+  // Whether an armed vehicle uses bearings, which it then lets nobody move.
+  get isFlown() {
+    const source = this.gains.value(P.source);
+    return Boolean(this.events.summary.status?.armed) && source !== undefined && source !== "poses";
   }
 
   drawSteps(status, isStale, value) {
@@ -175,11 +181,8 @@ export class Session {
       high = bound("envelope_z_max"),
       wide = bound("envelope_xy");
     const room = [low, high, wide].includes(undefined) ? "" : `, ${low} to ${high} m high, within ±${wide} m`;
-    mark(
-      hover,
-      `Hover on the tracker${room}`,
-      !isStale && Boolean(status?.airborne) && CALM.includes(status?.behavior?.toLowerCase()),
-    );
+    const hovers = !isStale && Boolean(status?.airborne) && CALM.includes(status?.behavior?.toLowerCase());
+    mark(hover, `Hover on the tracker${room}`, hovers);
     const runs = value("shadow") === this.estimator.value && value("shadowSource") === "bearings";
     const isSet =
       this.estimator.value !== "complementary" ||
@@ -194,7 +197,8 @@ export class Session {
     setText(this.beside, runs ? "Set gains" : "Run in parallel");
     this.stop.hidden = !runs;
     this.beside.parentElement?.classList.toggle("two", runs && !isSet);
-    mark(over, "Hand over, once it has converged", false);
+    this.missing = hovers ? (runs && isSet ? "" : "run it in parallel first") : "hover on the tracker first";
+    mark(over, `Hand over, ${this.missing || "once it has converged"}`, false);
   }
 }
 

@@ -1,8 +1,13 @@
 // What a chart shows as files: a picture, and its numbers.
 
 import { element } from "../core/dom.js";
-import { font, paint } from "../core/theme.js";
+import { font, onPaper, paint } from "../core/theme.js";
 import { documentOf, recorded } from "./svg.js";
+
+const PIXELS = 96,
+  MILLIMETRES = 25.4; // in an inch
+const MARGIN = 10; // px
+const HEIGHT = 0.56; // of a figure on paper, of its width
 
 /**
  * Signals of the same instants.
@@ -37,7 +42,7 @@ export function csvOf(time, groups) {
 }
 
 /** @param {Blob} blob @param {string} name */
-function save(blob, name) {
+export function save(blob, name) {
   const link = element("a", { href: URL.createObjectURL(blob), download: name });
   link.click();
   URL.revokeObjectURL(link.href);
@@ -75,7 +80,7 @@ export async function saveNumbers(chart) {
 function sheet(chart) {
   const { canvas } = chart.uplot.ctx,
     ratio = devicePixelRatio,
-    margin = 10 * ratio,
+    margin = MARGIN * ratio,
     row = 16 * ratio;
   const picture = element("canvas", {
     width: canvas.width + 2 * margin,
@@ -121,8 +126,24 @@ export function savePicture(chart) {
   });
 }
 
-/** @param {any} chart */
-export async function saveDrawing(chart) {
+// In a width on paper (mm) it is drawn anew for that: text of 8 pt, lines of 1 pt, light.
+/** @param {any} chart @param {number} paper */
+export async function savePaper(chart, paper) {
+  const width = Math.round((paper * PIXELS) / MILLIMETRES),
+    turn = () => new Promise((done) => setTimeout(done));
+  try {
+    await onPaper(async () => {
+      chart.uplot.setSize({ width: width - 2 * MARGIN, height: Math.round(HEIGHT * width) });
+      await turn(); // uPlot sets its size a little later
+      await saveDrawing(chart, paper);
+    });
+  } finally {
+    chart.resize();
+  }
+}
+
+/** @param {any} chart @param {number} [paper] mm */
+export async function saveDrawing(chart, paper) {
   const { uplot } = chart,
     {
       picture,
@@ -140,7 +161,7 @@ export async function saveDrawing(chart) {
   });
   const parts = [...names, `<g transform="translate(${x} ${y})">`, ...plot, "</g>"];
   save(
-    new Blob([documentOf(parts, picture.width, picture.height, ratio)], { type: "image/svg+xml" }),
-    `${fileName(chart)}.svg`,
+    new Blob([documentOf(parts, picture.width, picture.height, ratio, paper)], { type: "image/svg+xml" }),
+    `${fileName(chart)}${paper ? `_${paper}mm` : ""}.svg`,
   );
 }

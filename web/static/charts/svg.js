@@ -140,7 +140,14 @@ export async function recorded(context, draw) {
  * @param {number} width
  * @param {number} height canvas pixels
  * @param {number} ratio of them to the page's
+ * @param {number} [paper] mm, the width on paper
  */
-export const documentOf = (parts, width, height, ratio) =>
-  `<svg xmlns="http://www.w3.org/2000/svg" width="${number(width / ratio)}" ` +
-  `height="${number(height / ratio)}" viewBox="0 0 ${number(width)} ${number(height)}">\n${parts.join("\n")}\n</svg>\n`;
+export function documentOf(parts, width, height, ratio, paper) {
+  const [wide, high] = paper
+    ? [`${number(paper)}mm`, `${number((paper * height) / width)}mm`]
+    : [number(width / ratio), number(height / ratio)];
+  return (
+    `<svg xmlns="http://www.w3.org/2000/svg" width="${wide}" height="${high}" ` +
+    `viewBox="0 0 ${number(width)} ${number(height)}">\n${parts.join("\n")}\n</svg>\n`
+  );
+}

@@ -2,7 +2,13 @@
 
 import { element } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
-import { saveDrawing, saveNumbers, savePicture } from "./save.js";
+import { saveDrawing, saveNumbers, savePaper, savePicture } from "./save.js";
+
+/** @type {[string, number][]} */
+const PAPER = [
+  ["column", 88],
+  ["page", 180],
+]; // mm
 
 const VIEWS = [
   ["time", "Over time", "values over time"],
@@ -94,6 +100,11 @@ export function viewMenu(chart, view, choose, changed = () => {}, views = VIEWS)
       { className: "tools" },
       act("Save PNG", "what is drawn, as a picture", () => savePicture(chart)),
       act("Save SVG", "what is drawn, as lines and text", () => saveDrawing(chart)),
+      ...PAPER.map(([name, width]) =>
+        act(`SVG ${width} mm`, `for print, as wide as a ${name}: light, text of 8 pt`, () =>
+          savePaper(chart, width),
+        ),
+      ),
       act("Save CSV", "the numbers of what is shown", () => saveNumbers(chart)),
     ),
   );

@@ -4,7 +4,7 @@
 import { derive, derivedSignals } from "../charts/derived.js";
 import { ChartMenu, MOST } from "../charts/signal_menu.js";
 import { get } from "../core/api.js";
-import { $, element } from "../core/dom.js";
+import { $, element, setText } from "../core/dom.js";
 import { head } from "../core/page_header.js";
 import { icon } from "../icons/icons.js";
 import { Run } from "../replay/run.js";
@@ -25,7 +25,8 @@ const ids = [...new Set(new URLSearchParams(location.search).getAll("run"))];
 // One run's line: its letter, when it was, and what became of opening it.
 function chip(id, k) {
   const { letter, stroke } = look(k),
-    words = element("span", { className: "note" }, "waiting …");
+    words = element("span", { className: "note" }, "waiting …"),
+    bar = element("progress", { max: 1, hidden: true, ariaLabel: `share of ${id} that is read` });
   const drop = element(
     "a",
     {
@@ -42,13 +43,20 @@ function chip(id, k) {
       mark,
       element("a", { href: `/replay/${encodeURIComponent(id)}`, title: "replay" }, id),
       words,
+      bar,
       drop,
     );
   mark.style.setProperty("--line-style", stroke);
   $("compared").append(place);
   return {
+    read(share) {
+      setText(words, `reading, ${Math.round(100 * share)} %`);
+      bar.value = share;
+      bar.hidden = false;
+    },
     say(text, isProblem = false) {
       words.textContent = text;
+      bar.hidden = true;
       place.classList.toggle("warn", isProblem);
     },
   };
@@ -61,10 +69,9 @@ const addressOf = (runs) =>
 async function open(id, k, entry, line) {
   try {
     if (entry?.recording) throw new Error("is still being recorded: compare it when it is closed");
-    const run = Object.assign(
-      await Run.open(id, (share) => line.say(`reading, ${Math.round(100 * share)} %`), { hasTrack: false }),
-      { number: k },
-    );
+    const run = Object.assign(await Run.open(id, (share) => line.read(share), { hasTrack: false }), {
+      number: k,
+    });
     if (run.description.is_growing) throw new Error("is still being recorded: compare it when it is closed");
     line.say(
       [

@@ -1,10 +1,13 @@
 // Metrics of the experiments' verdicts, and the parameters in which runs differ: a column a run.
 
-import { element } from "../core/dom.js";
+import { copied, element, setText } from "../core/dom.js";
+import { save } from "../charts/save.js";
 import { exact, words } from "../core/format.js";
 import { nameOf, number, unitOf } from "../experiments/figures.js";
 import { look } from "./source.js";
+import { rowsOf, TEXTS } from "./table_text.js";
 
+const ENDINGS = { LaTeX: "tex", Markdown: "md", CSV: "csv" };
 const MOST = 40; // parameters, until all are asked for
 
 const heads = (runs, ...more) =>
@@ -30,6 +33,31 @@ const table = (head, rows) =>
     { className: "wide", tabIndex: 0, role: "group" },
     element("table", {}, head, element("tbody", {}, ...rows)),
   );
+
+const COPIED = 2000; // ms for which a copy is confirmed
+
+// Buttons that copy a table; where a browser gives no clipboard, they save a file.
+const copies = (shown) =>
+  element(
+    "p",
+    { className: "note copies" },
+    "Copy as ",
+    ...Object.keys(TEXTS).map((name) =>
+      element(
+        "button",
+        { className: "link", onclick: ({ currentTarget }) => copy(name, shown, currentTarget) },
+        name,
+      ),
+    ),
+  );
+
+async function copy(name, shown, button) {
+  const text = TEXTS[name](rowsOf(shown));
+  if (await copied(text)) {
+    setText(button, "Copied");
+    setTimeout(() => setText(button, name), COPIED);
+  } else save(new Blob([text], { type: "text/plain" }), `metrics.${ENDINGS[name]}`);
+}
 
 // reports: of each run what /api/runs/…/report answers, or null.
 export function metricsTable(runs, reports) {
@@ -82,7 +110,8 @@ export function metricsTable(runs, reports) {
       ),
     );
   }
-  return frame("Metrics", table(heads(runs, "limit", ""), rows));
+  const shown = table(heads(runs, "limit", ""), rows);
+  return frame("Metrics", shown, copies(shown.querySelector("table")));
 }
 
 // By their values when the recordings began; those changed in flight say how often.

@@ -80,3 +80,11 @@ export const optionsOf = (choices, chosen) =>
 // The window in a frame of our own; null while the browser shows an error of its own in it, as when the server is away.
 /** @type {(frame: HTMLIFrameElement) => any} */
 export const windowIn = (frame) => (frame.contentDocument ? frame.contentWindow : null);
+
+// Whether a text is in the clipboard now: without https, browsers give none.
+/** @param {string} text @returns {Promise<boolean>} */
+export const copied = (text) =>
+  (navigator.clipboard?.writeText(text) ?? Promise.reject(new Error("none"))).then(
+    () => true,
+    () => false,
+  );

@@ -13,6 +13,7 @@ const root = document.documentElement;
 const resolved = new Map(); // of the theme that is shown
 /** @type {HTMLElement | null} */
 let probe = null;
+let isPaper = false;
 
 // "change" when colours are others.
 export const theme = new EventTarget();
@@ -40,10 +41,24 @@ export function paint(color) {
   let found = resolved.get(color);
   if (found === undefined) {
     if (!probe?.isConnected) document.body.append((probe = element("i", { hidden: true })));
+    probe.style.colorScheme = isPaper ? "light" : "";
     probe.style.color = color;
     resolved.set(color, (found = getComputedStyle(probe).color));
   }
   return found;
+}
+
+// What act() draws on canvases has the colours of the light theme; the page keeps its own.
+/** @param {() => Promise<void>} act */
+export async function onPaper(act) {
+  resolved.clear();
+  isPaper = true;
+  try {
+    await act();
+  } finally {
+    isPaper = false;
+    resolved.clear();
+  }
 }
 
 /** @param {string} color @param {number} percent */

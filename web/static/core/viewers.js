@@ -1,7 +1,7 @@
 // Links that open something in Foxglove or Lichtblick, whose pages connect to this server from the browser.
 
 import { request } from "./api.js";
-import { element } from "./dom.js";
+import { copied, element } from "./dom.js";
 
 const VIEWERS = [
   ["foxglove", "Foxglove"],
@@ -42,13 +42,9 @@ export function viewerButtons(path, say) {
           "button",
           {
             className: "link",
-            onclick: (event) =>
-              navigator.clipboard?.writeText(url).then(
-                () => {
-                  event.target.textContent = "Copied";
-                },
-                () => undefined,
-              ),
+            onclick: async ({ target }) => {
+              if (await copied(url)) target.textContent = "Copied";
+            },
           },
           "Copy link",
         ),

@@ -64,6 +64,7 @@ export class ExperimentSection {
     );
     onHold(this.start, 800, () => this.begin());
     place.addEventListener("toggle", () => place.open && this.load());
+    document.addEventListener("again", (/** @type {any} */ { detail }) => this.prepare(detail));
     events.on("summary", () => this.draw());
     setInterval(() => this.draw(), 500);
   }
@@ -104,6 +105,18 @@ export class ExperimentSection {
       )?.name ?? "";
     this.showOptions();
     if (this.select.value === before) this.form.put(typed);
+  }
+
+  // An experiment with the options of a run; what this installation does not have is left out.
+  async prepare({ experiment: name, options }) {
+    if (!name) return;
+    this.place.open = true;
+    this.again = 0;
+    await this.load();
+    if (!this.known?.some((one) => one.name === name)) return;
+    this.select.value = name;
+    this.showOptions();
+    this.form.put(options);
   }
 
   get chosen() {

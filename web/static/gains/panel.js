@@ -15,6 +15,8 @@ const VIEWS = [
   ["files", "File", "save and load values"],
 ];
 
+const BRIEF = ["flight", "again"]; // shown once, without a list to go back to
+
 export class ParameterPanel {
   // instead: the places that are hidden while something is shown here.
   constructor(gains, place, instead) {
@@ -28,6 +30,7 @@ export class ParameterPanel {
       ]),
     );
     $("parameter-views").append(...this.buttons.values());
+    document.addEventListener("again", (/** @type {any} */ { detail }) => this.again(detail));
   }
 
   toggle(view) {
@@ -74,7 +77,7 @@ export class ParameterPanel {
     this.clear();
     const back = element(
       "button",
-      { onclick: () => (view === "flight" ? this.close() : this.open(view)) },
+      { onclick: () => (BRIEF.includes(view) ? this.close() : this.open(view)) },
       "Back",
     );
     this.diff = new Diff(this.gains, {
@@ -85,7 +88,7 @@ export class ParameterPanel {
   }
 
   applied(view, count) {
-    if (view === "flight") this.close();
+    if (BRIEF.includes(view)) this.close();
     else this.open(view);
     this.place.prepend(
       element(
@@ -94,6 +97,26 @@ export class ParameterPanel {
         `Applied ${count} ${count === 1 ? "value" : "values"}.`,
       ),
     );
+  }
+
+  // The settings of a run; its experiment is prepared on the Fly tab.
+  again({ run, problem, experiment, lines, same }) {
+    this.clear();
+    this.view = "again";
+    this.draw();
+    if (problem) {
+      const close = element("button", { onclick: () => this.close() }, "Back");
+      this.place.append(close, element("div", { className: "reason", role: "status" }, problem));
+      return;
+    }
+    const then = experiment ? " Its experiment is ready on the Fly tab." : "";
+    this.show({
+      title: `Fly ${run} again`,
+      note: `Gains, estimator, behaviors and beacons as they were at its start.${then}`,
+      empty: "All of them are as they were.",
+      lines,
+      same,
+    });
   }
 
   async flight() {

@@ -11,6 +11,7 @@ import { PlayHead } from "./play_head.js";
 import { TimeLine } from "./timeline.js";
 import { ReplayPanel } from "./panel.js";
 import { Range } from "./range.js";
+import { Reading } from "./reading.js";
 import { Run } from "./run.js";
 import { ReplayScene } from "./scene.js";
 import { ReplayTable } from "./table.js";
@@ -25,6 +26,8 @@ const PLAYING_PERIOD = 80; // ms between two questions for values while it plays
 const EVIDENCE = 10; // s, shown around a finding
 const LINK_PERIOD = 300; // ms between two changes of the address
 
+const AREAS = ["view", "side", "c0", "c1", "table", "play"]; // outlined while the run is read
+
 function say(text, problem = false) {
   $("state").hidden = !text;
   $("state").textContent = text;
@@ -36,9 +39,7 @@ async function start() {
   head(session, "/runs", null, { emergency: !session.pages, strip: !session.pages });
   document.title = `${ID} · replay`;
   const options = { newer: new URLSearchParams(location.search).has("newer") };
-  const runs = [await Run.open(ID, (share) => say(`Reading ${ID}: ${Math.round(100 * share)} %`), options)];
-  if (WITH && WITH !== ID)
-    runs.push(await Run.open(WITH, (share) => say(`Reading ${WITH}: ${Math.round(100 * share)} %`)));
+  const runs = await read(options);
   const [lead, other] = runs,
     derived = await derivedSignals((texts) => lead.expressions(texts));
   lead.description.signals.push(...derived);
@@ -47,6 +48,17 @@ async function start() {
   say("");
   for (const section of main.querySelectorAll("section")) section.hidden = false;
   new Page(runs, await others(ID));
+}
+
+// The run and the one over it; how far it is, meanwhile.
+async function read(options) {
+  const reading = new Reading($("state"), main, AREAS),
+    open = (id, more) => Run.open(id, (share) => reading.show(id, share), more);
+  try {
+    return [await open(ID, options), ...(WITH && WITH !== ID ? [await open(WITH)] : [])];
+  } finally {
+    reading.end();
+  }
 }
 
 async function others(id) {
@@ -70,7 +82,7 @@ class Page {
     this.charts = [0, 1].map((index) => new ReplayChart($(`chart-${index}`), index, clock, range));
     this.table = new ReplayTable($("table"));
     this.line = new TimeLine($("line"), clock, range);
-    this.transport = new Transport($("transport"), clock, range);
+    this.transport = new Transport($("transport"), clock, range, () => this.address);
     this.panel = new ReplayPanel($("side"), clock);
     this.alignment = new Alignment($("runs-shown"), runs, choices, (id) => {
       location.href = `${location.pathname}${id ? `?with=${encodeURIComponent(id)}` : ""}${location.hash}`;
@@ -190,16 +202,20 @@ class Page {
     if (this.linking) return;
     this.linking = setTimeout(() => {
       this.linking = 0;
-      const words = new URLSearchParams({ t: this.clock.t.toFixed(3) });
-      if (this.range.width) words.set("w", String(this.range.width));
-      if (this.alignment.labels) {
-        const [first, second] = this.alignment.labels;
-        words.set("a", first);
-        words.set("b", second);
-        if (this.alignment.hand) words.set("by", this.alignment.hand.toFixed(2));
-      }
-      history.replaceState(null, "", `#${words}`);
+      history.replaceState(null, "", this.address);
     }, LINK_PERIOD);
+  }
+
+  get address() {
+    const words = new URLSearchParams({ t: this.clock.t.toFixed(3) });
+    if (this.range.width) words.set("w", String(this.range.width));
+    if (this.alignment.labels) {
+      const [first, second] = this.alignment.labels;
+      words.set("a", first);
+      words.set("b", second);
+      if (this.alignment.hand) words.set("by", this.alignment.hand.toFixed(2));
+    }
+    return `#${words}`;
   }
 
   restore() {

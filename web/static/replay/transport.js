@@ -1,6 +1,6 @@
 // Buttons and keys that move the play-head, and the times it stands at.
 
-import { element, setIfChanged, setText } from "../core/dom.js";
+import { copied, element, setIfChanged, setText } from "../core/dom.js";
 import { clock as clockOf } from "../core/format.js";
 import { icon } from "../icons/icons.js";
 import { onKey } from "../core/keys.js";
@@ -9,10 +9,13 @@ import { WIDTHS } from "./range.js";
 
 export const FRAME = 1 / 50; // s, of the track
 const NAMES = { 0.125: "⅛", 0.25: "¼", 0.5: "½" };
+const COPIED = 2000; // ms for which a copy is confirmed
 const EPOCH = 1e9; // s; a clock before 2001 is a simulation's
 
 export class Transport {
-  constructor(place, clock, range) {
+  // address(): of this page at the present moment, or its end.
+  constructor(place, clock, range, address) {
+    this.address = address;
     this.clock = clock;
     this.range = range;
     this.back = element("button", {
@@ -71,6 +74,15 @@ export class Transport {
       ),
       element("div", { className: "times" }, own, since, clockCell),
       element("label", { className: "shows" }, "charts show ", this.width),
+      element(
+        "button",
+        {
+          className: "copy",
+          title: "an address that opens this replay at this moment",
+          onclick: ({ currentTarget }) => this.copy(currentTarget),
+        },
+        "Copy link",
+      ),
     );
     this.keys();
     clock.addEventListener("time", () => this.show());
@@ -88,6 +100,14 @@ export class Transport {
     const { clock } = this;
     if (clock.playing && clock.direction === direction) clock.pause();
     else clock.play(direction);
+  }
+
+  // Where a browser gives no clipboard, the address bar has it.
+  async copy(button) {
+    const { href } = new URL(this.address(), location.href);
+    history.replaceState(null, "", href);
+    setText(button, (await copied(href)) ? "Copied" : "See address bar");
+    setTimeout(() => setText(button, "Copy link"), COPIED);
   }
 
   seek(t) {

@@ -3,8 +3,9 @@
 import { get, request } from "../core/api.js";
 import { element, hide } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
-import { fixed } from "../core/format.js";
+import { bytes, fixed } from "../core/format.js";
 import { RunFill } from "./fill.js";
+import { RunName } from "./name.js";
 import { RunNotes } from "./notes.js";
 import { RunReport } from "./report.js";
 import { RunSharing } from "./sharing.js";
@@ -15,6 +16,7 @@ export class RunDetail {
   constructor(place, page, events) {
     this.page = page;
     this.title = element("h2", {});
+    this.naming = new RunName(page);
     this.facts = element("p", { className: "facts" });
     this.links = element("div", { className: "links" });
     this.sharing = new RunSharing();
@@ -46,7 +48,15 @@ export class RunDetail {
       this.marks,
     );
     this.nothing = element("p", { className: "empty" }, "Choose a run to see its details.");
-    this.content = element("div", { hidden: true }, this.title, this.facts, this.links, this.single);
+    this.content = element(
+      "div",
+      { hidden: true },
+      this.title,
+      this.naming.place,
+      this.facts,
+      this.links,
+      this.single,
+    );
     place.append(this.nothing, this.content);
     events.on("mark", ({ run_id: run }) => {
       if (run === this.run?.id) this.loadMarks();
@@ -77,10 +87,12 @@ export class RunDetail {
           run.id,
           run.operator,
           experiment(run),
+          run.recording ? "" : bytes(run.bytes),
           run.problem || run.recovered || !run.complete ? `${text}: ${why}` : "",
         ]
           .filter(Boolean)
           .join(" · ");
+    this.naming.show(several ? null : run);
     this.drawLinks(run, chosen);
     this.sharing.show(several ? null : run, isOther);
     const wanted = several ? null : run;
@@ -135,6 +147,13 @@ export class RunDetail {
         : [link(`/replay/${id}`, "Replay", { title: "3D, charts and timeline (Enter)" })]),
       ...(run.report
         ? [link(`/report/${id}`, "Report", { target: "_blank", title: "verdict and plots" })]
+        : []),
+      ...(this.page.isOperator && !run.recording
+        ? [
+            link(`/#again=${id}`, "Fly again", {
+              title: "set its gains, beacons and experiment again; compared before anything is applied",
+            }),
+          ]
         : []),
       link(`/api/runs/${id}/download`, "Download", { download: "", title: `${run.id}.mcap` }),
       remove,

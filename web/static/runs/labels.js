@@ -1,6 +1,6 @@
 // Runs in words, and a search in the words of the API.
 
-import { duration, moment, words } from "../core/format.js";
+import { duration, fixed, moment, words } from "../core/format.js";
 import { startOfDay } from "../core/time_zone.js";
 
 const DATE = /^(\d{4})(?:-(\d{2})(?:-(\d{2}))?)?$/;
@@ -28,6 +28,11 @@ export function state(run) {
 export const lasted = (run) => (run.complete || run.duration ? duration(run.duration) : "–");
 export const experiment = (run) =>
   run.report ? `${words(run.experiment)}: ${run.verdict ? words(run.verdict) : "?"}` : "";
+export const verdict = (run) => (run.report ? (run.verdict ? words(run.verdict) : "?") : "");
+
+// The rms position error that its experiment was judged by, in mm.
+export const rms = (run) =>
+  Number.isFinite(run.rms ?? NaN) ? `${fixed(1e3 * run.rms, run.rms < 0.1 ? 1 : 0)} mm` : "";
 
 // Query of /api/runs/search: dates (2026, 2026-01, 2026-01-31, first..last) are of the chosen zone.
 export function query(text, tag, vehicle = "") {

@@ -1,9 +1,8 @@
 // The list of runs, newest first: thousands of them, of which only those in sight are drawn.
 
 import { element } from "../core/dom.js";
-import { bytes } from "../core/format.js";
 import { characterOf } from "../core/keys.js";
-import { experiment, lasted, startOf, state } from "./labels.js";
+import { experiment, lasted, rms, startOf, state, verdict } from "./labels.js";
 
 const PAGE = 100; // runs asked for at once
 const ROW = 34; // px, as in runs.css
@@ -11,13 +10,13 @@ const BEYOND = 8; // rows drawn above and below
 const COLUMNS = [
   ["", "mark"],
   ["start", "start"],
+  ["title", "title"],
+  ["verdict", "verdict"],
+  ["rms error", "number"],
   ["duration", "number"],
-  ["size", "number"],
   ["vehicle", "vehicle"],
   ["operator", "operator"],
-  ["experiment", "experiment"],
   ["tags", "tags"],
-  ["marks", "count"],
   ["notes", "notes"],
   ["state", "state"],
 ];
@@ -210,28 +209,25 @@ export class RunList extends EventTarget {
       );
     const [text, kind, why] = state(run);
     const box = element("input", { type: "checkbox", tabIndex: -1, ariaLabel: `choose ${run.id}` });
-    const verdict = element(
-      "td",
-      { className: `experiment ${run.verdict}`, title: experiment(run) },
-      experiment(run),
-    );
+    const judged = verdict(run),
+      chip = judged ? [element("span", { className: `chip ${run.verdict}` }, judged)] : [];
     const cell = (name, content, title = content) => element("td", { className: name, title }, content);
     return element(
       "tr",
       common,
       element("td", { className: "mark" }, box),
       cell("start", startOf(run).slice(0, 16), `${run.id}, ${startOf(run)}`),
+      cell("title", run.title),
+      element("td", { className: "verdict", title: experiment(run) }, ...chip),
+      cell("number", rms(run), rms(run) && "rms position error of the flight that was judged"),
       cell("number", lasted(run)),
-      cell("number", run.recording ? "–" : bytes(run.bytes)),
       cell("vehicle", run.vehicle),
       cell("operator", run.operator || "–"),
-      verdict,
       element(
         "td",
         { className: "tags", title: run.tags.join(", ") },
         ...run.tags.map((tag) => element("span", { className: "tag" }, tag)),
       ),
-      cell("count", run.marks ? String(run.marks) : ""),
       cell("notes", run.notes),
       element("td", { className: `state ${kind}`, title: why }, text),
     );

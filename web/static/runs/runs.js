@@ -42,6 +42,7 @@ class RunsPage {
     });
     for (const id of ["tag", "of-vehicle"]) $(id).addEventListener("change", () => this.list.reset());
     $("of-vehicle").append(...session.vehicles.map((name) => element("option", { value: name }, name)));
+    this.list.table.classList.toggle("several", session.vehicles.length > 1);
     $("of-vehicle").parentElement.hidden = session.vehicles.length < 2;
     onKey("/", "search runs", () => $("search").focus());
     this.follow(events);

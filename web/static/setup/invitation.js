@@ -1,7 +1,7 @@
 // A one-time sign-in link for one more browser: made one at a time, shown until it is closed.
 
 import { request } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { copied, element } from "../core/dom.js";
 
 export class Invitation {
   constructor() {
@@ -76,12 +76,7 @@ export class Invitation {
 
   // Said only where it was: without https, browsers give no clipboard.
   async copied() {
-    const isCopied = await (
-      navigator.clipboard?.writeText(this.link.value) ?? Promise.reject(new Error("none"))
-    ).then(
-      () => true,
-      () => false,
-    );
+    const isCopied = await copied(this.link.value);
     this.note.textContent =
       `A link for one ${this.role}, for one ` +
       `use${isCopied ? "; copied to the clipboard" : ""}.${this.reach}`;

@@ -166,6 +166,9 @@ def test_the_address_carries_the_moment(replay: Any, open_replay: Any) -> None:
     replay.keyboard.press("Shift+ArrowRight")
     replay.select_option("#transport .shows select", "3")
     replay.wait_for_function("() => location.hash === '#t=6.000&w=3'", timeout=BOUND)
+    replay.click("#transport .copy")
+    replay.wait_for_selector("#transport .copy:text-matches('Copied|See address bar')")
+    assert replay.url.endswith("#t=6.000&w=3")
     other = open_replay(f"{RUN}#t=6.000&w=3")
     at(other, 6.0)
     assert other.input_value("#transport .shows select") == "3"
@@ -396,3 +399,25 @@ def test_a_run_that_cannot_be_compared_says_why_in_its_line(open_replay: Any, lo
     assert page.locator("#signals .chart").count() == 2
     page.click("#compared li >> nth=1 >> a[aria-label^=remove]")
     look.text("#state", "^Only one of these runs can be compared.$")
+
+
+def test_while_a_run_is_read_the_page_shows_its_outline_and_how_far_it_is(
+    context: Any, open_replay: Any
+) -> None:
+    asked: list[str] = []
+
+    def answer(route: Any) -> None:
+        asked.append(route.request.url)
+        if len(asked) > 2:
+            route.continue_()
+        else:
+            route.fulfill(json={"state": "building", "progress": 0.25 * len(asked)})
+
+    context.route(f"**/api/replay/{RUN}", answer)
+    page = open_replay(f"{RUN}#t=5", ready="#state progress:not([hidden])")
+    assert page.locator(".outline").count() == 6
+    page.wait_for_function(
+        "() => document.querySelector('#state').textContent.endsWith(': 50 %')", timeout=BOUND
+    )
+    page.wait_for_selector("main[data-shown]", timeout=BOUND)
+    assert page.locator(".outline, #state progress").count() == 0

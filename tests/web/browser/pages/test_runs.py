@@ -139,7 +139,8 @@ def test_states_are_words_and_a_report_shows_its_verdict(
     sees = look_at(page)
     for row, words in enumerate(("closed", "not closed", "recovered")):
         sees.text(f"#run-{row} .state", f"^{words}$")
-    sees.text("#run-0 .experiment", "^bearings: failed$")
+    sees.text("#run-0 .verdict .chip", "^failed$")
+    sees.text("#run-0 .title", "^Bearings$")
     sees.text("#detail .links a >> nth=1", "^Report$")
 
 

@@ -1,0 +1,65 @@
+"""The title of a run, from what was flown and changed while it was recorded."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from quadrotor.parameter_description import ParameterValue
+
+PLAIN = ("take_off", "hover", "land", "brake")
+"""Behaviors of every flight, which tell no flight from another."""
+NAMES = {"figure_eight": "figure 8", "figure_eight_lap": "figure 8 lap", "excite": "step test"}
+"""Words of behaviors and trajectories whose names say it in others."""
+MOST = 3
+"""Number of changed parameters that are named."""
+LONGEST = 24
+"""Longest value of a parameter that is shown, in characters."""
+
+
+class RunTitle:
+    """What was flown and changed during one run; its methods may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._flown: Counter[str] = Counter()
+        self._first: dict[str, ParameterValue] = {}
+        self._last: dict[str, ParameterValue] = {}
+
+    def started(self, behavior: str, arguments: Mapping[str, ParameterValue]) -> None:
+        """Note a behavior that the vehicle accepted."""
+        if behavior not in PLAIN:
+            which = str(arguments.get("trajectory", behavior))
+            self._flown[NAMES.get(which, which.replace("_", " "))] += 1
+
+    def changed(self, name: str, old: ParameterValue, new: ParameterValue) -> None:
+        """Note the change of a parameter."""
+        self._first.setdefault(name, old)
+        self._last[name] = new
+
+    def text(self) -> str:
+        """Return the title, as "Figure 8 × 1, step tests × 2, kp_xy 4 → 13"; "" for a plain hover.
+
+        A parameter that was changed and changed back is left out.
+        """
+        flown = [
+            f"{words}{'s' if count > 1 else ''} × {count}" for words, count in self._flown.items()
+        ]
+        moved = [name for name, new in self._last.items() if new != self._first[name]]
+        named = [_change(name, self._first[name], self._last[name]) for name in moved[:MOST]]
+        more = [f"{len(moved) - MOST} more changes"] if len(moved) > MOST else []
+        title = ", ".join((*flown, *named, *more))
+        return f"{title[0].upper()}{title[1:]}" if flown else title
+
+
+def _change(name: str, old: ParameterValue, new: ParameterValue) -> str:
+    short = name.rpartition(".")[2]
+    values = [_shown(old), _shown(new)]
+    if max(map(len, values)) > LONGEST:
+        return f"{name} changed"
+    return f"{short} {' → '.join(values)}"
+
+
+def _shown(value: ParameterValue) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
