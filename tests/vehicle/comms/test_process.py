@@ -375,6 +375,13 @@ def check_logs(processes: VehicleProcesses, outages: list[float]) -> None:
 
 def check_files(station: FakeStation, processes: VehicleProcesses) -> None:
     """Check the list of the vehicle's logs and a part of one, over the link."""
+
+    def newest_is_whole() -> bool:
+        newest = station.call("onboard_files").files[0]
+        return bool(newest.closed and not newest.recovered)
+
+    # The status arrives before what the last process has found in the rings is written.
+    wait_for(newest_is_whole, what="the log of the last comms process")
     files = station.call("onboard_files").files
     recovered = [file.recovered for file in files]
     assert recovered == [False] + [True] * (len(files) - 1)
