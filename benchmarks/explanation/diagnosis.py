@@ -165,7 +165,7 @@ def run(size: Size = Size.FULL) -> Report:
         ),
     ]
     report.notes.append(f"named first: {first_right} of {total}")
-    report.notes.append(f"named first with a confidence of {SURE:g}: {sure_right} of {sure}")
+    report.notes.append(f"named first with confidence {SURE:g} or more: {sure_right} of {sure}")
     return report
 
 
