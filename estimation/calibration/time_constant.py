@@ -75,8 +75,8 @@ def lag_and_dead_time(
     """
     steps = _steps_of(reference_time, reference, time, signal)
     speed = np.sqrt(np.maximum(steps.shown, 0.0)) if is_force else steps.shown
-    found = _fitted(steps, speed - speed.mean())
-    seconds, dead_times = float(math.exp(found.x[0])), found.x[1:]
+    unknowns, left, jacobian = _fitted(steps, speed - speed.mean())
+    seconds, dead_times = float(math.exp(unknowns[0])), unknowns[1:]
     period = float(np.median(np.diff(steps.at)))
     if not 1.001 * BOUNDS[0] < seconds < 0.999 * BOUNDS[1] or seconds < period:
         raise MeasurementError(
@@ -84,8 +84,8 @@ def lag_and_dead_time(
             f"can show ({max(BOUNDS[0], period):.3f} to {BOUNDS[1]} s); check that the reference "
             "stands in the recording with its own time"
         )
-    rms = float(np.sqrt(np.mean(np.square(found.fun))))
-    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    rms = float(np.sqrt(np.mean(np.square(left))))
+    covariance = np.linalg.pinv(jacobian.T @ jacobian)
     error = seconds * rms * math.sqrt(float(covariance[0, 0]))
     warnings = [FROM_FORCE] if is_force else []
     early, late = np.quantile(dead_times, (0.1, 0.9))
@@ -139,8 +139,8 @@ def _steps_of(reference_time: Array, reference: Array, time: Array, signal: Arra
     return _Steps(at, shown, begins - origin, held, apart)
 
 
-def _fitted(steps: _Steps, shape: Array) -> Any:
-    """Return scipy's result for the logarithm of the time constant, and the dead times.
+def _fitted(steps: _Steps, shape: Array) -> tuple[Array, Array, Array]:
+    """Return the logarithm of the time constant with the dead times, what is left, its Jacobian.
 
     Args:
         shape: (N,) the speeds without their mean.
@@ -177,7 +177,7 @@ def _fitted(steps: _Steps, shape: Array) -> Any:
     found = fitted(min(guesses, key=lambda one: float(np.square(miss(one)).sum())))
     if steps.apart:
         found = fitted(np.concatenate([found.x[:1], np.full(len(steps.begins), found.x[1])]))
-    return found
+    return found.x, found.fun, found.jac
 
 
 def _course(time: Array, begins: Array, held: Array, seconds: float) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import FastAPI, Query, Response, WebSocket
 from pydantic import Field
@@ -15,6 +15,7 @@ from extensions.vision.calibration.guided import SIMULATED
 from extensions.vision.tags.board_print import board_pdf
 from extensions.vision.tags.charuco import Board
 from extensions.vision.tracker.camera_store import CameraStore
+from quadrotor.json_object import JsonObject
 from vehicle_link.jobs import run
 from web.access.requester import Operator
 from web.body import Body
@@ -53,7 +54,7 @@ def add_camera_calibration(app: FastAPI, context: VehicleContext) -> None:
     cameras = calibrations_of(context.catalogue.folder.parent)
 
     @app.get("/api/camera/devices")
-    def known() -> list[dict[str, Any]]:
+    def known() -> list[JsonObject]:
         """Return the cameras of this computer, the simulated one last, each with the intrinsics
         that were accepted for it, those in use first.
         """
@@ -78,31 +79,31 @@ def add_camera_calibration(app: FastAPI, context: VehicleContext) -> None:
         )
 
     @app.get("/api/camera")
-    def state() -> dict[str, Any]:
+    def state() -> JsonObject:
         """Return the newest calibration: none, running, ready or failed."""
         return cameras.as_json()
 
     @app.post("/api/camera")
-    def begin(body: CameraBody, session: Operator) -> dict[str, Any]:
+    def begin(body: CameraBody, session: Operator) -> JsonObject:
         """Start the guided calibration of a camera; nothing changes until it is accepted."""
         board = Board(body.columns, body.rows, body.square, body.marker)
         cameras.begin(body.camera, board, session.label)
         return cameras.as_json()
 
     @app.post("/api/camera/finish")
-    def finish(_: Operator) -> dict[str, Any]:
+    def finish(_: Operator) -> JsonObject:
         """End the calibration with the pictures taken so far."""
         cameras.finish()
         return cameras.as_json()
 
     @app.post("/api/camera/cancel")
-    def cancel(_: Operator) -> dict[str, Any]:
+    def cancel(_: Operator) -> JsonObject:
         """End the calibration without a result, or drop its result; nothing changes."""
         cameras.cancel()
         return cameras.as_json()
 
     @app.post("/api/camera/accept")
-    def accept(session: Operator) -> dict[str, Any]:
+    def accept(session: Operator) -> JsonObject:
         """Store the result where `quadlab tracker` looks for the camera's intrinsics."""
         cameras.accept(session.label)
         return cameras.as_json()
