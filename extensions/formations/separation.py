@@ -43,7 +43,7 @@ SECOND = 1_000_000_000
 
 
 class Guard:
-    """What keeps one vehicle apart from the others.
+    """The part of a vehicle that keeps it apart from the others.
 
     Args:
         radio: hears the places of the others, and broadcasts the own one.
