@@ -125,7 +125,7 @@ class Planned:
 
 
 class Straight:
-    """To and fro along x, as far as the radius."""
+    """A path to and fro along x, as far as the radius."""
 
     def __init__(self, room: Room) -> None:
         self._room, self._time = room, 0.0

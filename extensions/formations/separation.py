@@ -29,6 +29,8 @@ RATE = 1.0
 """1/s, at which a pair may close what is left."""
 ACCELERATION = 1.0
 """m/s^2, by which a vehicle may depart from the velocity that it has broadcast."""
+AGREED_NS = 200_000_000
+"""Age up to which a broadcast velocity is what both of a pair reckon with."""
 SILENT = 1.0
 """Age, s, of a place above which only a bearing of its vehicle tells where it may not go."""
 AROUND = 0.8
@@ -41,7 +43,7 @@ SECOND = 1_000_000_000
 
 
 class Guard:
-    """What keeps one vehicle apart from the others.
+    """The part of a vehicle that keeps it apart from the others.
 
     Args:
         radio: hears the places of the others, and broadcasts the own one.
@@ -68,8 +70,9 @@ class Guard:
         asked = turn @ _shortened(velocity_y, limits)
         here = np.asarray(position_w, dtype=float)
         near, missing = self._neighbours(here, now_ns)
+        drift = np.array([self._drift(k, away, now_ns) for k, away in near.items()])
         self._tell_lost(missing, now_ns)
-        flown = np.zeros(3) if missing else _around(asked, near)
+        flown = np.zeros(3) if missing else _around(asked, near, drift)
         self._tell_blocked(asked, flown, near, now_ns)
         flown = turn.T @ _shortened(flown, limits)
         (x, y, z), (u, v, w) = here.tolist(), (turn @ flown).tolist()
@@ -95,6 +98,16 @@ class Guard:
             else:
                 missing.append(k)
         return near, missing
+
+    def _drift(self, k: int, away: Array, now_ns: int) -> float:
+        """Return the mean velocity (m/s) of this vehicle and another toward the other, as both
+        have broadcast; 0 where the pair cannot agree on it.
+        """
+        own, place = self._radio.own, self._radio.places.get(k)
+        if own is None or place is None or now_ns - place.stamp_ns > AGREED_NS:
+            return 0.0
+        mean = 0.5 * (np.array(own.velocity_w) + np.array(place.velocity_w))
+        return float(mean @ away) / max(float(np.linalg.norm(away)), 1e-9)
 
     def _sight(self, k: int, now_ns: int) -> Array | None:
         """Return the own bearing (3,) of a vehicle in world axes, if it is in sight."""
@@ -138,16 +151,16 @@ class Guard:
             )
 
 
-def _around(asked: Array, near: dict[int, Array]) -> Array:
+def _around(asked: Array, near: dict[int, Array], drift: Array) -> Array:
     """Return the velocity (3,) nearest to that asked for that keeps apart, around to the right of
     those that block it.
     """
     others = np.array(list(near.values())).reshape(-1, 3)
-    flown = separated_velocity(asked, others, KEPT, RATE)
+    flown = separated_velocity(asked, others, KEPT, RATE, drift)
     blocked = asked - flown
     if float(np.abs(blocked).max(initial=0.0)) < 1e-3:
         return flown
-    return separated_velocity(asked + AROUND * np.cross(blocked, E_Z), others, KEPT, RATE)
+    return separated_velocity(asked + AROUND * np.cross(blocked, E_Z), others, KEPT, RATE, drift)
 
 
 def _shortened(velocity: npt.ArrayLike, limits: Array) -> Array:

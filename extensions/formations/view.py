@@ -1,4 +1,4 @@
-"""How much an edge counts: less before it leaves the observer's field of view or range."""
+"""Weights of edges, which fall before an edge leaves the observer's field of view or range."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COUNTED = 0.5
 
 
 class View:
-    """What the sensor of each vehicle can see, by its parameters; the vehicle is taken as level."""
+    """The field of view and range of the sensor of each vehicle, which is taken as level."""
 
     def __init__(self, parameters: BearingParameters) -> None:
         self._axis = axis_of(parameters)

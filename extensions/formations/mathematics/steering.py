@@ -67,7 +67,11 @@ def steering_pace(eigenvalue: float, bound: float) -> float:
 
 
 def separated_velocity(
-    velocity_y: npt.ArrayLike, neighbours_y: npt.ArrayLike, least: float, rate: float = 1.0
+    velocity_y: npt.ArrayLike,
+    neighbours_y: npt.ArrayLike,
+    least: float,
+    rate: float = 1.0,
+    drift: npt.ArrayLike = 0.0,
 ) -> Array:
     """Return the velocity nearest to `velocity_y` that approaches no neighbour too fast: toward
     one at distance d at most rate (d - least) / 2 in m/s, away from one that is nearer.
@@ -81,12 +85,15 @@ def separated_velocity(
     Args:
         velocity_y: (3,) m/s. neighbours_y: (N, 3) m, from the vehicle, in the same axes.
         least: m. rate: 1/s.
+        drift: (N,) m/s, mean velocity of both of a pair toward the neighbour, by which the pair
+            moves together; the same at both of them.
     """
     velocity = np.array(velocity_y, dtype=float)
     others = np.asarray(neighbours_y, dtype=float).reshape(-1, 3)
     distance = np.linalg.norm(others, axis=1)
     toward = others / np.maximum(distance, 1e-9)[:, None]
-    allowed = 0.5 * rate * (distance - least)
+    allowed = 0.5 * rate * (distance - least) + np.asarray(drift, dtype=float)
+    allowed = np.broadcast_to(allowed, distance.shape)
     correction = np.zeros_like(toward)
     for _ in range(20):  # Dykstra's projection on the half spaces
         before = velocity.copy()

@@ -63,6 +63,20 @@ def test_two_that_meet_head_on_pass_each_other() -> None:
     assert flock.events() == []
 
 
+@pytest.mark.parametrize("lag", [0.0, 0.25])
+def test_two_that_fly_one_behind_the_other_are_not_slowed_and_the_first_may_stop(
+    lag: float,
+) -> None:
+    flock = _flock(np.array([[0.0, 0.0, 1.0], [1.3, 0.0, 1.0]]))
+    together = np.array([[0.6, 0.0, 0.0], [0.6, 0.0, 0.0]])
+    for _ in range(100):
+        _step(flock, together, lag)
+    assert flock.velocities == pytest.approx(together, abs=0.02)
+    for _ in range(100):
+        _step(flock, together * [[1.0], [0.0]], lag)
+        assert np.linalg.norm(flock.places[1] - flock.places[0]) >= SEPARATION
+
+
 def test_what_is_asked_for_is_flown_while_nobody_is_near() -> None:
     flock = _flock(np.array([[-2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
     asked = np.array([[-0.5, 0.2, 0.1], [0.3, -0.2, 0.0]])
