@@ -19,7 +19,7 @@ LONGEST = 120
 
 @dataclass(frozen=True, slots=True)
 class Title:
-    """The title of a run; `author` is the person who wrote it, "" for the station's."""
+    """The title of a run. `author` is the person who wrote it, "" where the station made it."""
 
     text: str
     author: str = ""

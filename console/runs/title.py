@@ -10,7 +10,7 @@ from quadrotor.parameter_description import ParameterValue
 PLAIN = ("take_off", "hover", "land", "brake")
 """Behaviors of every flight, which tell no flight from another."""
 NAMES = {"figure_eight": "figure 8", "figure_eight_lap": "figure 8 lap", "excite": "step test"}
-"""Words of behaviors and trajectories whose names say it in others."""
+"""Names of behaviors and trajectories in the words of a title."""
 MOST = 3
 """Number of changed parameters that are named."""
 LONGEST = 24

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
@@ -37,9 +37,7 @@ def add_again(app: FastAPI, parts: VehicleContext) -> None:
         return {"run": run_id, **experiment, **compare(parts.replica, values)}
 
 
-def _settings(
-    catalogue: Catalogue, run_id: str
-) -> tuple[dict[str, ParameterValue], dict[str, Any]]:
+def _settings(catalogue: Catalogue, run_id: str) -> tuple[dict[str, ParameterValue], JsonObject]:
     """Return parameters, and experiment with options. Raises StorageError or LogFormatError."""
     run = catalogue.resolve(run_id)
     at_start = parameters_of(read_attachments(log_of(run)).get(PARAMETERS))
