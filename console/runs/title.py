@@ -18,7 +18,7 @@ LONGEST = 24
 
 
 class RunTitle:
-    """What was flown and changed during one run; its methods may be called from any thread."""
+    """Behaviors flown and parameters changed during one run; called from any thread."""
 
     def __init__(self) -> None:
         self._flown: Counter[str] = Counter()

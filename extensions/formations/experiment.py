@@ -11,10 +11,11 @@ import numpy as np
 from bearing_sim.sampling import Draws
 from console.evaluation.result import Result
 from console.experiments.client import Client
-from console.experiments.manoeuvres import arm, brake, land, take_off, wait_ready
+from console.experiments.manoeuvres import arm, brake, come_down, take_off, wait_ready
 from console.experiments.together import Company
 from control.trajectories.velocity_filter import BANDWIDTH
 from extensions.formations.mathematics.steering import NullMotion
+from extensions.formations.messages import Radio, Whereabouts
 from extensions.formations.options import FormationOptions
 from extensions.formations.pilot import Pilot
 from extensions.formations.separation import Guard
@@ -104,7 +105,7 @@ class FormationExperiment:
         client.wait_until(lambda v: v.behavior == "hover", what="the turn", timeout=10)
         client.wait_until(lambda v: v.time >= GATHERED, what="the others", timeout=GATHERED)
         self._fly_formation(client, self._pilot)
-        land(client)
+        come_down(client)
 
     def _fly_formation(self, client: Client, pilot: Pilot) -> None:
         windows, p = self._windows, self.parameters
@@ -118,9 +119,9 @@ class FormationExperiment:
         pilot.is_flying, turning = True, 0.0
         while (now := (view := client.view()).time) < windows.end:
             if now >= fails:
-                pilot.radio.mute = True
-                client.start("land")
-                break
+                pilot.is_flying = False
+                self._leave(client, pilot.radio, windows.end)
+                return
             pilot.command = self._command(now - windows.held)
             kept = guard.keep(pilot.velocity_y, view.position_w, round(1e9 * now), limits)
             u, v, w = kept.tolist()
@@ -129,8 +130,21 @@ class FormationExperiment:
             self._effort.append(math.sqrt(u * u + v * v + w * w))
             client.wait(STEP)
         pilot.is_flying = False
-        if now < fails:
-            brake(client)
+        brake(client)
+
+    @staticmethod
+    def _leave(client: Client, radio: Radio, end: float) -> None:
+        """Land, and broadcast the own place alone until the others land, too."""
+        radio.has_left = True
+        client.start("land")
+        last = client.view()
+        while last.time < end:
+            client.wait(STEP)
+            view = client.view()
+            u, v, w = ((view.position_w - last.position_w) / (view.time - last.time)).tolist()
+            x, y, z = view.position_w.tolist()
+            radio.own = Whereabouts(round(1e9 * view.time), (x, y, z), (u, v, w))
+            last = view
 
     def _command(self, since: float) -> NullMotion:
         """Return the null motion of the plan: there and back in all of them, with periods of 6 to

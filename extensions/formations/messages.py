@@ -30,15 +30,19 @@ class Message:
     Attributes:
         yaw: its own estimate, rad. distance: m, measured to the vehicle after it; 0 for none.
         bearings_y: by vehicle, unit vectors (3,) in its yaw frame.
+        has_left: whether it flies no more in the formation, and its place alone counts.
     """
 
     stamp_ns: int
     yaw: float
     distance: float
     bearings_y: dict[int, Triple]
+    has_left: bool = False
 
     def encode(self) -> bytes:
-        head = _HEAD.pack(self.stamp_ns, self.yaw, self.distance, len(self.bearings_y), 0)
+        head = _HEAD.pack(
+            self.stamp_ns, self.yaw, self.distance, len(self.bearings_y), self.has_left
+        )
         rows = (
             _BEARING.pack(k, *(round(_UNIT * one) for one in bearing))
             for k, bearing in self.bearings_y.items()
@@ -52,13 +56,13 @@ class Message:
 
     @classmethod
     def decode(cls, data: bytes) -> Message:
-        stamp_ns, yaw, distance, count, _ = _HEAD.unpack_from(data)
+        stamp_ns, yaw, distance, count, has_left = _HEAD.unpack_from(data)
         found: dict[int, Triple] = {}
         for place in range(count):
             k, x, y, z = _BEARING.unpack_from(data, _HEAD.size + place * _BEARING.size)
             length = (x * x + y * y + z * z) ** 0.5
             found[k] = (x / length, y / length, z / length)
-        return cls(stamp_ns, yaw, distance, found)
+        return cls(stamp_ns, yaw, distance, found, bool(has_left))
 
 
 class Whereabouts(NamedTuple):
@@ -83,6 +87,7 @@ class Radio:
     Attributes:
         own: place that is broadcast with the next message. places: newest of each other vehicle.
         sent: the newest own message. mute: whether nothing is broadcast.
+        has_left: whether the own place alone is broadcast, for the separation.
     """
 
     def __init__(self, company: Company, parameters: MessageParameters) -> None:
@@ -91,16 +96,21 @@ class Radio:
         self.own: Whereabouts | None = None
         self.places: dict[int, Whereabouts] = {}
         self.sent: Message | None = None
-        self.mute = False
+        self.mute = self.has_left = False
 
     def send(self, message: Message) -> None:
         """Broadcast a message, and the own place."""
+        if self.has_left:
+            message = Message(message.stamp_ns, message.yaw, 0.0, {}, has_left=True)
         self.sent = message
         if not self.mute:
             self._company.broadcast(message.encode() + (self.own.encode() if self.own else b""))
 
     def arrived(self, now_ns: int) -> Iterator[tuple[int, Message]]:
-        """Yield sender and message of those that have arrived; call it after each meeting."""
+        """Yield sender and message of those that have arrived, but for those that have left.
+
+        It is called after each meeting.
+        """
         for k in range(len(self._company.names)):
             mail = self._company.neighbour(k).mail if k != self._company.index else b""
             if mail and Draws(self._company.seed, k, now_ns).uniform() > self._parameters.loss:
@@ -109,4 +119,5 @@ class Radio:
             message = Message.decode(mail)
             if place := mail[message.size :]:
                 self.places[k] = Whereabouts.decode(place)
-            yield k, message
+            if not message.has_left:
+                yield k, message

@@ -1,4 +1,4 @@
-"""What has to be set to fly a run again: its experiment with the options, gains and beacons."""
+"""Settings with which a run is flown again: its experiment with the options, gains and beacons."""
 
 from __future__ import annotations
 

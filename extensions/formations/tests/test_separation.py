@@ -40,6 +40,18 @@ def _step(flock: Flock, asked: Array, lag: float) -> None:
     flock.places += DT * flock.velocities
 
 
+def test_a_vehicle_that_has_left_is_known_by_its_place_alone() -> None:
+    flock = _flock(np.array([[-1.5, 0.0, 1.0], [1.5, 0.0, 1.0]]))
+    here, other = (pilot.radio for pilot in flock.pilots)
+    other.has_left = True
+    other.own = Whereabouts(0, (1.5, 0.0, 0.25), (0.0, 0.0, -0.5))
+    other.send(Message(0, 0.1, 1.5, {0: (-1.0, 0.0, 0.0)}))
+    flock.all[1].arriving = flock.all[1].mail
+    heard = [*here.arrived(0), *here.arrived(1_000_000_000)]  # a message takes its time
+    assert heard == [], "its bearings and yaw lead nobody"
+    assert here.places[1] == other.own
+
+
 @pytest.mark.parametrize("lag", [0.0, 0.25])
 @pytest.mark.parametrize("seed", range(6))
 def test_no_two_come_nearer_than_the_separation_on_any_paths(seed: int, lag: float) -> None:
