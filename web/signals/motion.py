@@ -17,6 +17,9 @@ VELOCITY = tuple(f"twist.twist.linear.{axis}" for axis in "xyz")
 SINKS, SLIDES, RISES = 0.1, 0.02, 0.1
 """Reference of a landing: speed down, in m/s, from which on a descent that is not flown shows the
 ground; speed sideways and acceleration up, in m/s and m/s², that it has at most."""
+SUNK = 0.3
+"""Distance in m by which such a reference sinks at most until the vehicle has detected the
+touch-down; a vehicle that is further above does not descend, and that is an error."""
 STOPPED = 0.3
 """Share of a commanded descent below which it is not flown, as for the vehicle's own detection of
 a touch-down."""
@@ -39,8 +42,8 @@ def _state(*columns: Array) -> Sequence[Array]:
 def _tracking(*inputs: Array) -> Sequence[Array]:
     """Return the tracking error, which has no value on the ground.
 
-    There the reference is the vehicle's own position, or, at a touch-down, sinks on below a vehicle
-    that has stopped.
+    There the reference is the vehicle's own position, or, at a touch-down, sinks on for a moment
+    below a vehicle that has stopped.
     """
     x, y, z, yaw, climb, *rest = inputs
     *reference, reference_yaw = rest[:4]
@@ -51,7 +54,8 @@ def _tracking(*inputs: Array) -> Sequence[Array]:
     follows = (error[0] == 0.0) & (error[1] == 0.0) & (error[2] == 0.0)
     sinks = (velocity[2] < -SINKS) & (acceleration[2] < RISES)
     is_straight = np.hypot(*velocity[:2]) + np.hypot(*acceleration[:2]) < SLIDES
-    grounded = follows | (sinks & is_straight & (climb > STOPPED * velocity[2]))
+    stands = (climb > STOPPED * velocity[2]) & (error[2] < SUNK)
+    grounded = follows | (sinks & is_straight & stands)
     values = (*error, _length(*error), wrapped * DEGREES)
     return [np.where(grounded, np.nan, one) for one in values]
 

@@ -16,12 +16,15 @@ WEIGHT_HELD = -5.0
 
 
 def errors(
-    climb: float, speed: tuple[float, float, float], acceleration: tuple[float, float, float]
+    climb: float,
+    speed: tuple[float, float, float],
+    acceleration: tuple[float, float, float],
+    below: float = 0.05,
 ) -> list[float]:
     """Return the tracking errors of a vehicle that climbs so, of a reference that moves so."""
     received, ticks = Received(), ticks_of(5)
     ticks["state"]["velocity_w"][:, 2] = climb
-    ticks["reference"]["position_w"][:, 2] = -0.05
+    ticks["reference"]["position_w"][:, 2] = -below
     ticks["reference"]["velocity_w"], ticks["reference"]["acceleration_w"] = speed, acceleration
     received.ticks(ticks)
     return received.samples(ERROR)
@@ -48,6 +51,10 @@ def test_an_error_in_the_air_is_told(
     climb: float, speed: tuple[float, float, float], acceleration: tuple[float, float, float]
 ) -> None:
     assert errors(climb, speed, acceleration) == pytest.approx([0.05] * 5)
+
+
+def test_a_descent_that_an_updraught_holds_up_is_an_error() -> None:
+    assert errors(0.0, (0.0, 0.0, -0.3), (0.0, 0.0, 0.0), 0.31) == pytest.approx([0.31] * 5)
 
 
 def test_a_reference_that_follows_the_vehicle_on_the_ground_gives_no_error() -> None:
