@@ -41,11 +41,10 @@ class RunTitle:
 
         A parameter that was changed and changed back is left out.
         """
-        flown = [
-            f"{words}{'s' if count > 1 else ''} × {count}" for words, count in self._flown.items()
-        ]
-        moved = [name for name, new in self._last.items() if new != self._first[name]]
-        named = [_change(name, self._first[name], self._last[name]) for name in moved[:MOST]]
+        counts, last = dict(self._flown), dict(self._last)  # other threads go on
+        flown = [f"{words}{'s' if count > 1 else ''} × {count}" for words, count in counts.items()]
+        moved = [name for name, new in last.items() if new != self._first[name]]
+        named = [_change(name, self._first[name], last[name]) for name in moved[:MOST]]
         more = [f"{len(moved) - MOST} more changes"] if len(moved) > MOST else []
         title = ", ".join((*flown, *named, *more))
         return f"{title[0].upper()}{title[1:]}" if flown else title
