@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from flight_log.summary import summarize
 from quadlab.option_types import Settings
 from quadrotor.errors import StorageError, UsageError
 from quadrotor.extension import Exporter
@@ -105,6 +104,7 @@ def write_tables(log: Path, folder: Path) -> list[Path]:
     StorageError.
     """
     from console.log_tables import Tables
+    from flight_log.summary import summarize
 
     there = summarize(log).topics
     topics = [one for one in there if one.rpartition("/")[2] in TOPICS]

@@ -59,22 +59,27 @@ class ParameterReplica:
         self.revision = -1
         self.instance: int | None = None
         self.shown: tuple[int, int] | None = None
+        self._is_outdated = False  # of `shown`
         self.clock = 0
 
     # ------------------------------------------------------------------ updates
     def note_status(self, instance: int, revision: int) -> None:
         """Store the instance and revision that the vehicle reports in its status."""
         with self._lock:
-            self.shown = (instance, revision)
+            self.shown, self._is_outdated = (instance, revision), False
             if self._is_behind():
                 self._behind_since = self._behind_since or monotonic()
             else:
                 self._behind_since = None
 
     def mark_incomplete(self) -> None:
-        """Note that changes may have been lost: the next snapshot may be of other processes."""
+        """Note that changes may have been lost, and a snapshot is due.
+
+        The next status tells of which process it is: the vehicle may have restarted, and its new
+        process would answer in the name of the old one.
+        """
         with self._lock:
-            self.is_whole = False
+            self.is_whole, self._is_outdated = False, True
 
     def load(
         self,
@@ -151,7 +156,7 @@ class ParameterReplica:
     def is_due(self) -> bool:
         """Return whether a snapshot is due: the first, of another process, or for a lost change."""
         with self._lock:
-            if self.shown is None:
+            if self.shown is None or self._is_outdated:
                 return False
             if not self.is_whole or self.shown[0] != self.instance:
                 return True

@@ -40,4 +40,4 @@ def test_the_page_ros_and_a_restart_are_rows_in_order(linked: Any) -> None:
 
     linked.disconnect()
     linked.connect()  # its parameters are those of its start again
-    assert until(lambda: rows()[-1] == (KP, 7.0, 4.0, AT_RESTART))
+    assert until(lambda: rows()[-1] == (KP, 7.0, 4.0, AT_RESTART)), rows()
