@@ -14,6 +14,7 @@ from console.catalogue.titles import store_title, titles_of
 from flight_log import LogWriter
 from flight_log.run_folder import STATION
 from tests.support.runs import run_entry
+from tests.waiting import wait_for
 
 RUN = "20260201T093042Z_quad1"
 NAME = "#detail input.name"
@@ -67,6 +68,8 @@ def test_a_title_is_written_over_and_comes_back_when_emptied(
 def test_a_run_to_fly_again_is_compared_first(
     runs_page: Any, site: Any, flying: Any, look_at: Any, run: str, shown: str
 ) -> None:
+    with site.sign_in() as client:  # the vehicle's parameters are read when it is heard
+        wait_for(lambda: client.get(f"/api/runs/{RUN}/again").status_code == 200)
     runs_page.goto(f"{site.base}/#again={run}")
     runs_page.wait_for_selector("#behaviors button")
     look_at(runs_page).text("#parameter-panel :is(h2, .reason[role=status]):not([hidden])", shown)

@@ -107,7 +107,7 @@ def test_the_verdict_has_its_figures_and_leads_to_the_report(
     assert shown.inner_text("h1") == "bearings: failed"
     assert "hover" in shown.inner_text("main")
     shown.goto(f"{site.base}/runs")
-    shown.wait_for_selector("#list td.failed:has-text('bearings: failed')")
+    shown.wait_for_selector("#list td.verdict[title='bearings: failed'] .chip.failed")
     shown.wait_for_selector("#detail a:has-text('Report')")
     shown.close()
 
@@ -139,5 +139,5 @@ def test_a_run_that_is_not_judged_says_so_everywhere_and_why(
     shown.wait_for_selector(f".reason:has-text('{reason}')")
     assert shown.inner_text("h1") == "bearings: not judged"
     shown.goto(f"{site.base}/runs")
-    shown.wait_for_selector("#list td.not_judged:has-text('bearings: not judged')")
+    shown.wait_for_selector("#list td.verdict[title='bearings: not judged'] .chip.not_judged")
     shown.close()

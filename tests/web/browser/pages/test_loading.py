@@ -11,6 +11,7 @@ import pytest
 
 from tests.waiting import wait_for
 from vehicle_link.messages import header, new
+from web.features import panels_of_extensions
 from web.joined_files import join_modules
 from web.static_files import STATIC
 
@@ -69,22 +70,23 @@ def test_the_main_page_is_ready_after_few_requests(
 
 
 @pytest.mark.parametrize(
-    ("path", "name"),
+    ("path", "name", "place"),
     [
-        ("/kill", "emergency/kill"),
-        ("/runs", "runs/runs"),
-        ("/setup", "setup/setup"),
-        ("/fleet", "fleet/fleet"),
+        ("/kill", "emergency/kill", ""),
+        ("/runs", "runs/runs", ""),
+        ("/setup", "setup/setup", "settings"),
+        ("/fleet", "fleet/fleet", ""),
     ],
 )
-def test_the_other_pages_need_one_script_and_one_stylesheet(
-    site: Any, context: Any, admin: Any, counted: Any, path: str, name: str
+def test_the_other_pages_need_one_stylesheet_and_a_script_of_each_extension_and_their_own(
+    site: Any, context: Any, admin: Any, counted: Any, path: str, name: str, place: str
 ) -> None:
     context.add_cookies(site.cookies_of(admin))
     page, asked = counted(f"{site.base}{path}")
     page.wait_for_load_state("networkidle")
     files = [one.rpartition("/joined/")[2] for one in asked if "/static/" in one]
-    assert sorted(files) == [f"{name}.css", f"{name}.js"]
+    panels = [one.script.module for one in panels_of_extensions() if one.offer.place == place]
+    assert sorted(files) == sorted([*panels, f"{name}.css", f"{name}.js"])
 
 
 @pytest.fixture
