@@ -87,7 +87,8 @@ class Radio:
     Attributes:
         own: place that is broadcast with the next message. places: newest of each other vehicle.
         sent: the newest own message. mute: whether nothing is broadcast.
-        has_left: whether the own place alone is broadcast, for the separation.
+        has_left: whether the own place alone is broadcast, for the separation. left: vehicles
+            that have told so.
     """
 
     def __init__(self, company: Company, parameters: MessageParameters) -> None:
@@ -97,6 +98,7 @@ class Radio:
         self.places: dict[int, Whereabouts] = {}
         self.sent: Message | None = None
         self.mute = self.has_left = False
+        self.left: set[int] = set()
 
     def send(self, message: Message) -> None:
         """Broadcast a message, and the own place."""
@@ -119,5 +121,7 @@ class Radio:
             message = Message.decode(mail)
             if place := mail[message.size :]:
                 self.places[k] = Whereabouts.decode(place)
-            if not message.has_left:
+            if message.has_left:
+                self.left.add(k)
+            else:
                 yield k, message

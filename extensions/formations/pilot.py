@@ -207,7 +207,8 @@ class Pilot:
             if is_silent and k not in self._silent and k != self._own:
                 self._silent.add(k)
                 self._suspicion.forget(k)
-                self._company.event(f"formation: {name} is silent; it is left out")
+                told = "has left" if k in self.radio.left else "is silent; it is left out"
+                self._company.event(f"formation: {name} {told}")
             elif not is_silent and k in self._silent:
                 self._silent.remove(k)
                 self._company.event(f"formation: {name} is heard again")

@@ -90,4 +90,5 @@ def replacements(parameters: FlightParameters, estimated_w: Array) -> Replacemen
 
 
 def _offered() -> dict[str, Offered[SimulatedSensor]]:
-    return registry().offers(SimulatedSensor, taken=FlightParameters.model_fields)
+    taken = (*FlightParameters.model_fields, "board", "experiment")  # groups that a flight adds
+    return registry().offers(SimulatedSensor, taken=taken)

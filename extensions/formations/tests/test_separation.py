@@ -50,6 +50,7 @@ def test_a_vehicle_that_has_left_is_known_by_its_place_alone() -> None:
     heard = [*here.arrived(0), *here.arrived(1_000_000_000)]  # a message takes its time
     assert heard == [], "its bearings and yaw lead nobody"
     assert here.places[1] == other.own
+    assert here.left == {1}
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.25])
