@@ -14,7 +14,7 @@ export function followAddress() {
   search.dispatchEvent(new Event("input"));
 }
 
-// Where something differs, its comparison comes first.
+// Where something differs, its comparison comes first; without an experiment, that nothing does.
 /** @param {string} run */
 async function again(run) {
   let found;
@@ -23,7 +23,7 @@ async function again(run) {
   } catch (/** @type {any} */ error) {
     found = { run, problem: error.message, lines: [], experiment: "", options: {} };
   }
-  const tab = found.problem || found.lines.length ? "gains" : "fly";
+  const tab = found.experiment && !found.problem && !found.lines.length ? "fly" : "gains";
   document.querySelector(`[role=tab][data-tab="${tab}"]`)?.click();
   document.dispatchEvent(new CustomEvent("again", { detail: found }));
 }
