@@ -18,6 +18,7 @@ from quadlab.commands.parsing import parse
 from quadlab.commands.table import commands, of_several, overview
 from quadlab.interrupt import INTERRUPTED, end_at_interrupt, raise_at_interrupt
 from quadlab.up.supervise import follow_parent
+from quadrotor.checkout import DISTRIBUTION
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.extensions import tell_problems
 
@@ -35,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands()  # asks all extensions
     tell_problems()
     if words == ["--version"]:
-        print(f"quadlab {version('quadlab')}")
+        print(f"quadlab {version(DISTRIBUTION)}")
         return 0
     if words in ([], ["--help"], ["-h"]):
         print(overview(), end="")

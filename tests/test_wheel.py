@@ -7,11 +7,14 @@ import runpy
 import subprocess
 import venv
 import zipfile
+from collections.abc import Iterator
 from importlib import import_module
+from importlib.metadata import Distribution, PackagePath, distribution
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
 
 from quadrotor import errors
 from quadrotor.checkout import PACKAGES, ROOT
@@ -102,6 +105,71 @@ def test_a_wheel_has_nothing_outside_quadlab_and_every_file_in_its_record(python
     assert {line.rsplit(",", 2)[0] for line in record} == names
     assert "quadlab/web/static/console/index.html" in names
     assert "quadlab/vehicle_link/messages/quadlab_msgs/msg/Reference.msg" in names
+
+
+@pytest.fixture(scope="module")
+def vehicle_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the interpreter of a new environment with the vehicle's wheel and its libraries."""
+    folder = tmp_path_factory.mktemp("vehicle")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        wheel = BACKEND["build_wheel"](str(folder), {"for": "vehicle"})
+    venv.create(folder / "env", symlinks=True)
+    site = next((folder / "env" / "lib").glob("python*/site-packages"))
+    zipfile.ZipFile(folder / wheel).extractall(site)
+    for file in _with_what_they_need(_required(_distribution_at(site, "quadlab-vehicle"))):
+        top = file.parts[0]
+        if top not in ("..", "__pycache__") and not (site / top).exists():
+            (site / top).symlink_to(Path(np.__file__).parents[1] / top)
+    return folder / "env" / "bin" / "python"
+
+
+def _distribution_at(site: Path, name: str) -> Distribution:
+    return next(iter(Distribution.discover(name=name, path=[str(site)])))
+
+
+def _required(of: Distribution) -> set[str]:
+    found = map(Requirement, of.requires or [])
+    return {one.name for one in found if one.marker is None or one.marker.evaluate({"extra": ""})}
+
+
+def _with_what_they_need(names: set[str]) -> Iterator[PackagePath]:
+    """Yield the files of these distributions and of those that they need."""
+    waiting, seen = sorted(names), set()
+    while waiting:
+        if (name := waiting.pop()) not in seen:
+            seen.add(name)
+            waiting += _required(distribution(name))
+            yield from distribution(name).files or []
+
+
+def test_the_vehicle_s_wheel_runs_with_its_few_libraries_alone(vehicle_python: Path) -> None:
+    modules = (
+        "from quadlab.vehicle.flight import process\nfrom quadlab.vehicle.comms import process"
+    )
+    _run(vehicle_python, "-c", modules)
+    overview = _run(vehicle_python, "-m", "quadlab")
+    listed = re.findall(r"(?m)^  (\w+)  +[A-Z]", overview)
+    assert listed == ["doctor", "vehicle"]
+    found = _run(vehicle_python, "-m", "quadlab", "doctor")
+    assert re.search(r"extensions +betaflight, crazyflie, fmu, laws\n", found)
+    assert "--link-port" in _run(vehicle_python, "-m", "quadlab", "vehicle", "--help")
+    for words, told in (
+        (["up"], "quadlab: the command up is not in quadlab-vehicle, the part"),
+        (["upp"], "quadlab: there is no command 'upp'; there are doctor, vehicle;"),
+        (["vehicle", "--serial", "none", "--set", "control.law=x"], "quadlab: control.law = 'x'"),
+    ):
+        command = [vehicle_python, "-m", "quadlab", *words]
+        refused = subprocess.run(
+            command, cwd=vehicle_python.parents[2], capture_output=True, text=True, check=False
+        )
+        assert (refused.returncode != 0, refused.stderr[: len(told)]) == (True, told)
+        assert refused.stderr.count("\n") == 1
+
+
+def test_a_wheel_for_something_else_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"no setting \{'for': 'page'\}; allowed is for=vehicle"):
+        BACKEND["build_wheel"]("nowhere", {"for": "page"})
 
 
 def test_imports_are_put_below_quadlab_and_a_bare_one_is_refused() -> None:

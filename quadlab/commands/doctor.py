@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 
 from quadlab.option_types import Folder
+from quadrotor.checkout import DISTRIBUTION
 
 
 @dataclass
@@ -32,7 +33,7 @@ class Doctor:
         found = provenance()
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
         lines = {
-            "quadlab": f"{version('quadlab')}, revision {found['git_revision']}"
+            DISTRIBUTION: f"{version(DISTRIBUTION)}, revision {found['git_revision']}"
             + (", changed" if found["git_dirty"] == "true" else ""),
             "versions": found["versions"],
             "system": f"{platform.platform()}, {os.cpu_count()} processors, {memory / 1e9:.1f} GB",

@@ -8,7 +8,8 @@ import io
 import re
 from collections.abc import Sequence
 
-from quadlab.commands.table import Command, commands, examples_of
+from quadlab.commands.table import Command, commands, examples_of, is_at_station
+from quadrotor.checkout import DISTRIBUTION
 from quadrotor.errors import UsageError
 
 WORDS = (
@@ -66,6 +67,11 @@ def _parsed(words: list[str]) -> Command | str:
 
 
 def _no_command(word: str) -> str:
+    if is_at_station(word):
+        return (
+            f"the command {word} is not in {DISTRIBUTION}, the part of quadlab for the vehicle's "
+            "computer; run it where quadlab is installed"
+        )
     near = difflib.get_close_matches(word.lower(), commands(), n=2, cutoff=0.5)
     meant = f"; did you mean {' or '.join(near)}?" if near else ""
     there_are = ", ".join(commands())

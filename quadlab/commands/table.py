@@ -5,9 +5,11 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping
 from functools import lru_cache, reduce
+from importlib.util import find_spec
 from operator import or_
 from typing import Annotated, Protocol
 
+from quadrotor.checkout import IS_VEHICLE_S
 from quadrotor.extension import Command as Row
 from quadrotor.extension import Group
 from quadrotor.extensions import Offered, registry
@@ -118,7 +120,7 @@ _ROWS = (
         name="vehicle",
         group=Group.PROCESS,
         summary="Run the vehicle's flight stack on board: flight and comms process.",
-        target=".processes:Vehicle",
+        target=".vehicle:Vehicle",
         examples={
             "quadlab vehicle --find": "list the serial devices, and what answers there",
             "quadlab vehicle --check --serial auto": "check the board without propellers",
@@ -168,22 +170,42 @@ OVERVIEW = """usage: quadlab COMMAND [OPTIONS]
 Base station and experiment console of a quadrotor laboratory.
 {commands}
 Examples:
-  quadlab up                              fly a simulated vehicle under the page
-  quadlab fly figure_eight                fly the paper's 8 in simulated time
-  quadlab log info --explain LOG          print what happened in a recorded flight
+{examples}
 
 quadlab COMMAND --help lists the options of a command, with examples. quadlab completion SHELL
 prints the completion for bash, zsh or tcsh, and quadlab --version the version.
 """
 
+EXAMPLES = (
+    """\
+  quadlab vehicle --check --serial auto   check the board without propellers
+  quadlab vehicle --serial auto           fly"""
+    if IS_VEHICLE_S
+    else """\
+  quadlab up                              fly a simulated vehicle under the page
+  quadlab fly figure_eight                fly the paper's 8 in simulated time
+  quadlab log info --explain LOG          print what happened in a recorded flight"""
+)
+
 
 @lru_cache(maxsize=1)
 def commands() -> Mapping[str, Offered[Row]]:
     """Return all commands by name, in the order of their groups."""
-    own = {row.name: Offered(row, __package__) for row in _ROWS}
+    own = {row.name: Offered(row, __package__) for row in _ROWS if _is_installed(row)}
+    if IS_VEHICLE_S:
+        return own
     found = own | {n: c for n, c in registry().offers(Row, own).items() if c.offer.group}
     order = list(Group)
     return dict(sorted(found.items(), key=lambda item: order.index(_group(item[1]))))
+
+
+def _is_installed(row: Row) -> bool:
+    return not IS_VEHICLE_S or find_spec(row.target.partition(":")[0], __package__) is not None
+
+
+def is_at_station(name: str) -> bool:
+    """Return whether a command is missing because this copy is the vehicle's part alone."""
+    return IS_VEHICLE_S and any(row.name == name for row in _ROWS)
 
 
 def _group(offered: Offered[Row]) -> Group:
@@ -218,7 +240,7 @@ def _is_of(name: str, command: str) -> bool:
 
 def overview() -> str:
     """Return the output of `quadlab` alone: the commands by group, with one sentence each."""
-    return OVERVIEW.format(commands="\n".join([*_listed(), ""]))
+    return OVERVIEW.format(commands="\n".join([*_listed(), ""]), examples=EXAMPLES)
 
 
 def _listed() -> Iterator[str]:

@@ -12,6 +12,7 @@ import importlib.metadata
 import re
 from functools import cache
 
+from quadrotor.checkout import DISTRIBUTION
 from quadrotor.records import TICK
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import type_hash
@@ -40,7 +41,7 @@ def protocol() -> str:
 def version() -> str:
     """Return the version of this software."""
     try:
-        return importlib.metadata.version("quadlab")
+        return importlib.metadata.version(DISTRIBUTION)
     except importlib.metadata.PackageNotFoundError:
         return "unknown"
 
