@@ -27,6 +27,7 @@ BUILT_IN = (
     "campaigns",
     "comparison",
     "crazyflie",
+    "documents",
     "explanation",
     "export",
     "fmu",

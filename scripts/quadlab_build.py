@@ -37,8 +37,8 @@ from quadrotor.checkout import PACKAGES  # noqa: E402
 # Not imported: its package needs libraries, which are not installed where a wheel is built.
 PROVENANCE = runpy.run_path(str(ROOT / "flight_log" / "provenance.py"))
 REVISION: str = PROVENANCE["REVISION"]
-BESIDES = ("examples", "firmware")
-"""Folders that `quadlab new` and the C firmware need at run time."""
+BESIDES = ("docs", "examples", "firmware")
+"""Folders that the page, `quadlab new` and the C firmware need at run time."""
 SOURCES = ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "scripts/quadlab_build.py")
 """What a wheel is built from, other than the packages."""
 WHEEL = "Wheel-Version: 1.0\nGenerator: quadlab\nRoot-Is-Purelib: true\nTag: py3-none-any\n"

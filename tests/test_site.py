@@ -9,7 +9,8 @@ from typing import Any, cast
 import pytest
 from mkdocs.exceptions import PluginError
 
-from documentation import diagrams, hooks, reference
+from documentation import hooks, reference
+from extensions.documents import diagrams
 from quadlab.commands.table import commands as known_commands
 from quadrotor.checkout import ROOT
 from vehicle_link.topics.table import TOPICS

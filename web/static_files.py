@@ -106,6 +106,8 @@ class CachedFiles(StaticFiles):
             known = [place for document in self._documents() for place in places(document)]
             if panel.offer.place not in known:
                 return f"there is no place {panel.offer.place}; there are {', '.join(known)}"
+            if any(f'id="{panel.offer.name}"' in one for one in self._documents()):
+                return "a part of the page has this name; rename it"
             self._joined_panel(panel, "")
             join_styles(panel.styles, self._read)
         except FileNotFoundError as error:

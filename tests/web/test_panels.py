@@ -34,6 +34,7 @@ PAGE = {
 </nav>
 <!-- place: tabs -->
 <!-- place: setup -->
+<input id="search">
 </html>
 """,
     "page/page.css": "a { b: c }\n",
@@ -137,6 +138,7 @@ def test_a_panels_script_uses_the_modules_of_the_page_and_runs_its_own(
         ({"target": "page/wind.js:none"}, "wind.js, which does not export it"),
         ({"styles": ("none.css",)}, "there is no file .*ours/none.css"),
         ({"place": "cellar"}, "there is no place cellar; there are tabs, setup"),
+        ({"name": "search"}, "a part of the page has this name; rename it"),
         ({"ours": {**OURS, "speed.js": "export default 3;"}}, "speed.js, line 1: export default 3"),
         ({"ours": {**OURS, "wind.css": "@import 'x';"}}, "wind.css, line 1: @import cannot be"),
         (
@@ -150,7 +152,8 @@ def test_a_panel_that_cannot_be_shown_is_told_in_a_line_and_the_page_is_as_witho
 ) -> None:
     files = made(**changed)
     (line,) = files.problems
-    assert line.startswith("extension tunnel: its panel of the page wind is left out: ")
+    name = changed.get("name", "wind")
+    assert line.startswith(f"extension tunnel: its panel of the page {name} is left out: ")
     assert re.search(why, line)
     text = document(files)
     assert re.findall(r'data-tab="(\w+)"', text) == list(TABS)

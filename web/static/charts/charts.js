@@ -214,6 +214,13 @@ export class Charts {
     this.number();
   }
 
+  // A chart of one signal; where there are as many charts as there may be, the last one shows it.
+  plot(name) {
+    if (this.charts.length < MOST_CHARTS) this.addChart({ signals: [name], scales: {} });
+    else this.charts.at(-1).select([name]);
+    this.changed();
+  }
+
   make(place, /** @type {any} */ { signals: names, view = "time", ...look }) {
     const made =
       view in LINES

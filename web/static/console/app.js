@@ -66,7 +66,7 @@ async function start() {
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
   new LinkPanel($("tab-link"), { events, telemetry, gains, ages, channels });
 
-  const shown = { gains, fly, ages, beacons, history: charts.history };
+  const shown = { gains, fly, ages, beacons, charts, history: charts.history };
   showPanels({ events, session, telemetry, description, isOperator, ...shown });
 
   const panel = new FaultsPanel($("faults"), { gains, isOperator });

@@ -1,0 +1,128 @@
+"""Routes `/documents/…`: the documents as pages, with their pictures, and their index."""
+
+from __future__ import annotations
+
+import posixpath
+from dataclasses import dataclass
+from html import escape
+
+from fastapi import FastAPI, HTTPException
+from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+
+from extensions.documents.rendering import DOCS, HOME, Document, headings, paths, read
+from quadrotor.extension import PagePanel
+from quadrotor.extensions import registry
+from web.feature import Feature
+from web.theme import html_tag
+from web.vehicle_context import VehicleContext
+
+PICTURES = {".png": "image/png", ".webp": "image/webp", ".svg": "image/svg+xml"}
+TABS = {
+    "fly": "tutorials/first_flight.html",
+    "gains": "changing_parameters.html",
+    "beacons": "beacons.html",
+    "calibrate": "calibration.html",
+    "link": "link.html",
+    "charts": "page/charts.html",
+}
+"""The document of each built-in tab; an extension's declaration names that of its own."""
+PAGE = """<!doctype html>
+{tag}
+<head>
+<meta charset="utf-8">
+<title>{title} · quadlab</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="icon" href="/favicon.ico" type="image/svg+xml">
+<link rel="stylesheet" href="/static/core/tokens.css">
+<link rel="stylesheet" href="/static/extensions/documents/documents.css">
+</head>
+<body>
+<header><a href="{top}../">quadlab</a><a href="{top}index.html">Documents</a></header>
+<nav aria-label="this document">{contents}</nav>
+<main>
+{body}</main>
+</body>
+</html>
+"""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A heading of a document, for the search."""
+
+    title: str
+    heading: str
+    address: str
+
+
+def add_documents(app: FastAPI, context: VehicleContext) -> None:
+    @app.get("/api/documents")
+    def index() -> list[Entry]:
+        """Return the headings of all documents, with their addresses below `/documents/`."""
+        return [entry for path in paths() for entry in _entries(path)]
+
+    @app.get("/api/documents/tabs")
+    def of_tabs() -> dict[str, str]:
+        """Return the document of each tab, by the tab's name."""
+        found = dict(TABS)
+        for name, offered in registry().offers(PagePanel).items():
+            if offered.offer.place == "tabs" and offered.extension and offered.extension.docs:
+                found[name] = _page_of(offered.extension.docs)
+        return found
+
+    @app.get("/documents", include_in_schema=False)
+    def home() -> Response:
+        return RedirectResponse("documents/index.html")
+
+    @app.get("/documents/{path:path}", include_in_schema=False)
+    def document(path: str) -> Response:
+        stem, kind = posixpath.splitext(path)
+        if kind == ".html" and (source := f"{stem}.md") in paths():
+            return HTMLResponse(_framed(source, read(source)))
+        if kind in PICTURES and path in _pictures():
+            return FileResponse(DOCS / path, media_type=PICTURES[kind])
+        raise HTTPException(404, f"there is no document {path!r:.200}; /documents/ lists all")
+
+
+FEATURE = Feature(add_documents)
+
+
+def _pictures() -> set[str]:
+    return {f.relative_to(DOCS).as_posix() for f in DOCS.rglob("*") if f.suffix in PICTURES}
+
+
+def _page_of(path: str) -> str:
+    return path.removesuffix(".md") + ".html"
+
+
+def _entries(path: str) -> list[Entry]:
+    found = headings(path)
+    return [
+        Entry(
+            title=found[0].text,
+            heading=one.text if k else "",
+            address=_page_of(path) + (f"#{one.anchor}" if k else ""),
+        )
+        for k, one in enumerate(found)
+    ]
+
+
+def _framed(path: str, document: Document) -> str:
+    """Return a document as a page, with relative addresses, as a proxy may be before it."""
+    contents = "".join(
+        f'<a href="#{one.anchor}" data-level="{one.level}">{escape(one.text)}</a>'
+        for one in document.headings[1:]
+        if one.level <= 3
+    )
+    others = ""
+    if path == HOME:
+        titles = sorted((read(one).title, _page_of(one)) for one in paths() if one != HOME)
+        listed = "".join(f'<li><a href="{to}">{escape(title)}</a></li>' for title, to in titles)
+        others = f'<h2 id="all">All documents</h2>\n<ul class="all">{listed}</ul>\n'
+    return PAGE.format(
+        tag=html_tag(),
+        title=escape(document.title),
+        top="../" * path.count("/"),
+        contents=contents,
+        body=document.body + others,
+    )

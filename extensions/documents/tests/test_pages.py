@@ -1,0 +1,63 @@
+"""The documents as pages: every link leads somewhere, and the index names each heading."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from typing import Any
+
+import pytest
+
+from extensions.documents.rendering import DOCS, headings, paths, read, slug
+
+LINK = re.compile(r'(?:href|src)="(?!\w+:)([^"#]*)#?([^"]*)"')
+
+
+@pytest.fixture(scope="module")
+def anchors() -> dict[str, set[str]]:
+    return {path: {one.anchor for one in headings(path)} for path in paths()}
+
+
+@pytest.mark.parametrize("path", paths())
+def test_every_link_leads_to_a_page_a_picture_or_a_heading(
+    path: str, anchors: dict[str, set[str]]
+) -> None:
+    document = read(path)
+    assert document.headings == tuple(headings(path))
+    for link, anchor in LINK.findall(document.body):
+        target = posixpath.normpath(posixpath.join(posixpath.dirname(path), link)) if link else path
+        source = re.sub(r"\.html$", ".md", target)
+        assert (DOCS / source).is_file(), link
+        assert not anchor or anchor in anchors[source], (link, anchor)
+
+
+def test_a_link_to_code_names_its_file_and_a_flow_chart_is_drawn() -> None:
+    assert '<span class="file" title="firmware/README.md of quadlab">' in (
+        read("boards/microcontroller.md").body
+    )
+    body = read("architecture.md").body
+    assert '<figure class="chart"><svg' in body
+    assert "flowchart" not in body
+
+
+def test_anchors_are_those_of_git_hosts() -> None:
+    assert slug("From `a` to B: 1.5° (of `x_y`)") == "from-a-to-b-15-of-x_y"
+
+
+def test_the_page_serves_documents_pictures_and_index_and_nothing_else(site: Any) -> None:
+    client = site.sign_in()
+    home = client.get("/documents", follow_redirects=True)
+    assert home.status_code == 200
+    assert '<a href="architecture.html">Architecture</a>' in home.text
+    assert client.get("/documents/images/fly.png").headers["content-type"] == "image/png"
+    deep = client.get("/documents/boards/betaflight.html").text
+    assert '<a href="../index.html">Documents</a>' in deep
+    for path in ("safety.md", "nothing.html", "images/nothing.png", "..%2Fpyproject.toml"):
+        assert client.get(f"/documents/{path}").status_code == 404
+    index = client.get("/api/documents").json()
+    assert {"title": "Architecture", "heading": "", "address": "architecture.html"} in index
+    tabs = client.get("/api/documents/tabs").json()
+    assert tabs["calibrate"] == "calibration.html"
+    assert tabs["tune"] == "tuning.html"
+    for address in tabs.values():
+        assert client.get(f"/documents/{address}").status_code == 200

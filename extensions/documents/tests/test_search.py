@@ -1,0 +1,52 @@
+"""Search by Ctrl-K: what it finds, and that it shows a button without pressing it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+INPUT, FOUND = "#search-dialog input", "#search-found [role=option]"
+
+
+@pytest.fixture
+def page(open_page: Any, site: Any, flying: Any) -> Any:
+    page = open_page(site)
+    page.wait_for_selector("#documents button")
+    page.click("#documents button")
+    return page
+
+
+def test_the_first_found_of_each_kind_is_what_was_meant(page: Any, look_at: Any) -> None:
+    look = look_at(page)
+    page.fill(INPUT, "take off")
+    look.text(f"{FOUND} >> nth=0", "^Take off")
+    page.fill(INPUT, "kp")
+    look.text(f"{FOUND} >> nth=0", r"^gains\.kp")
+    page.fill(INPUT, "by itself reactions")
+    look.text(f"{FOUND} >> nth=0", "^What the vehicle does by itself: Reactions")
+    page.fill(INPUT, "xyzzy")
+    look.text("#search-dialog .state", "^Nothing is called “xyzzy”.$")
+
+
+def test_a_parameter_is_shown_on_its_tab(page: Any) -> None:
+    page.fill(INPUT, "gains.kp")
+    page.wait_for_selector(FOUND)
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#tab-gains", state="visible")
+    assert page.input_value("#search") == "gains.kp"
+
+
+def test_a_button_is_shown_and_not_pressed(page: Any, site: Any) -> None:
+    sent = len(site.station.requests)
+    page.fill(INPUT, "take off")
+    page.wait_for_selector(FOUND)
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.textContent") == "Take off"
+    assert len(site.station.requests) == sent
+
+
+def test_the_guide_is_that_of_the_open_tab(page: Any) -> None:
+    page.keyboard.press("Escape")
+    page.click("[data-tab=calibrate]")
+    page.wait_for_selector('#documents a[href$="/documents/calibration.html"]')
