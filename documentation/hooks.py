@@ -17,6 +17,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from documentation.reference import PAGES, code_page
+from extensions.documents.diagrams import svg
 from quadrotor.checkout import ROOT
 
 DOCS = ROOT / "docs"
@@ -97,3 +98,8 @@ def _uri(target: Path) -> str:
         return target.relative_to(DOCS).as_posix()
     path = target.relative_to(ROOT).as_posix()
     return OUTSIDE + (path if path.endswith(".md") else f"{path}.md")
+
+
+def fence(source: str, *_: object, **__: object) -> str:
+    """Return what pymdownx.superfences puts in place of a block of mermaid."""
+    return f'<div style="overflow-x:auto;margin:1em 0">{svg(source)}</div>'

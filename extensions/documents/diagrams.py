@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any
 
 LINE, BOX, GAP, CHARACTER = 15, 14, 26, 6.8
 """Heights of a line and of a box without its lines, gap between rows, width of a letter, in px."""
@@ -28,6 +27,10 @@ STYLE = (
     ".said{font-size:11px;fill-opacity:.8;paint-order:stroke;"
     "stroke:var(--md-default-bg-color,#fff);stroke-width:5px}"
     ".name{text-anchor:start;font-weight:bold}"
+)
+TIP = (
+    '<marker id="tip" viewBox="0 0 8 8" refX="3" refY="4" markerWidth="7" markerHeight="7" '
+    'orient="auto-start-reverse"><path d="M0 0L8 4L0 8z" fill="currentColor"/></marker>'
 )
 
 
@@ -99,78 +102,100 @@ def _read_arrows(chart: Chart, line: str, lane: str) -> None:
 
 def svg(text: str) -> str:
     """Return a flow chart as SVG, in the colours of the page around it. Raises ValueError."""
-    chart = read(text)
-    column = chart.columns()
-    count = max(column.values()) + 1
-    inside = [0.0] * count  # widths of the columns, and of the gaps before them
-    before = [float(BETWEEN)] * count
-    for box, lines in chart.lines.items():
-        inside[column[box]] = max(inside[column[box]], CHARACTER * max(map(len, lines)) + 16)
-    for begin, end, said in chart.arrows:
-        if said and column[end] > column[begin]:
-            is_level = chart.lanes[begin] == chart.lanes[end]
-            width = CHARACTER * (0.92 if is_level else 0.5) * max(map(len, said)) + BETWEEN
-            before[column[end]] = max(before[column[end]], width)
-    before[0] = 0.0
-    left = [LEFT + sum(before[: k + 1]) + sum(inside[:k]) for k in range(count)]
+    drawing = _Drawing(read(text))
+    bands = [line for lane in drawing.lanes for line in drawing.lane(lane)]
+    arrows = [line for arrow in drawing.chart.arrows for line in drawing.arrow(*arrow)]
+    boxes = [line for box in drawing.centre for line in drawing.box(box)]
+    told = f"flow chart through {', '.join(filter(None, drawing.lanes))}"
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {drawing.width:g} {drawing.top:g}" '
+        f'style="min-width:{0.8 * drawing.width:g}px;width:100%" role="img" '
+        f'aria-label="{escape(told)}"><style>{STYLE}</style>'
+        f"<defs>{TIP}</defs>{''.join([*bands, *arrows, *boxes])}</svg>"
+    )
 
-    top, bands = 8.0, list[str]()
-    centre: dict[str, tuple[float, float]] = {}
-    width = left[-1] + inside[-1] + 12
-    for lane in dict.fromkeys(chart.lanes.values()):
+
+class _Drawing:
+    """A flow chart whose lanes, arrows and boxes are drawn from top to bottom, in this order.
+
+    Attributes:
+        top: the first free line below what was drawn, in px.
+        centre: of each box that has a place, in px.
+    """
+
+    def __init__(self, chart: Chart) -> None:
+        self.chart, self.lanes = chart, tuple(dict.fromkeys(chart.lanes.values()))
+        self.top, self.centre = 8.0, dict[str, tuple[float, float]]()
+        self._column = chart.columns()
+        count = max(self._column.values()) + 1
+        self._inside = [0.0] * count  # widths of the columns, and of the gaps before them
+        self._before = [float(BETWEEN)] * count
+        self._widen()
+        before, inside = self._before, self._inside
+        self._left = [LEFT + sum(before[: k + 1]) + sum(inside[:k]) for k in range(count)]
+        self.width = self._left[-1] + inside[-1] + 12
+
+    def _widen(self) -> None:
+        """Make the columns as wide as their boxes, and the gaps as the texts in them."""
+        chart, column, inside, before = self.chart, self._column, self._inside, self._before
+        for box, lines in chart.lines.items():
+            inside[column[box]] = max(inside[column[box]], CHARACTER * max(map(len, lines)) + 16)
+        for begin, end, said in chart.arrows:
+            if said and column[end] > column[begin]:
+                is_level = chart.lanes[begin] == chart.lanes[end]
+                width = CHARACTER * (0.92 if is_level else 0.5) * max(map(len, said)) + BETWEEN
+                before[column[end]] = max(before[column[end]], width)
+        before[0] = 0.0
+
+    def lane(self, lane: str) -> list[str]:
+        """Give the boxes of a lane their places; return its frame and name."""
         rows: dict[int, int] = {}
-        boxes = [box for box in chart.lines if chart.lanes[box] == lane]
-        tallest = BOX + LINE * max(len(chart.lines[box]) for box in boxes)
+        boxes = [box for box in self.chart.lines if self.chart.lanes[box] == lane]
+        tallest = BOX + LINE * max(len(self.chart.lines[box]) for box in boxes)
         for box in boxes:
-            k = column[box]
+            k = self._column[box]
             row = rows[k] = rows.get(k, -1) + 1
-            y = top + GAP / 2 + tallest / 2 + row * (tallest + GAP / 2)
-            centre[box] = (left[k] + inside[k] / 2, y)
+            y = self.top + GAP / 2 + tallest / 2 + row * (tallest + GAP / 2)
+            self.centre[box] = (self._left[k] + self._inside[k] / 2, y)
         height = GAP + (max(rows.values()) + 1) * (tallest + GAP / 2) - GAP / 2
-        if lane:
-            bands.append(
-                f'<rect class="lane" x="2" y="{top:g}" width="{width - 4:g}" height="{height:g}" '
-                f'rx="6"/><text class="name" x="12" y="{top + 20:g}">{escape(lane)}</text>'
-            )
-        top += height + 8
+        top, self.top = self.top, self.top + height + 8
+        if not lane:
+            return []
+        return [
+            f'<rect class="lane" x="2" y="{top:g}" width="{self.width - 4:g}" '
+            f'height="{height:g}" rx="6"/>'
+            f'<text class="name" x="12" y="{top + 20:g}">{escape(lane)}</text>'
+        ]
 
-    def half(box: str) -> tuple[float, float]:
-        lines = chart.lines[box]
-        return CHARACTER * max(map(len, lines)) / 2 + 7, (BOX + LINE * len(lines)) / 2
-
-    arrows, words = list[str](), list[str]()
-    for begin, end, said in chart.arrows:
-        (x1, y1), (x2, y2) = centre[begin], centre[end]
-        if column[end] > column[begin]:
-            x1, x2 = x1 + half(begin)[0], x2 - half(end)[0]
+    def arrow(self, begin: str, end: str, said: list[str]) -> list[str]:
+        """Return an arrow and its text; an arrow back goes below all lanes."""
+        (x1, y1), (x2, y2) = self.centre[begin], self.centre[end]
+        goes_on = self._column[end] > self._column[begin]
+        if goes_on:
+            x1, x2 = x1 + self._half(begin)[0], x2 - self._half(end)[0]
             bend = min(60.0, (x2 - x1) / 2)
             curve = f"C{x1 + bend:g} {y1:g} {x2 - bend:g} {y2:g} {x2 - 5:g} {y2:g}"
-            x, y = x2 - before[column[end]] / 2, (y1 + 3 * y2) / 4
-        else:  # back, below all lanes
-            top += 22
-            curve = f"V{top - 12:g}H{x2:g}V{y2 + half(end)[1] + 5:g}"
-            x, y = (x1 + x2) / 2, top - 12
-        arrows.append(f'<path class="arrow" d="M{x1:g} {y1:g}{curve}" marker-end="url(#tip)"/>')
-        words += _text(said, x, y - 3 if y1 == y2 and column[end] > column[begin] else y, "said")
-    boxes = []
-    for box, (x, y) in centre.items():
-        w, h = half(box)
-        boxes.append(
+            x, y = x2 - self._before[self._column[end]] / 2, (y1 + 3 * y2) / 4
+        else:
+            self.top += 22
+            curve = f"V{self.top - 12:g}H{x2:g}V{y2 + self._half(end)[1] + 5:g}"
+            x, y = (x1 + x2) / 2, self.top - 12
+        drawn = f'<path class="arrow" d="M{x1:g} {y1:g}{curve}" marker-end="url(#tip)"/>'
+        return [drawn, *_text(said, x, y - 3 if y1 == y2 and goes_on else y, "said")]
+
+    def box(self, box: str) -> list[str]:
+        """Return a box with its text."""
+        (x, y), (w, h) = self.centre[box], self._half(box)
+        frame = (
             f'<rect class="box" x="{x - w:g}" y="{y - h:g}" width="{2 * w:g}" height="{2 * h:g}" '
             'rx="4"/>'
         )
-        boxes += _text(chart.lines[box], x, y)
-    tip = (
-        '<marker id="tip" viewBox="0 0 8 8" refX="3" refY="4" markerWidth="7" markerHeight="7" '
-        'orient="auto-start-reverse"><path d="M0 0L8 4L0 8z" fill="currentColor"/></marker>'
-    )
-    told = f"flow chart through {', '.join(filter(None, dict.fromkeys(chart.lanes.values())))}"
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {top:g}" '
-        f'style="min-width:{0.8 * width:g}px;width:100%" role="img" '
-        f'aria-label="{escape(told)}"><style>{STYLE}</style>'
-        f"<defs>{tip}</defs>{''.join([*bands, *arrows, *boxes, *words])}</svg>"
-    )
+        return [frame, *_text(self.chart.lines[box], x, y)]
+
+    def _half(self, box: str) -> tuple[float, float]:
+        """Return half the width and height of a box."""
+        lines = self.chart.lines[box]
+        return CHARACTER * max(map(len, lines)) / 2 + 7, (BOX + LINE * len(lines)) / 2
 
 
 def _text(lines: list[str], x: float, y: float, kind: str = "") -> list[str]:
@@ -180,8 +205,3 @@ def _text(lines: list[str], x: float, y: float, kind: str = "") -> list[str]:
         f'<text class="{kind}" x="{x:g}" y="{first + LINE * k:g}">{escape(line)}</text>'
         for k, line in enumerate(lines)
     ]
-
-
-def fence(source: str, *_: Any, **__: Any) -> str:
-    """Return what pymdownx.superfences puts in place of a block of mermaid."""
-    return f'<div style="overflow-x:auto;margin:1em 0">{svg(source)}</div>'
