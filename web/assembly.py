@@ -106,20 +106,13 @@ def assemble(
         try:
             yield
         finally:
-            for task in loops:
-                task.cancel()
-            await asyncio.gather(*loops, return_exceptions=True)
-            for context in contexts:
-                context.stop()
-            fleet.stop()
-            for feature in features:
-                feature.stop()
-            people.stop()
+            await _ended(loops)
+            for part in (*contexts, fleet, *features, people):
+                part.stop()
 
-    first, *others = contexts
-    apps = {first.vehicle: create_app(first, fleet, features, lifespan, files)}
-    apps |= {
-        context.vehicle: create_app(context, fleet, features, files=files) for context in others
+    apps = {  # the first one's runs for all
+        context.vehicle: create_app(context, fleet, features, lifespan if k == 0 else None, files)
+        for k, context in enumerate(contexts)
     }
     return Gate(
         VehicleRouter(apps),
@@ -128,6 +121,12 @@ def assemble(
         people=people,
         links=links,
     )
+
+
+async def _ended(tasks: Sequence[asyncio.Task[None]]) -> None:
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def _start(part: Runs, say: Callable[[str, str], None]) -> asyncio.Task[None]:
