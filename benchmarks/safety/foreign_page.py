@@ -18,13 +18,11 @@ from typing import Any
 
 from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from benchmarks.link import hostile_bytes
+from benchmarks.safety.flight_logs import MOVED, moved, newest_truth
 from benchmarks.safety.hostile_doors import (
-    MOVED,
     is_hovering,
     laboratory,
     listening,
-    moved,
-    newest_truth,
     page_sockets,
     people,
     routes,
@@ -81,7 +79,9 @@ def tried(lab: Laboratory, context: Any, address: str, ports: list[int]) -> dict
     page.evaluate("link => { location.href = link }", link)
     page.wait_for_url(f"{lab.base}/**")
     page.wait_for_load_state("networkidle")
-    found["role"] = page.evaluate("fetch('/api/session').then(one => one.json())").get("role")
+    own = context.new_page()
+    found["role"] = own.goto(f"{lab.base}/api/session").json().get("role")
+    own.close()
     page.close()
     return found
 
@@ -107,7 +107,7 @@ def run(size: Size = Size.FULL) -> Report:
         signing.goto(lab.new_link())
         signing.wait_for_selector("#behaviors button")
         signing.close()
-        known, since, rows = people(lab), newest_truth(lab), []
+        known, since, rows = people(lab), newest_truth(lab.data), []
         for host in size.some((FOREIGN, "127.0.0.1"), 2):
             found = tried(lab, context, f"http://{host}:{port}/", ports)
             found |= {"people": abs(people(lab) - known), "hovers": is_hovering(lab)}
@@ -127,7 +127,7 @@ def run(size: Size = Size.FULL) -> Report:
                 )
             )
             report.notes += [f"{host}: {one}" for one in (*found["opened"], *found["framed"])]
-        away = moved(lab, since)
+        away = moved(lab.data, since)
         browser.close()
     report.targets = [
         Target("sockets opened", sum(len(one["opened"]) for one in rows), 0),

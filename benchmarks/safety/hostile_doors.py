@@ -28,13 +28,12 @@ from benchmarks.harness import Report, Row, Size, Target, free_port
 from benchmarks.link import hostile_bytes
 from benchmarks.safety import attackers
 from benchmarks.safety.attackers import Attack, Mark
+from benchmarks.safety.flight_logs import MOVED, moved, newest_truth
 from benchmarks.safety.laboratory import Laboratory
 from benchmarks.safety.starving import command_line, family
 from extensions.foxglove.protocol import SUBPROTOCOLS
-from flight_log import read_log
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
-from vehicle_link.topics import decode_odometry
 
 BYTES = 1_000_000, 100_000, 5_000
 SETTLED = 2.0  # s
@@ -43,8 +42,6 @@ MEMORY = 100.0
 """Largest growth of all processes, in MB, by all attacks."""
 ANSWER = 0.05
 """Longest time, in s, of half of the page's answers under attack."""
-MOVED = 0.1
-"""Largest way, in m, from the place of the hover."""
 LOOK = 0.05  # s
 
 
@@ -101,7 +98,12 @@ def doors(lab: Laboratory, udp: int, tcp: int, count: int) -> dict[str, tuple[At
             continue
         attack: Attack = attackers.bytes_on_connections if is_stream else attackers.datagrams
         words = [*hello, head] if is_stream else sealed
-        found[f"{name}: {'TCP' if is_stream else 'UDP'}"] = attack, Mark(number, count, words=words)
+        kind = "TCP" if is_stream else "UDP"
+        alike = sum(one.startswith(f"{name}: {kind}") for one in found)
+        found[f"{name}: {kind}{f' {alike + 1}' if alike else ''}"] = (
+            attack,
+            Mark(number, count, words=words),
+        )
     return found
 
 
@@ -204,29 +206,6 @@ def is_hovering(lab: Laboratory) -> bool:
     return status.get("behavior") == "hover" and status.get("mode") == "armed"
 
 
-def moved(lab: Laboratory, after_ns: int) -> float:
-    """Return the largest distance from where the vehicle was, m, by the truth of its run."""
-    first, most = None, 0.0
-    for path in (lab.data / "runs").glob("*/station.mcap"):
-        for message in read_log(path, {"/quad1/truth"}):
-            stamp_ns, state = decode_odometry(message.payload)
-            if stamp_ns > after_ns and state["position_w"][0, 2] > MOVED:
-                place = state["position_w"][0]
-                first = place if first is None else first
-                most = max(most, float(sum((place - first) ** 2) ** 0.5))
-    return most
-
-
-def newest_truth(lab: Laboratory) -> int:
-    """Return the stamp of the newest truth in the runs, ns."""
-    stamps = [
-        message.publish_ns
-        for path in (lab.data / "runs").glob("*/station.mcap")
-        for message in read_log(path, {"/quad1/truth"})
-    ]
-    return max(stamps, default=0)
-
-
 @contextmanager
 def laboratory() -> Iterator[tuple[Laboratory, int, int]]:
     """Yield a hovering laboratory with ports of MAVLink, UDP and TCP."""
@@ -261,7 +240,7 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
     ):
         marks = doors(lab, udp, tcp, count)
         quiet = quiet_answer(lab)
-        known, since, held = people(lab), newest_truth(lab), {}
+        known, since, held = people(lab), newest_truth(lab.data), {}
         for name, (attack, mark) in marks.items():
             before = memory(lab)
             held[name] = one = hold(lab, pool.submit(attack, mark, seed), before)
@@ -281,7 +260,7 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
             print(report.rows[-1], file=sys.stderr, flush=True)
             if lab.up.poll() is not None:
                 raise QuadlabError(f"{name}: the laboratory has ended: {lab.last_lines()}")
-        away = moved(lab, since)
+        away = moved(lab.data, since)
     report.targets = [
         Target("obeyed", sum(one.obeyed for one in held.values()), 0),
         Target(

@@ -28,33 +28,35 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmarks.flights.touch_down import Outcome, TouchDown
 from benchmarks.harness import Report, Row, Size, Target
+from benchmarks.safety.flight_logs import logs, touch_down
 from benchmarks.safety.laboratory import LOOK, Laboratory
 from benchmarks.safety.site import Site
 from benchmarks.safety.starving import FAULTS, FROZEN, fault
-from flight_log import read_log
 from quadrotor.errors import QuadlabError
-from vehicle_link.topics import decode_odometry
 
-PHASES = ("hovering", "climbing", "figure 8", "landing", "on the ground", "armed")
+EMERGENCY = "hovering, Emergency land"
+PHASES = (EMERGENCY, "hovering", "climbing", "figure 8", "landing", "on the ground", "armed")
+EVENTS = "/api/events"
 SOFT = 0.5
 """Largest vertical speed, in m/s, at touch-down."""
 WITHIN = 90.0
 """Time, in s of a clock on the wall, to be down and ready again; simulated time waits for a busy
 computer."""
-AIRBORNE = 0.1
-"""Height, in m, above which the vehicle has taken off."""
 
 
 @dataclass
 class Case:
-    """One fault in one phase; `impact` in m/s, `took` in s until it was ready again."""
+    """One fault in one phase; `impact` in m/s, `took` in s until it was ready again.
+
+    `answered` is the time, in s, from the press of Emergency land to its acknowledgement.
+    """
 
     fault: str
     phase: str
     impact: float = math.nan
     took: float = math.nan
+    answered: float = math.nan
     ready: bool = False
     down: bool = False
     said: str = ""
@@ -95,19 +97,22 @@ def fly(site: Site, name: str, phase: str, keep: Path | None = None) -> Case:
         place = site.place()
         before = set(logs(place.folder))
         reach(place.lab, phase)
+        steps = _steps(place.lab)
     except QuadlabError as error:
         case.why = f"not flown as far as the fault: {error}"
         return case
     began = time.monotonic()
     with fault(name, place):
-        holds = FROZEN if "frozen" in name else WITHIN
-        _bring_down(place.lab, case, began + holds)
-    if not (case.down and case.ready):
-        _bring_down(place.lab, case, began + 1.5 * WITHIN, is_over=True)
+        while time.monotonic() < began + FROZEN:  # an answer from before it says nothing
+            _bring_down(place.lab, case, began + FROZEN)
+            time.sleep(LOOK)
+        if "frozen" not in name:
+            _bring_down(place.lab, case, began + WITHIN)
+    _bring_down(place.lab, case, began + 1.5 * WITHIN, is_over=True)
     case.took = time.monotonic() - began
     new = [path for path in logs(place.folder) if path not in before]
     _read(case, new)
-    _judge(case, place.lab)
+    _judge(case, place.lab, steps)
     if keep is not None and case.why:
         for path in new:
             run = path.parent.name if path.name == "station.mcap" else ""
@@ -126,11 +131,16 @@ def _bring_down(lab: Laboratory, case: Case, end: float, is_over: bool = False) 
         case.down = is_fresh and not status["armed"]
         case.ready = case.down and bool((summary.get("preflight") or {}).get("ready"))
         case.said = _reasons(summary)
+        press = summary.get("emergency") or {}
+        if case.phase == EMERGENCY and press.get("phase") == "acknowledged":
+            case.answered = press["after"]
         if case.ready or (case.down and not is_over):
             return
         if is_fresh and status["armed"] and status["mode"] == "armed":
             if not status["airborne"]:
                 lab.does("disarm")
+            elif case.phase == EMERGENCY:
+                lab.does("emergency", action="land")
             elif status["behavior"] != "land":
                 lab.starts("land")
         time.sleep(LOOK)
@@ -143,8 +153,13 @@ def _reasons(summary: dict[str, Any]) -> str:
     )
 
 
-def _judge(case: Case, lab: Laboratory) -> None:
-    """Say what was wrong."""
+def _steps(lab: Laboratory) -> int:
+    """Return the number of events about a clock that was set."""
+    return sum("clock" in event["text"] and "set" in event["text"] for event in lab.get(EVENTS))
+
+
+def _judge(case: Case, lab: Laboratory, steps: int) -> None:
+    """Say what was wrong; `steps`: see `_steps`, before the fault."""
     if lab.up.poll() is not None:  # all is over: on the ground only if something says so
         case.said = lab.last_lines()
         if case.phase not in ("on the ground", "armed") and math.isnan(case.impact):
@@ -155,15 +170,12 @@ def _judge(case: Case, lab: Laboratory) -> None:
         case.why = f"not on the ground: {lab.status().get('behavior', 'not heard')}"
     elif not case.ready and not case.said:
         case.why = "neither ready nor a reason"
+    elif "clock" in case.fault and _steps(lab) == steps:
+        case.why = "no event tells of the step"
     if case.impact > SOFT:
         case.why = f"hard: {case.impact:.2f} m/s"
     if case.unreadable:
         case.why = f"{case.why} log: {case.unreadable[0]}".strip()
-
-
-def logs(folder: Path) -> list[Path]:
-    """Return the logs of the station and of the vehicle."""
-    return [*folder.glob("runs/*/station.mcap"), *folder.glob("onboard/*.mcap")]
 
 
 def _read(case: Case, paths: Sequence[Path]) -> None:
@@ -179,23 +191,6 @@ def _read(case: Case, paths: Sequence[Path]) -> None:
             if path.exists():  # a log that holds nothing is removed by its repair
                 case.unreadable.append(f"{path.name}: {error}")
     case.impact = impacts.get("truth", impacts.get("state", math.nan))
-
-
-def touch_down(path: Path, name: str) -> float:
-    """Return the vertical speed of the touch-down in a log, m/s; NaN if there is none.
-
-    Raises LogFormatError.
-    """
-    outcome, observer = Outcome("", "", 0, real=True), None
-    for message in read_log(path, {f"/quad1/{name}"}):
-        stamp_ns, state = decode_odometry(message.payload)
-        position = [float(x) for x in state["position_w"][0]]
-        if observer is None and position[2] > AIRBORNE:
-            observer = TouchDown(outcome, 1e-9 * stamp_ns, position)
-        if observer is not None:
-            climb = float(state["velocity_w"][0, 2])
-            observer.note(1e-9 * stamp_ns, position, climb, state["quaternion_wb"][0])
-    return outcome.impact
 
 
 def cases(only: Sequence[str] = ()) -> Iterator[tuple[str, str]]:
@@ -255,6 +250,7 @@ def report(found: Sequence[Case], left: Sequence[str]) -> Report:
     for name in dict.fromkeys(case.fault for case in found):
         of = [case for case in found if case.fault == name]
         impacts = [case.impact for case in of if not math.isnan(case.impact)]
+        answers = [case.answered for case in of if not math.isnan(case.answered)]
         made.rows.append(
             Row(
                 name,
@@ -262,6 +258,7 @@ def report(found: Sequence[Case], left: Sequence[str]) -> Report:
                     "good": f"{sum(case.is_good for case in of)} of {len(of)}",
                     "ready again": f"{sum(case.ready for case in of)}",
                     **({"hardest, m/s": max(impacts)} if impacts else {}),
+                    **({"acknowledged, s": max(answers)} if answers else {}),
                     "longest, s": max(case.took for case in of),
                 },
             )
