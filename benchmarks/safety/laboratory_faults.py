@@ -47,13 +47,15 @@ computer."""
 
 @dataclass
 class Case:
-    """One fault in one phase; `impact` in m/s, `took` in s until it was ready again.
+    """One fault in one phase; `impact` in m/s, `took` in s until it was ready again, and `began`
+    by the steady clock.
 
     `answered` is the time, in s, from the press of Emergency land to its acknowledgement.
     """
 
     fault: str
     phase: str
+    began: float = 0.0
     impact: float = math.nan
     took: float = math.nan
     answered: float = math.nan
@@ -101,7 +103,7 @@ def fly(site: Site, name: str, phase: str, keep: Path | None = None) -> Case:
     except QuadlabError as error:
         case.why = f"not flown as far as the fault: {error}"
         return case
-    began = time.monotonic()
+    case.began = began = time.monotonic()
     with fault(name, place):
         while time.monotonic() < began + FROZEN:  # an answer from before it says nothing
             _bring_down(place.lab, case, began + FROZEN)
@@ -132,7 +134,8 @@ def _bring_down(lab: Laboratory, case: Case, end: float, is_over: bool = False) 
         case.ready = case.down and bool((summary.get("preflight") or {}).get("ready"))
         case.said = _reasons(summary)
         press = summary.get("emergency") or {}
-        if case.phase == EMERGENCY and press.get("phase") == "acknowledged":
+        is_new = press.get("age", math.inf) < time.monotonic() - case.began
+        if case.phase == EMERGENCY and is_new and press["phase"] == "acknowledged":
             case.answered = press["after"]
         if case.ready or (case.down and not is_over):
             return
