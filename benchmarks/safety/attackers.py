@@ -1,4 +1,4 @@
-"""What is sent to the sockets of a running laboratory: noise, mutated messages, torn, huge, slow.
+"""Attacks on the sockets of a running laboratory: noise, mutated messages, torn, huge, slow.
 
 Each attack takes a `Mark` and a seed, and returns how often it was obeyed, which must never be.
 """
@@ -39,7 +39,7 @@ ALLOWED = range(200, 300)
 
 @dataclass(frozen=True)
 class Mark:
-    """Where to send, and how much.
+    """The aim of an attack, and its extent.
 
     Attributes:
         cookie: of a page that is signed in; "" if none is.

@@ -1,4 +1,4 @@
-"""What the logs of a laboratory tell of a touch-down, and of a hover."""
+"""The touch-down, or the hover, of a laboratory by its logs."""
 
 from __future__ import annotations
 

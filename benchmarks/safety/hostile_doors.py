@@ -47,7 +47,7 @@ LOOK = 0.05  # s
 
 @dataclass
 class Held:
-    """What the laboratory was like during an attack; times in s, memory in MB."""
+    """The state of the laboratory during an attack; times in s, memory in MB."""
 
     obeyed: int
     answers: list[float]
