@@ -93,7 +93,8 @@ def datagrams(mark: Mark, seed: int) -> int:
 
 def slowly(mark: Mark, seed: int) -> int:
     """Hold connections that send a byte a second of a request that never ends."""
-    generator, held = random.Random(seed), []
+    generator = random.Random(seed)
+    held: list[socket.socket] = []
     for _ in range(SLOW):
         with contextlib.suppress(OSError):
             held.append(socket.create_connection((mark.host, mark.port), WAIT))

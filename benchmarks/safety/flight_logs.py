@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import islice
 from pathlib import Path
 
@@ -27,7 +28,8 @@ def touch_down(path: Path, name: str) -> float:
 
     Raises LogFormatError.
     """
-    outcome, observer = Outcome("", "", 0, real=True), None
+    outcome = Outcome("", "", 0, real=True)
+    observer: TouchDown | None = None
     for message in read_log(path, {f"/quad1/{name}"}):
         stamp_ns, state = decode_odometry(message.payload)
         position = [float(x) for x in state["position_w"][0]]
@@ -41,14 +43,15 @@ def touch_down(path: Path, name: str) -> float:
 
 def moved(data: Path, after_ns: int) -> float:
     """Return the largest distance from where the vehicle was, m, by the truth of its run."""
-    first, most = None, 0.0
+    most = 0.0
+    first: list[float] | None = None
     for path in (data / "runs").glob("*/station.mcap"):
         for message in islice(read_log(path, {"/quad1/truth"}), 0, None, EVERY):
             stamp_ns, state = decode_odometry(message.payload)
             if stamp_ns > after_ns and state["position_w"][0, 2] > MOVED:
-                place = state["position_w"][0]
+                place = [float(x) for x in state["position_w"][0]]
                 first = place if first is None else first
-                most = max(most, float(sum((place - first) ** 2) ** 0.5))
+                most = max(most, math.dist(place, first))
     return most
 
 

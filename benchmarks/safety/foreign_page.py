@@ -107,7 +107,8 @@ def run(size: Size = Size.FULL) -> Report:
         signing.goto(lab.new_link())
         signing.wait_for_selector("#behaviors button")
         signing.close()
-        known, since, rows = people(lab), newest_truth(lab.data), []
+        known, since = people(lab), newest_truth(lab.data)
+        rows: list[dict[str, Any]] = []
         for host in size.some((FOREIGN, "127.0.0.1"), 2):
             found = tried(lab, context, f"http://{host}:{port}/", ports)
             found |= {"people": abs(people(lab) - known), "hovers": is_hovering(lab)}

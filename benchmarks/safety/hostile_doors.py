@@ -240,7 +240,8 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
     ):
         marks = doors(lab, udp, tcp, count)
         quiet = quiet_answer(lab)
-        known, since, held = people(lab), newest_truth(lab.data), {}
+        known, since = people(lab), newest_truth(lab.data)
+        held: dict[str, Held] = {}
         for name, (attack, mark) in marks.items():
             before = memory(lab)
             held[name] = one = hold(lab, pool.submit(attack, mark, seed), before)

@@ -23,7 +23,8 @@ class Site:
     """Laboratories one after another in one data folder: a new one when the last has ended."""
 
     def __init__(self, folder: Path, boot_step: int = 0) -> None:
-        self._folder, self._place = folder, None
+        self._folder = folder
+        self._place: Place | None = None
         self._clock = folder / "clock"
         self._library = compile_clock(folder)
         self._boot_step = boot_step

@@ -25,7 +25,7 @@ def test_of_connections_that_wait_the_oldest_end_and_the_page_answers(
 ) -> None:
     monkeypatch.setattr(connections, "WAITING_MOST", MOST)
     address = urlsplit(site.base)
-    place = (address.hostname, address.port)
+    place = (address.hostname, address.port or 0)
     begun = UNFINISHED[sent].replace(b"%s", address.netloc.encode())
     with ExitStack() as held:
         opened = []
