@@ -86,6 +86,7 @@ FOLDERS = {
     ),
     "link": ("link", "hostile_bytes"),
     "logs": ("killed_logs", "logs", "fuzz_logs"),
+    "safety": ("laboratory_faults", "hostile_doors", "foreign_page"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
 """The module of each benchmark, by its name."""
@@ -97,12 +98,20 @@ IN_CHROMIUM = (
     "page_notice",
     "view_rate",
     "starved",
+    "foreign_page",
 )
 """Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs", "firmware"),
     "hours": ("tracker_integrity",),
-    "seed": ("fuzz_logs", "firmware", "hostile_bytes", "hostile_flights", "hostile_plugins"),
+    "seed": (
+        "fuzz_logs",
+        "firmware",
+        "hostile_bytes",
+        "hostile_doors",
+        "hostile_flights",
+        "hostile_plugins",
+    ),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
     "only": ("hostile_plugins",),

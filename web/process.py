@@ -20,6 +20,7 @@ from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
 from web.beacons.survey import SurveyRun
 from web.latest import Live
+from web.live.connections import BoundedConnection
 from web.live.deafness import Deafness
 from web.live.events import EventHub
 from web.live.sockets import LiveWebSocket, listen
@@ -141,6 +142,7 @@ def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
     """
     config = uvicorn.Config(
         app,
+        http=BoundedConnection,
         ws=LiveWebSocket,
         ws_per_message_deflate=False,
         ws_max_size=64 * 1024,

@@ -13,39 +13,28 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 
 from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
+from benchmarks.safety.laboratory import PATIENCE, Laboratory
 from flight_log import is_closed, read_log
-from quadrotor.checkout import ROOT
-from quadrotor.errors import QuadlabError
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_external_reference, decode_odometry
 
-PORT, LINK_PORT = 28083, 28452
 FLIGHTS, UNLOADED = 20, 4
 LAPS = 1
 BUSY = 2 * (os.cpu_count() or 1)
 """Number of busy loops."""
-CHARGE = 20
-"""Capacity, in A h, of a battery that outlasts all flights."""
-PATIENCE = 300.0  # s
-LOOK = 0.3  # s
 WARN = 30
 DRAWN_IN_SOFTWARE = (
     "--no-sandbox",
@@ -68,128 +57,50 @@ class Flight:
     factor: float = math.nan  # simulated over real time
 
 
-class Laboratory:
-    """`quadlab up` with a client that commands it."""
+def fly(laboratory: Laboratory) -> Flight:
+    """Fly one figure 8 from the ground to the ground."""
+    flight, known = Flight(), set(_runs(laboratory))
+    laboratory.take_off()
+    laboratory.until(
+        "hover", lambda: laboratory.status().get("behavior") == "hover" or laboratory.is_down()
+    )
+    eight = {"trajectory": "figure_eight", "laps": LAPS}
+    laboratory.until(
+        "the figure 8",
+        lambda: (
+            laboratory.status().get("behavior") != "hover"
+            or laboratory.starts("follow_trajectory", **eight)
+        ),
+    )
+    laboratory.until("the start", lambda: laboratory.status().get("behavior") != "hover")
+    factors: list[float] = []
 
-    def __init__(self, data: Path, *words: str) -> None:
-        self._data = data
-        self._up = subprocess.Popen(
-            [
-                *_ordinary(),
-                sys.executable,
-                "-m",
-                "quadlab",
-                "up",
-                "--no-browser",
-                "--data",
-                str(data),
-                "--port",
-                str(PORT),
-                "--link-port",
-                str(LINK_PORT),
-                "--set",
-                f"simulator.battery_capacity={CHARGE}",
-                *words,
-            ],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            cwd=ROOT,
-        )
-        self.lines: list[str] = []
-        assert self._up.stdout is not None
-        lines = iter(self._up.stdout.readline, "")
-        threading.Thread(target=lambda: self.lines.extend(lines), daemon=True).start()
-        self.link = self.until(lambda: re.findall(r"http://\S+token=\S+", "".join(self.lines)))[-1]
-        base = self.link.split("/?")[0]
-        self._browser = httpx.Client(base_url=base, headers={"origin": base}, timeout=30)
-        token = {"token": self.link.partition("token=")[2]}
-        self._browser.post("/login", data=token).raise_for_status()
-        self.until(lambda: self.status().get("mode") == "ready")
+    def flown() -> bool:
+        summary = laboratory.summary()
+        factors.append((summary.get("station") or {}).get("real_time_factor") or 1.0)
+        status = summary.get("status") or {}
+        return bool(status) and status["behavior"] != "follow_trajectory"
 
-    def until(self, look: Any) -> Any:
-        """Wait until `look` returns a true value. Raises QuadlabError."""
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end:
-            if self._up.poll() is not None:
-                raise QuadlabError("`quadlab up` has ended\n" + "".join(self.lines[-20:]))
-            if found := look():
-                return found
-            time.sleep(LOOK)
-        raise QuadlabError(f"waited {PATIENCE:.0f} s in vain\n" + "".join(self.lines[-20:]))
+    laboratory.until("its end", flown)
+    laboratory.until(
+        "landing",
+        lambda: (
+            laboratory.starts("land")
+            or laboratory.status().get("behavior") == "land"
+            or laboratory.is_down()
+        ),
+    )
+    laboratory.until("the ground", laboratory.is_down)
+    path = laboratory.until(
+        "its run", lambda: [p for p in _runs(laboratory) if p not in known and is_closed(p)]
+    )
+    judge(flight, path[0])
+    flight.factor = float(np.mean(factors))
+    return flight
 
-    def summary(self) -> dict[str, Any]:
-        try:
-            found: dict[str, Any] = self._browser.get("/api/summary").json()
-        except (httpx.HTTPError, ValueError):
-            return {}
-        return found
 
-    def status(self) -> dict[str, Any]:
-        return self.summary().get("status") or {}
-
-    def new_link(self) -> str:
-        """Return a link to sign another page in, as each link works once."""
-        links: list[str] = self.until(lambda: self._links()[1:])
-        return links[-1]
-
-    def _links(self) -> list[str]:
-        return re.findall(r"http://\S+token=\S+", "".join(self.lines))
-
-    def fly(self) -> Flight:
-        """Fly one figure 8 from the ground to the ground."""
-        flight, known = Flight(), {path.name for path in self._runs()}
-        self.until(lambda: (self.summary().get("preflight") or {}).get("ready"))
-        # The status also counts: an answer may take longer than its caller waits.
-        self.until(lambda: self._is_done("arm") or self.status().get("armed"))
-        self.until(lambda: self.status().get("armed"))
-        self.until(lambda: self._goes("take_off") or self.status().get("airborne"))
-        self.until(lambda: self.status().get("behavior") == "hover" or self._is_down())
-        eight = {"trajectory": "figure_eight", "laps": LAPS}
-        self.until(
-            lambda: (
-                self.status().get("behavior") != "hover" or self._goes("follow_trajectory", **eight)
-            )
-        )
-        self.until(lambda: self.status().get("behavior") != "hover")
-        factors: list[float] = []
-
-        def flown() -> bool:
-            summary = self.summary()
-            factors.append((summary.get("station") or {}).get("real_time_factor") or 1.0)
-            status = summary.get("status") or {}
-            return bool(status) and status["behavior"] != "follow_trajectory"
-
-        self.until(flown)
-        self.until(
-            lambda: self._goes("land") or self.status().get("behavior") == "land" or self._is_down()
-        )
-        self.until(self._is_down)
-        path = self.until(lambda: [p for p in self._runs() if p.name not in known and is_closed(p)])
-        judge(flight, path[0])
-        flight.factor = float(np.mean(factors))
-        return flight
-
-    def close(self) -> None:
-        self._up.send_signal(signal.SIGINT)
-        self._up.wait(120)
-
-    def _runs(self) -> list[Path]:
-        return [path.parent for path in (self._data / "runs").glob("*/station.mcap")]
-
-    def _is_down(self) -> bool:
-        status = self.status()
-        return bool(status) and not status["armed"]
-
-    def _goes(self, name: str, **arguments: Any) -> bool:
-        return self._is_done("start_behavior", name=name, arguments=arguments)
-
-    def _is_done(self, command: str, /, **body: Any) -> bool:
-        try:
-            answer = self._browser.post(f"/api/commands/{command}", json=body)
-        except httpx.HTTPError:
-            return False
-        return answer.status_code == 200
+def _runs(laboratory: Laboratory) -> list[Path]:
+    return [path.parent for path in (laboratory.data / "runs").glob("*/station.mcap")]
 
 
 def judge(flight: Flight, run: Path) -> None:
@@ -276,13 +187,13 @@ def flights(count: int, words: tuple[str, ...], loops: int = 0) -> list[Flight]:
     """
     found = []
     with tempfile.TemporaryDirectory(prefix="quadlab-starved-") as data:
-        laboratory = Laboratory(Path(data), *words)
+        laboratory = Laboratory(Path(data), *words, before=_ordinary())
         try:
             if not loops:
-                return [_shown(laboratory.fly()) for _ in range(count)]
+                return [_shown(fly(laboratory)) for _ in range(count)]
             with page(laboratory.new_link()), busy(loops):
                 for _ in range(count):
-                    found.append(_shown(laboratory.fly()))
+                    found.append(_shown(fly(laboratory)))
             return found
         finally:
             laboratory.close()

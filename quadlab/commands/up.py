@@ -7,7 +7,6 @@ import contextlib
 import secrets
 import socket
 import tempfile
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,7 @@ from quadlab.up.child_words import ChildWords, child_words, set_words
 from quadlab.up.landing import land_before_stopping, reserved_descriptors
 from quadlab.up.page_options import PageOptions
 from quadlab.up.progress import Progress, require_free
-from quadlab.up.supervise import Child
+from quadlab.up.supervise import Child, stop_all
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.checkout import PREFIX
 from quadrotor.errors import UsageError
@@ -267,15 +266,6 @@ class Up(PageOptions):
             if (words := clock.page()) is not None:
                 words[clock.STOPPING] = 1
             for group in reversed(groups):
-                _stop(group)
+                stop_all(group)
         print("quadlab: stopped", flush=True)
         return 0
-
-
-def _stop(group: Sequence[Child]) -> None:
-    """Stop these processes concurrently, as each may take a while."""
-    threads = [threading.Thread(target=child.stop) for child in group]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()

@@ -22,6 +22,8 @@ PARENT = "QUADLAB_PARENT"
 """Environment variable with the id of the process whose end also ends the child."""
 NICENESS = "QUADLAB_NICENESS"
 """Environment variable with the niceness that a child sets for itself, if permitted."""
+PATIENCE = 5.0
+"""Time, in s, in which a process ends by itself when it is asked to."""
 RESTARTS_ALLOWED = 5
 RESTART_WINDOW = 30.0
 """Seconds; after more than RESTARTS_ALLOWED deaths within this time the process is given up."""
@@ -59,6 +61,8 @@ class Child:
     _process: Process | None = None
     _died: str = ""
     """How it died, until it is started again."""
+    _is_asked: bool = False
+    """Whether it was asked to end."""
     _is_refused: bool = False
     """Whether the system did not start it again at the last try."""
     _deaths: list[float] = field(default_factory=list)
@@ -67,6 +71,7 @@ class Child:
         # In a separate session: Ctrl-C in the terminal reaches only the parent, which lands first.
         own = {PARENT: str(os.getpid()), NICENESS: str(self.niceness)}
         environment = {**self.environment, **own}
+        self._is_asked = False
         self._process = start("quadlab", self.words, environment=environment, own_session=True)
 
     @property
@@ -101,16 +106,32 @@ class Child:
         if not self.restart or len(self._deaths) > RESTARTS_ALLOWED:
             raise QuadlabError(f"{self.name} {self._died} and cannot go on; see its lines above")
 
-    def stop(self, patience: float = 5.0) -> None:
+    def ask_to_end(self) -> None:
+        """Send SIGTERM, once."""
+        if self._process is not None and not self._is_asked and self._process.poll() is None:
+            self._is_asked = True
+            self._process.terminate()
+
+    def stop(self, patience: float = PATIENCE) -> None:
         """Send SIGTERM, then SIGKILL after `patience` seconds."""
-        process = self._process
+        self.ask_to_end()
+        process, self._process = self._process, None
         if process is None:
             return
-        if process.poll() is None:
-            process.terminate()
-            try:
-                process.wait(patience)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-        self._process = None
+        try:
+            process.wait(patience)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def stop_all(group: Sequence[Child]) -> None:
+    """Stop these processes concurrently, as each may take a while.
+
+    It starts no thread, as there may be no memory for one.
+    """
+    for child in group:
+        child.ask_to_end()
+    end = time.monotonic() + PATIENCE
+    for child in group:
+        child.stop(max(0.0, end - time.monotonic()))

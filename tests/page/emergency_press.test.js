@@ -27,3 +27,20 @@ test("an answer to an older press does not hide the newer one", async (context) 
   for (let turn = 0; turn < 20; turn++) await new Promise((done) => { setTimeout(done); });
   assert.equal(press.state.said, "motors cut, acknowledged after 0.40 s");
 });
+
+test("a press that nobody answers says after a second what else lands, a refused one does not", async (context) => {
+  let now = 5000, age = 0;
+  context.mock.method(performance, "now", () => now);
+  context.mock.method(globalThis, "fetch", () => new Promise(() => {}));
+  const told = new Map();
+  const press = new EmergencyPress({ connected: true, summary: {}, age: () => age, on: (kind, take) => told.set(kind, take) }, "anna");
+  press.press("land");
+  assert.equal(press.state.said, "Emergency land: not acknowledged");
+  now += 1100;
+  assert.equal(press.state.said, "Emergency land: not acknowledged; Ctrl-C in quadlab's terminal lands, too");
+  const failed = { id: press.last.id, action: "land", by: "anna", phase: "failed", age: 1.1, after: 1.1, reason: "the motors are off", try: 3, tries: 3 };
+  told.get("emergency")({ press: failed });
+  assert.equal(press.state.said, "Emergency land failed: the motors are off. Press again.");
+  age = 3;
+  assert.match(press.state.said, /Press again; Ctrl-C in quadlab's terminal lands, too\.$/);
+});

@@ -7,12 +7,13 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
 from quadlab.up import supervise
-from quadlab.up.supervise import Child
+from quadlab.up.supervise import Child, stop_all
 from quadrotor.errors import QuadlabError
 from tests.waiting import wait_for
 
@@ -43,6 +44,22 @@ def test_a_killed_child_is_started_again_and_stopped_when_asked(tmp_path: Path) 
     child.stop()
     assert child.pid is None
     assert not running(second or 0)
+
+
+def test_all_are_stopped_where_there_is_no_memory_for_a_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    children = [station(tmp_path), station(tmp_path), station(tmp_path)]
+    for child in children[:2]:
+        child.start()
+    pids = [child.pid or 0 for child in children[:2]]
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    stop_all(children)
+    assert [child.pid for child in children] == [None, None, None]
+    assert not any(running(pid) for pid in pids)
 
 
 def test_a_child_that_keeps_dying_is_given_up_with_its_name(

@@ -56,10 +56,12 @@ class BlindDescent:
         self._doubted_s = self._shaken_s = self._lasted_s = self._longest_s = 0.0
         self._alone_s = math.inf
         self._is_over_due = False
+        self._has_begun = False  # knows the climb rate of this flight
 
     def rest(self) -> None:
         """Begin anew, on the ground. The bias stays what it was."""
         self._height, self._climb, self._alone_s = 0.0, 0.0, math.inf
+        self._has_begun = False
 
     def follow(self, vertical_force: float, motion: tuple[float, float] | None, dt: float) -> None:
         """Learn the accelerometer's bias in a flight that is no blind descent.
@@ -76,6 +78,9 @@ class BlindDescent:
         if motion is None:
             pole = POLE_ALONE if self._alone_s > REMEMBERED else 0.0
         height, climb = motion or (self._altitude.height, self._altitude.climb)
+        if motion is not None and not self._has_begun:
+            # It climbs already when it is found to be in the air: that is no bias.
+            self._height, self._climb, self._has_begun = height, climb, True
         error = climb - self._climb
         self._height += self._climb * dt + pole * (height - self._height) * held
         self._climb += (vertical_force - GRAVITY - self._bias) * dt + 2.0 * pole * error * held

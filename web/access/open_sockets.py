@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocketClose
 
 from quadrotor.errors import StorageError
 from web.access.roles import Session
@@ -13,6 +14,8 @@ from web.access.sessions import Sessions
 
 PERIOD = 0.5  # s, between checks for sessions ended by another process or by age
 GRACE = 1.0  # s that a socket has to end by itself
+MOST = 120
+"""Open websockets of one session; a page has six."""
 SIGNED_OUT = 4401
 """Close code on which the page opens the sign-in page instead of reconnecting."""
 
@@ -32,7 +35,14 @@ class OpenSockets:
     async def serve(
         self, app: ASGIApp, session: Session, scope: Scope, receive: Receive, send: Send
     ) -> None:
-        """Run `app` for one websocket until either side or the session ends."""
+        """Run `app` for one websocket until either side or the session ends.
+
+        Refuse it if the session has MOST already, as each holds a file descriptor.
+        """
+        if sum(one.session.id == session.id for one in self._guards) >= MOST:
+            why = f"{session.label} has {MOST} connections open; close some pages"
+            await WebSocketClose(1008, why)(scope, receive, send)
+            return
         guard = _Guard(session, receive, send)
         self._guards.add(guard)
         try:

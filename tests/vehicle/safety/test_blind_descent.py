@@ -121,3 +121,31 @@ def test_so_does_one_whose_height_does_not_change() -> None:
         descent.watch.watch(GRAVITY + BIAS, SPEED, 0.01)
     assert descent.lines == ["no ground where it should be: sinking faster and faster"]
     assert descent.watch.extra == pytest.approx(5.0 * FASTER, abs=0.01)
+
+
+def test_a_climb_that_began_before_it_was_found_in_the_air_is_no_bias() -> None:
+    altitude, lines = BarometricHeight(), list[str]()
+    watch = BlindDescent(altitude, lines.append)
+    altitude.set_ground(GROUND, DT)
+    watch.rest()
+    height, climb = 0.0, 0.4
+
+    def fly(seconds: float, acceleration: float, *, has_poses: bool) -> None:
+        nonlocal height, climb
+        for _ in range(round(seconds / DT)):
+            climb += acceleration * DT
+            height += climb * DT
+            altitude.step(GROUND - PASCALS_PER_METRE * height, GRAVITY + acceleration, DT)
+            motion = (height, climb) if has_poses else None
+            watch.follow(GRAVITY + acceleration, motion, DT)
+
+    fly(1.3, 0.0, has_poses=True)
+    fly(0.4, -1.0, has_poses=False)  # it stops, and hovers blindly
+    fly(2.0, 0.0, has_poses=False)
+    for k in range(round(2.0 / DT)):
+        height -= SPEED * DT
+        lift = GRAVITY - (SPEED / DT if k == 0 else 0.0)
+        altitude.step(GROUND - PASCALS_PER_METRE * height, lift, DT)
+        watch.watch(lift, SPEED, DT)
+    assert lines == []
+    assert altitude.climb == pytest.approx(-SPEED, abs=0.1)

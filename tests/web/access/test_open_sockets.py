@@ -119,3 +119,32 @@ def test_a_cancellation_from_outside_is_passed_on(sessions: Sessions) -> None:
 
 def test_the_look_for_ended_sessions_is_often_enough() -> None:
     assert open_sockets.PERIOD + open_sockets.GRACE < 2.0
+
+
+def test_a_session_with_too_many_sockets_gets_no_more_and_other_sessions_do(
+    sessions: Sessions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(open_sockets, "MOST", 2)
+
+    async def app(_: Any, receive: Any, __: Any) -> None:
+        await receive()
+
+    async def run() -> None:
+        peers = [Peer() for _ in range(4)]
+        sockets, session, first = serve(sessions, app, peers[0])
+        another = sessions.open("operator 2", Role.OPERATOR)
+        served = [first]
+        for peer, who in zip(peers[1:], (session, session, another), strict=True):
+            work = sockets.serve(app, who, {"type": "websocket"}, peer.receive, peer.send)
+            served.append(asyncio.get_running_loop().create_task(work))
+        await served[2]
+        (refusal,) = peers[2].sent
+        assert refusal["code"] == 1008
+        assert "operator 1 has 2 connections" in refusal["reason"]
+        assert sockets.labels == {"operator 1", "operator 2"}
+        for peer in (peers[0], peers[1], peers[3]):
+            assert peer.sent == []
+            peer.frames.put_nowait({"type": "websocket.disconnect", "code": 1000})
+        await asyncio.gather(*served)
+
+    asyncio.run(run())

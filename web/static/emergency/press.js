@@ -11,6 +11,8 @@ const AGAIN = 400; // ms between tries of ours
 const ASK = 300; // ms between questions while the events do not come
 const LATE = 7000; // ms: the three tries of the web process take less
 const UNTOLD = 12_000; // ms: web has given up by then
+const OVERDUE = 1; // s until a press says what else lands
+const INSTEAD = "Ctrl-C in quadlab's terminal lands, too";
 const FORGET = { acknowledged: 60, failed: 300 }; // s
 
 const newId = () =>
@@ -120,15 +122,20 @@ export class EmergencyPress {
         running: "",
       };
     }
-    if (press.phase === "failed")
-      return { tone: "failed", said: `${name} failed: ${press.reason}. Press again.`, running: "" };
-    if (press.web === false && press.phase === "sent")
+    const isSilent = this.events.age("status") > 1,
+      unheard = press.web === false;
+    if (press.phase === "failed") {
+      const again = isSilent || unheard ? `Press again; ${INSTEAD}.` : "Press again.";
+      return { tone: "failed", said: `${name} failed: ${press.reason}. ${again}`, running: "" };
+    }
+    const instead = press.phase === "sent" && age > OVERDUE ? `; ${INSTEAD}` : "";
+    if (unheard && press.phase === "sent")
       return {
         tone: "waiting",
-        said: `${name}: this page's server does not answer, retrying`,
+        said: `${name}: this page's server does not answer, retrying${instead}`,
         running: `, pressed ${ago} ago`,
       };
-    const silent = this.events.age("status") > 1 ? "; no data from the vehicle" : "";
+    const silent = isSilent ? "; no data from the vehicle" : "";
     const isTaken = press.action === "land" && this.events.summary.emergency_land === "emergency";
     const what =
       press.phase === "sent"
@@ -137,6 +144,10 @@ export class EmergencyPress {
           ? "accepted; the microcontroller does not fly yet"
           : "accepted, not yet shown by the vehicle";
     const tries = press.try > 1 ? `, try ${press.try} of ${press.tries}` : "";
-    return { tone: "waiting", said: `${name}: ${what}${tries}${silent}`, running: `, sent ${ago} ago` };
+    return {
+      tone: "waiting",
+      said: `${name}: ${what}${tries}${silent}${instead}`,
+      running: `, sent ${ago} ago`,
+    };
   }
 }

@@ -40,7 +40,7 @@ def test_without_quadlab_web_the_page_says_so_tries_again_and_gives_up(
     look = look_at(still)
     still.route("**/api/commands/emergency", lambda route: route.abort())
     still.click("#emergency-land")
-    look.text("#emergency-state", "server does not answer, retrying, pressed")
+    look.text("#emergency-state", "server does not answer, retrying.*, pressed")
     look.text("#emergency-state", "failed: this page's server does not answer.*Press again")
     still.click("#emergency-land")
     look.text("#emergency-state", "retrying")
