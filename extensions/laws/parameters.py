@@ -45,14 +45,14 @@ class PidCascadeParameters(Parameters):
 class GeometricL1Parameters(Parameters):
     """The adaptation, and what is taken off the commands of the geometric law."""
 
-    force_pole: float = parameter(5.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
+    force_pole: float = parameter(1.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
     """decay of the state predictor's velocity error"""
-    torque_pole: float = parameter(10.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
+    torque_pole: float = parameter(1.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
     """decay of the state predictor's angular velocity error"""
-    force_cutoff: float = parameter(14.0, unit="rad/s", ge=0.1, le=40.0, step=0.1, flight_step=5.0)
+    force_cutoff: float = parameter(25.0, unit="rad/s", ge=0.1, le=40.0, step=0.1, flight_step=5.0)
     """low pass C(s) of the force"""
     torque_cutoff: float = parameter(
-        2.0, unit="rad/s", ge=0.05, le=20.0, step=0.05, flight_step=3.0
+        20.0, unit="rad/s", ge=0.05, le=40.0, step=0.05, flight_step=5.0
     )
     """low pass C(s) of the torque"""
     across: bool = parameter(True)
