@@ -1,4 +1,4 @@
-"""The L1 estimate of disturbing force and torque: predictor, piecewise-constant adaptation, filters.
+"""The L1 estimate of disturbing force and torque: predictor, adaptation law and filters.
 
 Z. Wu et al., "L1Quad: L1 adaptive augmentation of geometric control for agile quadrotors with
 performance guarantees", IEEE T-CST 2025 (arXiv 2302.07208). For the partial state z = (v, omega)

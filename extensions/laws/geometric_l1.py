@@ -45,9 +45,9 @@ MEMORY = np.dtype(
 
 @compiled(inner=True)
 def cancelled(m: Item, s: Item, model: Item) -> Vector:
-    """Write what is taken off force and torque; return the second derivative of the force over mass.
+    """Write what is taken off force and torque; return the second derivative of the force.
 
-    A force at its bound has no rate.
+    It is over the mass, m/s^4. A force at its bound has no rate.
     """
     a, d, mass = m.adaptation, m.disturbance, model.mass
     curve = [0.0, 0.0, 0.0]

@@ -189,7 +189,7 @@ class PidCascade:
 
 
 class Adaptation:
-    """sigma^ of force over mass and of torque over inertia, behind C(s), with e of the last tick."""
+    """sigma^ of force over mass and of torque over inertia, behind C(s)."""
 
     def __init__(self, x: Any, last: Any) -> None:
         self.rotors, self.v, self.w = (
@@ -362,13 +362,14 @@ class Nmpc:
 
     def __init__(self) -> None:
         self.x: list[Array] | None = None
+        self.adaptation: Adaptation | None = None
 
-    def plan(self, r: Any, m: Any, h: float) -> None:
+    def plan(self, r: Any, m: Any, lift: float, across: Array, h: float) -> None:
         d, t = m.drag / m.mass, h * np.arange(self.N + 1)[:, None]
         a, j, s = r.acceleration_w, r.jerk_w, r.snap_w
         p = r.position_w + t * r.velocity_w + t**2 / 2 * a + t**3 / 6 * j + t**4 / 24 * s
         v = r.velocity_w + t * a + t**2 / 2 * j + t**3 / 6 * s
-        f = a + t * j + t**2 / 2 * s + d * v + G * Z
+        f = a + t * j + t**2 / 2 * s + d * v + G * Z - across
         f[:, 2] = np.maximum(f[:, 2], DIRECTION_MIN * G)
         self.x_r = []
         for k in range(self.N + 1):
@@ -378,11 +379,11 @@ class Nmpc:
             self.x_r.append(np.concatenate([p[k], v[k], quaternion_of(R)]))
         q = [x[6:] for x in self.x_r]
         turns = [log(product(inverse(q[k]), q[k + 1])) / h for k in range(self.N)]
-        self.u_r = [np.array([np.linalg.norm(f[k]), *turns[k]]) for k in range(self.N)]
+        self.u_r = [np.array([np.linalg.norm(f[k]) - lift, *turns[k]]) for k in range(self.N)]
 
-    @staticmethod
-    def next(x: Array, u: Array, d: float, h: float) -> Array:
-        a = u[0] * matrix(x[6:])[:, 2] - G * Z - d * x[3:6]
+    def next(self, x: Array, u: Array, d: float, h: float) -> Array:
+        middle = matrix(product(x[6:], rotation(0.5 * h * u[1:])))
+        a = (u[0] + self.lift) * middle[:, 2] + self.across - G * Z - d * x[3:6]
         q = product(x[6:], rotation(h * u[1:]))
         q /= np.linalg.norm(q)
         return np.concatenate([x[:3] + h * x[3:6] + h * h / 2 * a, x[3:6] + h * a, q])
@@ -391,23 +392,30 @@ class Nmpc:
     def away(x: Array, y: Array) -> Array:
         return np.concatenate([x[:6] - y[:6], log(product(inverse(y[6:]), x[6:]))])
 
-    @staticmethod
-    def derivatives(x: Array, u: Array, d: float, h: float) -> tuple[Array, Array]:
-        R, w, eye = matrix(x[6:]), hat(h * u[1:]), np.eye(3)
-        tilt = -u[0] * R @ hat(Z)
+    def derivatives(self, x: Array, u: Array, d: float, h: float) -> tuple[Array, Array]:
+        w, eye, half = hat(h * u[1:]), np.eye(3), rotation(0.5 * h * u[1:])
+        middle = matrix(product(x[6:], half))
+        tilt = -(u[0] + self.lift) * middle @ hat(Z)
         A, B = np.eye(9), np.zeros((9, 4))
-        A[:3, 3:6], A[:3, 6:] = (h - h * h / 2 * d) * eye, h * h / 2 * tilt
-        A[3:6, 3:6], A[3:6, 6:] = (1.0 - h * d) * eye, h * tilt
+        A[:3, 3:6], A[3:6, 3:6] = (h - h * h / 2 * d) * eye, (1.0 - h * d) * eye
+        A[3:6, 6:] = h * tilt @ matrix(half).T
         A[6:, 6:] = matrix(rotation(-h * u[1:]))
-        B[:3, 0], B[3:6, 0] = h * h / 2 * R[:, 2], h * R[:, 2]
+        B[3:6, 0] = h * middle[:, 2]
+        B[3:6, 1:] = h * tilt @ (eye - w / 4 + w @ w / 24) * h / 2
         B[6:, 1:] = h * (eye - w / 2 + w @ w / 6)
+        A[:3, 6:], B[:3] = h / 2 * A[3:6, 6:], h / 2 * B[3:6]
         return A, B
 
     def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
         h, d, N = s.horizon / self.N, m.drag / m.mass, self.N
         low = np.array([4.0 * m.thrust_min / m.mass, *[-s.rate_max] * 3])
         high = np.array([4.0 * m.thrust_max / m.mass, *[s.rate_max] * 3])
-        self.plan(r, m, h)
+        if self.adaptation is None:
+            self.adaptation = Adaptation(x, last)
+        found = self.adaptation
+        found.step((1.0, 1.0), (s.force_cutoff, s.torque_cutoff), x, m, last, dt)
+        self.lift, self.across = found.lift, found.across
+        self.plan(r, m, self.lift, self.across, h)
         if self.x is None:
             self.x, self.u = list(self.x_r), [np.clip(u, low, high) for u in self.u_r]
         xy, z, yaw = [s.position_xy] * 2, [s.position_z], [s.yaw]
@@ -440,7 +448,7 @@ class Nmpc:
         self.x = [*flown, now]
         w, J = x.angular_velocity_b, m.inertia_b
         forward = Motion(r.acceleration_w + G * Z, r.jerk_w, r.snap_w)
-        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2]
+        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2] - found.t
         return allocated(m.mass * self.u[0][0], J * nu + np.cross(w, J * w), k, m)[0]
 
 
