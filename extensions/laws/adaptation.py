@@ -27,6 +27,7 @@ from quadrotor.records import Item
 from quadrotor.vectors import Axes, Vector, along, axes_of, dot, quaternion, vector
 from quadrotor.vehicle_model import GRAVITY
 
+Two = tuple[float, float]
 ADAPTATION = np.dtype(
     [
         ("rotor_speeds", "f8", 4),  # counts, of the model
@@ -74,19 +75,14 @@ def middle_of(push_w: Vector, axes: Axes, state: Item, dt: float) -> Vector:
 
 @compiled(inner=True)
 def adapt(
-    m: Item,
-    poles: tuple[float, float],
-    cutoffs: tuple[float, float],
-    state: Item,
-    model: Item,
-    actuators: Item,
-    dt: float,
+    m: Item, tuning: tuple[Two, Two], state: Item, model: Item, actuators: Item, dt: float
 ) -> None:
     """Advance predictor, adaptation and filters over the last dt (s).
 
     Args:
-        poles: 1/s, a of force and torque. cutoffs: rad/s, w of force and torque.
+        tuning: poles a (1/s) and cutoffs w (rad/s), each of force and of torque.
     """
+    poles, cutoffs = tuning
     axes = axes_of(quaternion(state.quaternion_wb))
     push_w, turn_b = modelled(m, state, quaternion(actuators.motor_references), model, dt)
     push_w = middle_of(push_w, axes, state, dt)

@@ -77,8 +77,8 @@ def fly_one(
         m.running = 1
         rest(m.adaptation, state, actuators)
     if airborne:
-        poles, cutoffs = (s.force_pole, s.torque_pole), (s.force_cutoff, s.torque_cutoff)
-        adapt(m.adaptation, poles, cutoffs, state, model, actuators, dt)
+        tuning = (s.force_pole, s.torque_pole), (s.force_cutoff, s.torque_cutoff)
+        adapt(m.adaptation, tuning, state, model, actuators, dt)
     mass, weight, none = model.mass, model.mass * GRAVITY, (0.0, 0.0, 0.0)
     curve = cancelled(m, s, model)
     axes, omega_b = axes_of(quaternion(state.quaternion_wb)), vector(state.angular_velocity_b)

@@ -41,8 +41,9 @@ from extensions.laws.nmpc_model import (
     look_ahead,
 )
 from extensions.laws.parameters import NmpcParameters
+from extensions.laws.small_matrices import multiply_into, solve
 from quadrotor.compiled import compiled
-from quadrotor.records import Array, Item
+from quadrotor.records import Item
 from quadrotor.vectors import Vector, add, cross, subtract, times, vector
 
 POLE = 1.0
@@ -98,37 +99,6 @@ def add_cost(m: Item, s: Item, k: int, share: float) -> None:
         m.g[i] += share * position[i] * m.error[i]
         m.g[3 + i] += share * velocity[i] * m.error[3 + i]
         m.g[6 + i] += share * attitude[i] * m.error[6 + i]
-
-
-@compiled(inner=True)
-def solve(H: Array, K: Array, columns: int) -> None:
-    """Replace K (INPUTS, columns) by H^-1 K for a positive definite H, which is overwritten."""
-    for i in range(INPUTS):
-        for j in range(i + 1):
-            value = H[i, j]
-            for n in range(j):
-                value -= H[i, n] * H[j, n]
-            H[i, j] = math.sqrt(value) if i == j else value / H[j, j]
-    for c in range(columns):
-        for i in range(INPUTS):
-            for n in range(i):
-                K[i, c] -= H[i, n] * K[n, c]
-            K[i, c] /= H[i, i]
-        for i in range(INPUTS - 1, -1, -1):
-            for n in range(i + 1, INPUTS):
-                K[i, c] -= H[n, i] * K[n, c]
-            K[i, c] /= H[i, i]
-
-
-@compiled(inner=True)
-def multiply_into(X: Array, Y: Array, out: Array) -> None:
-    """Write X Y."""
-    for i in range(X.shape[0]):
-        for j in range(Y.shape[1]):
-            value = 0.0
-            for n in range(X.shape[1]):
-                value += X[i, n] * Y[n, j]
-            out[i, j] = value
 
 
 @compiled(inner=True)
@@ -239,8 +209,8 @@ def begin(m: Item) -> None:
 def learn(m: Item, s: Item, state: Item, model: Item, actuators: Item, dt: float) -> Push:
     """Advance the adaptation; return the acceleration (m/s^2) that the model lacks."""
     a, none = m.adaptation, (0.0, 0.0, 0.0, 0.0)
-    poles, cutoffs = (POLE, POLE), (s.force_cutoff, s.torque_cutoff)
-    adapt(a, poles, cutoffs, state, model, actuators, dt)
+    tuning = (POLE, POLE), (s.force_cutoff, s.torque_cutoff)
+    adapt(a, tuning, state, model, actuators, dt)
     found = a.lift, a.across_w[0], a.across_w[1], a.across_w[2]
     return found if s.adaptive == 1 else none
 
