@@ -2,19 +2,23 @@
 
 S. Sun, A. Romero, P. Foehn, E. Kaufmann, D. Scaramuzza, "A comparative study of nonlinear MPC and
 differential-flatness-based control for quadrotor agile flight", IEEE T-RO 38(6), 2022 (20 nodes);
-Y. Tassa, N. Mansard, E. Todorov, "Control-limited differential dynamic programming", ICRA 2014;
-M. Diehl et al., "Real-time optimization and nonlinear model predictive control", J. Process Control
-12, 2002 (one iteration for each sample, from the last solution).
+D. Hanover, P. Foehn, S. Sun, E. Kaufmann, D. Scaramuzza, "Performance, precision, and payloads:
+adaptive nonlinear MPC for quadrotors", RA-L 2022 (the L1 estimate in the model); Y. Tassa,
+N. Mansard, E. Todorov, "Control-limited differential dynamic programming", ICRA 2014; M. Diehl et
+al., "Real-time optimization and nonlinear model predictive control", J. Process Control 12, 2002
+(one iteration for each sample, from the last solution).
 
 State (p, v, q), inputs u = (thrust over mass, body rates), N nodes of h:
 
-    p+ = p + h v + h^2/2 a,  v+ = v + h a,  q+ = q exp(h omega),  a = u_1 z_B - g z_W - d v
+    p+ = p + h v + h^2/2 a,  v+ = v + h a,  q+ = q exp(h omega)
+    a = (u_1 + sigma_z) z_B(q exp(h/2 omega)) + sigma_xy - g z_W - d v
     cost = sum 1/2 |x - x_r|_Q^2 + 1/2 |u - u_r|_R^2 within u_min <= u <= u_max
 
-with x_r, u_r of the flat outputs, continued over the horizon by their derivatives to the fourth.
-The step is Gauss-Newton's, in the error (dp, dv, dtheta) of the trajectory at hand. Rates are
-followed by the rate gain of the paper's law, with their derivative fed forward. There is no
-integral: what the model lacks stays as an error, as in print.
+with x_r, u_r of the flat outputs, continued over the horizon by their derivatives to the fourth,
+and sigma of `adaptation`, along and across z_B. With z_B(q), the attitude of a node's begin, the
+plan would lead the vehicle by h/2. The step is Gauss-Newton's, in the error (dp, dv, dtheta) of the
+trajectory at hand. Rates are followed by the rate gain of the paper's law, with their derivative
+fed forward. Without `adaptive` there is no integral: what the model lacks stays as an error.
 """
 
 from __future__ import annotations
@@ -24,21 +28,26 @@ import math
 import numpy as np
 
 from control.laws import CompiledLaw, Own, Records, settings_type
+from extensions.laws.adaptation import ADAPTATION, adapt, rest
 from extensions.laws.desired import finish, flat_rates
 from extensions.laws.nmpc_model import (
     INPUTS,
     NODES,
     STATES,
+    Push,
     advance,
     difference,
     linearize,
     look_ahead,
 )
 from extensions.laws.parameters import NmpcParameters
+from extensions.laws.small_matrices import multiply_into, solve
 from quadrotor.compiled import compiled
-from quadrotor.records import Array, Item
+from quadrotor.records import Item
 from quadrotor.vectors import Vector, add, cross, subtract, times, vector
 
+POLE = 1.0
+"""1/s, decay of the errors of the adaptation's predictor."""
 SETTINGS = settings_type(NmpcParameters)
 MEMORY = np.dtype(
     [
@@ -59,6 +68,7 @@ MEMORY = np.dtype(
         ("K", "f8", (INPUTS, STATES + 1)),  # Q_ux and Q_u, and their solution
         ("error", "f8", STATES),
         ("x_now", "f8", 10),
+        ("adaptation", ADAPTATION),
         ("low", "f8", INPUTS),
         ("high", "f8", INPUTS),
     ],
@@ -89,37 +99,6 @@ def add_cost(m: Item, s: Item, k: int, share: float) -> None:
         m.g[i] += share * position[i] * m.error[i]
         m.g[3 + i] += share * velocity[i] * m.error[3 + i]
         m.g[6 + i] += share * attitude[i] * m.error[6 + i]
-
-
-@compiled(inner=True)
-def solve(H: Array, K: Array, columns: int) -> None:
-    """Replace K (INPUTS, columns) by H^-1 K for a positive definite H, which is overwritten."""
-    for i in range(INPUTS):
-        for j in range(i + 1):
-            value = H[i, j]
-            for n in range(j):
-                value -= H[i, n] * H[j, n]
-            H[i, j] = math.sqrt(value) if i == j else value / H[j, j]
-    for c in range(columns):
-        for i in range(INPUTS):
-            for n in range(i):
-                K[i, c] -= H[i, n] * K[n, c]
-            K[i, c] /= H[i, i]
-        for i in range(INPUTS - 1, -1, -1):
-            for n in range(i + 1, INPUTS):
-                K[i, c] -= H[n, i] * K[n, c]
-            K[i, c] /= H[i, i]
-
-
-@compiled(inner=True)
-def multiply_into(X: Array, Y: Array, out: Array) -> None:
-    """Write X Y."""
-    for i in range(X.shape[0]):
-        for j in range(Y.shape[1]):
-            value = 0.0
-            for n in range(X.shape[1]):
-                value += X[i, n] * Y[n, j]
-            out[i, j] = value
 
 
 @compiled(inner=True)
@@ -156,7 +135,7 @@ def gains_at(m: Item, s: Item, k: int) -> None:
 
 
 @compiled(inner=True)
-def backward(m: Item, s: Item, d: float, h: float) -> None:
+def backward(m: Item, s: Item, lift: float, d: float, h: float) -> None:
     """Compute gains and changes from the last node to the first.
 
     With u = k + K x the cost to go is that of the closed loop, so V = Q + A'V(A + B K) is symmetric
@@ -166,7 +145,7 @@ def backward(m: Item, s: Item, d: float, h: float) -> None:
     m.g[:] = 0.0
     add_cost(m, s, NODES, s.last)
     for k in range(NODES - 1, -1, -1):
-        linearize(m, k, d, h)
+        linearize(m, k, lift, d, h)
         gains_at(m, s, k)
         # V (A + B K) and g + V B k
         for i in range(STATES):
@@ -193,7 +172,7 @@ def backward(m: Item, s: Item, d: float, h: float) -> None:
 
 
 @compiled(inner=True)
-def forward(m: Item, state: Item, d: float, h: float) -> None:
+def forward(m: Item, state: Item, push: Push, d: float, h: float) -> None:
     """Fly the model from the present state with the new inputs, within their bounds."""
     x = m.x_now
     for i in range(3):
@@ -209,7 +188,7 @@ def forward(m: Item, state: Item, d: float, h: float) -> None:
             for j in range(STATES):
                 value += m.gain[k, i, j] * m.error[j]
             m.u[k, i] = min(m.high[i], max(m.low[i], value))
-        advance(m.x[k], m.u[k], d, h, x)
+        advance(m.x[k], m.u[k], push, d, h, x)
     for i in range(10):
         m.x[NODES, i] = x[i]
 
@@ -227,26 +206,18 @@ def begin(m: Item) -> None:
 
 
 @compiled(inner=True)
-def fly_one(
-    m: Item,
-    s: Item,
-    state: Item,
-    reference: Item,
-    gains: Item,
-    model: Item,
-    dt: float,
-    actuators: Item,
-) -> None:
-    """Compute one tick; see `control.laws`."""
-    h, d = s.horizon / NODES, model.drag / model.mass
-    m.low[0], m.high[0] = 4.0 * model.thrust_min / model.mass, 4.0 * model.thrust_max / model.mass
-    for i in range(1, INPUTS):
-        m.low[i], m.high[i] = -s.rate_max, s.rate_max
-    look_ahead(m, reference, model, h)
-    if m.running == 0 or not math.isfinite(m.x[NODES, 0] + m.u[0, 0]):
-        begin(m)
-    backward(m, s, d, h)
-    forward(m, state, d, h)
+def learn(m: Item, s: Item, state: Item, model: Item, actuators: Item, dt: float) -> Push:
+    """Advance the adaptation; return the acceleration (m/s^2) that the model lacks."""
+    a, none = m.adaptation, (0.0, 0.0, 0.0, 0.0)
+    tuning = (POLE, POLE), (s.force_cutoff, s.torque_cutoff)
+    adapt(a, tuning, state, model, actuators, dt)
+    found = a.lift, a.across_w[0], a.across_w[1], a.across_w[2]
+    return found if s.adaptive == 1 else none
+
+
+@compiled(inner=True)
+def torque_of(m: Item, s: Item, state: Item, reference: Item, gains: Item, model: Item) -> Vector:
+    """Return the torque (N m, body axes) that follows the rates of the first node."""
     omega_b, J = vector(state.angular_velocity_b), vector(model.inertia_b)
     omega_d = m.u[0, 1], m.u[0, 2], m.u[0, 3]
     _, turn_d = flat_rates(
@@ -256,7 +227,38 @@ def fly_one(
         reference,
     )
     nu = add(times(vector(gains.kw), subtract(omega_d, omega_b)), turn_d)
-    torque = add(times(J, nu), cross(omega_b, times(J, omega_b)))
+    if s.adaptive == 1:
+        nu = subtract(nu, vector(m.adaptation.filtered_turn_b))
+    return add(times(J, nu), cross(omega_b, times(J, omega_b)))
+
+
+@compiled(inner=True)
+def fly_one(
+    m: Item,
+    s: Item,
+    state: Item,
+    reference: Item,
+    gains: Item,
+    model: Item,
+    airborne: bool,
+    dt: float,
+    actuators: Item,
+) -> None:
+    """Compute one tick; see `control.laws`."""
+    h, d, push = s.horizon / NODES, model.drag / model.mass, (0.0, 0.0, 0.0, 0.0)
+    if m.running == 0 or not airborne:
+        rest(m.adaptation, state, actuators)
+    if airborne:
+        push = learn(m, s, state, model, actuators, dt)
+    m.low[0], m.high[0] = 4.0 * model.thrust_min / model.mass, 4.0 * model.thrust_max / model.mass
+    for i in range(1, INPUTS):
+        m.low[i], m.high[i] = -s.rate_max, s.rate_max
+    look_ahead(m, reference, model, push, h)
+    if m.running == 0 or not math.isfinite(m.x[NODES, 0] + m.u[0, 0]):
+        begin(m)
+    backward(m, s, push[0], d, h)
+    forward(m, state, push, d, h)
+    torque = torque_of(m, s, state, reference, gains, model)
     finish(model.mass * m.u[0, 0], torque, gains.yaw_torque_max, model, actuators)
 
 
@@ -266,7 +268,7 @@ def step(own: Own, records: Records, flown: bool, airborne: bool, dt: float) -> 
     memory, settings = own
     state, reference, gains, model, actuators = records
     m, s = memory.view(MEMORY)[0], settings.view(SETTINGS)[0]
-    fly_one(m, s, state[0], reference[0], gains[0], model[0], dt, actuators[0])
+    fly_one(m, s, state[0], reference[0], gains[0], model[0], airborne, dt, actuators[0])
 
 
 LAW = CompiledLaw(step, MEMORY)

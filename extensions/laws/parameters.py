@@ -45,14 +45,14 @@ class PidCascadeParameters(Parameters):
 class GeometricL1Parameters(Parameters):
     """The adaptation, and what is taken off the commands of the geometric law."""
 
-    force_pole: float = parameter(5.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
+    force_pole: float = parameter(1.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
     """decay of the state predictor's velocity error"""
-    torque_pole: float = parameter(10.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
+    torque_pole: float = parameter(1.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
     """decay of the state predictor's angular velocity error"""
-    force_cutoff: float = parameter(14.0, unit="rad/s", ge=0.1, le=40.0, step=0.1, flight_step=5.0)
+    force_cutoff: float = parameter(25.0, unit="rad/s", ge=0.1, le=40.0, step=0.1, flight_step=5.0)
     """low pass C(s) of the force"""
     torque_cutoff: float = parameter(
-        2.0, unit="rad/s", ge=0.05, le=20.0, step=0.05, flight_step=3.0
+        20.0, unit="rad/s", ge=0.05, le=40.0, step=0.05, flight_step=5.0
     )
     """low pass C(s) of the torque"""
     across: bool = parameter(True)
@@ -86,9 +86,9 @@ class FlatnessIndiParameters(IndiParameters):
 class NmpcParameters(Parameters):
     """Horizon, bounds and weights of the predictive law."""
 
-    horizon: float = parameter(0.6, unit="s", ge=0.2, le=2.0, step=0.05)
+    horizon: float = parameter(0.4, unit="s", ge=0.2, le=2.0, step=0.05)
     """of its 20 nodes; the reference is continued over it by its derivatives"""
-    rate_max: float = parameter(6.0, unit="rad/s", ge=1.0, le=20.0, step=0.5)
+    rate_max: float = parameter(4.0, unit="rad/s", ge=1.0, le=20.0, step=0.5)
     """largest body rate"""
     position_xy: float = parameter(200.0, ge=0.0, le=2000.0, step=10.0)
     """weight of the horizontal position error, 1/m²"""
@@ -106,3 +106,11 @@ class NmpcParameters(Parameters):
     """weight of the body rates, s²/rad²"""
     last: float = parameter(5.0, ge=0.0, le=100.0, step=1.0)
     """multiple of the weights at the last node"""
+    adaptive: bool = parameter(True)
+    """take the L1 estimate of force and torque into the model; false: as in Sun et al."""
+    force_cutoff: float = parameter(25.0, unit="rad/s", ge=0.1, le=40.0, step=0.1, flight_step=5.0)
+    """low pass C(s) of the force"""
+    torque_cutoff: float = parameter(
+        20.0, unit="rad/s", ge=0.05, le=40.0, step=0.05, flight_step=5.0
+    )
+    """low pass C(s) of the torque"""

@@ -95,11 +95,14 @@ DISTURBANCES = {
 
 
 def courses() -> dict[str, FigureEight]:
-    """Return the 8 of the paper, the same at twice the rate, and a larger one."""
+    """Return the 8 of the paper, the same at twice the rate, and a larger one, at last so fast that
+    motors saturate.
+    """
     centre = (0.0, 0.0, 1.5)
     quick = partial(FigureEight, centre, period=4.0, laps=6)
     return {
         "8 in 8 s": FigureEight(centre),
         "8 in 4 s": quick(ramp=4.0, yaw_amplitude=0.3),
         "3 m x 1.5 m in 4 s": quick(ramp=6.0, yaw_amplitude=0.2, width=3.0, height=1.5),
+        "3 m x 1.5 m in 3 s": quick(period=3.0, ramp=6.0, yaw_amplitude=0.1, width=3.0, height=1.5),
     }

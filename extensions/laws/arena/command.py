@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadrotor.errors import UsageError, os_errors
+from quadrotor.errors import UsageError
 
 
 @dataclass
@@ -21,7 +21,7 @@ class Arena:
     page: Path | None = None
     """Markdown file whose tables are replaced"""
     out: Path | None = None
-    """JSON file for the error of each flight"""
+    """file for the error of each flight (.json, .csv), or for the table of errors (.tex)"""
 
     def run(self) -> int:
         from extensions.laws.arena import table
@@ -32,6 +32,8 @@ class Arena:
             raise UsageError(f"--seeds {self.seeds}: allowed are 2 or more; an interval needs them")
         if self.page is not None:
             table.check_page(self.page)
+        if self.out is not None:
+            table.check_out(self.out)
         laws = chosen(self.laws)
         cells = list(fly_arena(laws, self.seeds, lambda line: print(line, file=sys.stderr)))
         has_base = any(one.entry == laws[0].name == "geometric" for one in cells)
@@ -44,8 +46,7 @@ class Arena:
         lines += ["", "Latency tolerated on the 8 in 8 s, and the time of a tick:", ""]
         lines += [*table.facts_table(facts), ""]
         if self.out is not None:
-            with os_errors(lambda why: f"--out {self.out} cannot be written ({why})"):
-                self.out.write_text(table.as_json(cells))
+            table.write_out(self.out, cells)
         if self.page is not None:
             table.write_into(self.page, lines)
         else:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -73,7 +76,7 @@ def _row(*words: str) -> str:
     return f"| {' | '.join(words)} |"
 
 
-def as_json(cells: Iterable[Cell]) -> str:
+def as_json(cells: Sequence[Cell]) -> str:
     """Return all flights as JSON: a crash is null."""
     rows = [
         {
@@ -86,6 +89,49 @@ def as_json(cells: Iterable[Cell]) -> str:
         for one in cells
     ]
     return json.dumps(rows, indent=1)
+
+
+def as_csv(cells: Sequence[Cell]) -> str:
+    """Return a line for each flight; a crash has no error."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("law", "course", "disturbance", "flight", "position_rms_m"))
+    for one in cells:
+        for k, rms in enumerate(one.rms.tolist()):
+            told = "" if math.isnan(rms) else repr(rms)
+            writer.writerow((one.entry, one.course, one.disturbance, k + 1, told))
+    return text.getvalue()
+
+
+def as_latex(cells: Sequence[Cell]) -> str:
+    """Return the table of errors (mm) for LaTeX with the package booktabs."""
+    head, _, *rows = errors_table(cells)
+    lines = [_latex(head), "\\midrule", *map(_latex, rows)]
+    names = len(dict.fromkeys(one.entry for one in cells))
+    begin = f"\\begin{{tabular}}{{ll{'r' * names}}}"
+    return "\n".join((begin, "\\toprule", *lines, "\\bottomrule", "\\end{tabular}", ""))
+
+
+def _latex(row: str) -> str:
+    cells = re.sub(r"([%_&#])", r"\\\1", row).replace("…", r"\ldots")
+    cells = re.sub(r"\*\*(.+?)\*\*", r"\\textbf{\1}", cells)
+    return f"{' & '.join(cells.strip('| ').split(' | '))} \\\\"
+
+
+WRITERS = {".json": as_json, ".csv": as_csv, ".tex": as_latex}
+"""The formats of `--out`, by the ending of its name."""
+
+
+def check_out(path: Path) -> None:
+    """Raise UsageError for an ending that no format has."""
+    if path.suffix not in WRITERS:
+        raise UsageError(f"--out {path}: allowed are {', '.join(WRITERS)}; choose one of them")
+
+
+def write_out(path: Path, cells: Sequence[Cell]) -> None:
+    """Write the flights in the format of the file's ending. Raises StorageError."""
+    with os_errors(lambda why: f"--out {path} cannot be written ({why})"):
+        path.write_text(WRITERS[path.suffix](cells))
 
 
 def write_into(page: Path, lines: Sequence[str]) -> None:

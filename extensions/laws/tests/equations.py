@@ -188,41 +188,66 @@ class PidCascade:
         return wrench
 
 
+class Adaptation:
+    """sigma^ of force over mass and of torque over inertia, behind C(s)."""
+
+    def __init__(self, x: Any, last: Any) -> None:
+        self.rotors, self.v, self.w = (
+            Rotors(last.motor_references),
+            x.velocity_w.copy(),
+            x.angular_velocity_b.copy(),
+        )
+        self.e_v, self.e_w, self.push, self.turn, self.across, self.t = np.zeros((6, 3))
+        self.slow, self.rate, self.slow_rate = np.zeros((3, 3))
+        self.lift = 0.0
+
+    def step(self, poles: Any, cutoffs: Any, x: Any, m: Any, last: Any, dt: float) -> None:
+        R, w, J = matrix(x.quaternion_wb), x.angular_velocity_b, m.inertia_b
+        u = self.rotors.wrench(last.motor_references, m, dt, middle=True)
+        z = R[:, 2]
+        # The attitude in the middle of the period, to first order.
+        direction = z - 0.5 * dt * R @ np.cross(w, Z)
+        drag = m.drag / m.mass * x.velocity_w
+        # Thrust less drag along z_B is what turns with it.
+        pushed = u[0] / m.mass - drag @ z
+        v_dot = u[0] / m.mass * z - G * Z - drag + pushed * (direction - z)
+        twist = m.drag_lever * np.cross(Z, -m.drag * R.T @ x.velocity_w)
+        w_dot = (u[1:] + twist - np.cross(w, J * w)) / J
+        a, b = poles
+        self.v = self.v + dt * (v_dot + self.push - a * self.e_v)
+        self.w = self.w + dt * (w_dot + self.turn - b * self.e_w)
+        self.e_v, self.e_w = self.v - x.velocity_w, self.w - w
+        phi = (np.exp(-a * dt) - 1.0) / -a, (np.exp(-b * dt) - 1.0) / -b
+        self.push = -np.exp(-a * dt) * self.e_v / phi[0]
+        self.turn = -np.exp(-b * dt) * self.e_w / phi[1]
+        keep = 1.0 - np.exp(-cutoffs[0] * dt)
+        self.t = self.t + (1.0 - np.exp(-cutoffs[1] * dt)) * (self.turn - self.t)
+        self.lift = self.lift + keep * (self.push @ z - self.lift)
+        self.across = self.across + keep * (self.push - (self.push @ z) * z - self.across)
+        blur = 1.0 - np.exp(-20.0 * dt)
+        self.slow = self.slow + blur * (self.across - self.slow)
+        self.rate = 20.0 * (self.across - self.slow)
+        self.slow_rate = self.slow_rate + blur * (self.rate - self.slow_rate)
+        self.curve = 20.0 * (self.rate - self.slow_rate)
+
+
 class GeometricL1:
     def __init__(self) -> None:
-        self.rotors: Rotors | None = None
+        self.adaptation: Adaptation | None = None
 
     def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
-        R, w, J, refs = (
-            matrix(x.quaternion_wb),
-            x.angular_velocity_b,
-            m.inertia_b,
-            last.motor_references,
-        )
-        if self.rotors is None:
-            self.rotors, self.v, self.w = Rotors(refs), x.velocity_w.copy(), w.copy()
-            self.push, self.turn, self.f, self.t, self.slow = (np.zeros(3) for _ in range(5))
-        u = self.rotors.wrench(refs, m, dt, middle=True)
-        drag_b = -m.drag * R.T @ x.velocity_w
-        twist = m.drag_lever * np.cross(Z, drag_b)
-        v_dot = u[0] * R[:, 2] / m.mass - G * Z - m.drag / m.mass * x.velocity_w
-        w_dot = (u[1:] + twist - np.cross(w, J * w)) / J
-        a, b = s.force_pole, s.torque_pole
-        self.v = self.v + dt * (v_dot + self.push - a * (self.v - x.velocity_w))
-        self.w = self.w + dt * (w_dot + self.turn - b * (self.w - w))
-        phi = (np.exp(-a * dt) - 1.0) / -a, (np.exp(-b * dt) - 1.0) / -b
-        self.push = -np.exp(-a * dt) * (self.v - x.velocity_w) / phi[0]
-        self.turn = -np.exp(-b * dt) * (self.w - w) / phi[1]
-        self.f = self.f + (1.0 - np.exp(-s.force_cutoff * dt)) * (self.push - self.f)
-        self.t = self.t + (1.0 - np.exp(-s.torque_cutoff * dt)) * (self.turn - self.t)
-        self.slow = self.slow + (1.0 - np.exp(-20.0 * dt)) * (self.f - self.slow)
-        force = np.clip(m.mass * self.f, -s.force_max, s.force_max)
-        rate = np.where(
-            abs(m.mass * self.f) < s.force_max, 20.0 * m.mass * (self.f - self.slow), 0.0
-        )
-        torque = np.clip(J * self.t, -s.torque_max, s.torque_max)
+        R, w, J = matrix(x.quaternion_wb), x.angular_velocity_b, m.inertia_b
+        if self.adaptation is None:
+            self.adaptation = Adaptation(x, last)
+        d = self.adaptation
+        poles, cutoffs = (s.force_pole, s.torque_pole), (s.force_cutoff, s.torque_cutoff)
+        d.step(poles, cutoffs, x, m, last, dt)
+        force = np.clip(m.mass * d.across, -s.force_max, s.force_max)
+        is_free = abs(m.mass * d.across) < s.force_max
+        torque = np.clip(J * d.t, -s.torque_max, s.torque_max)
         n = feed_forward(r, m)
-        n = Motion(n.a - force / m.mass, n.b - rate / m.mass, n.c)
+        rate, curve = np.where(is_free, d.rate, 0.0), np.where(is_free, d.curve, 0.0)
+        n = Motion(n.a - force / m.mass, n.b - rate, n.c - curve)
         e_p, e_v = errors(x, r)
         f = m.mass * (n.a + k.kp * e_p + k.kv * e_v + G * Z)
         f = limited(f, m.mass * G, k.tan_tilt_max)
@@ -231,7 +256,8 @@ class GeometricL1:
         forward_b = -m.drag * R.T @ r.velocity_w
         off = torque + m.drag_lever * np.cross(Z, forward_b)
         tau = J * pd_turn(R, w, D, rates, k) + np.cross(w, J * w) - off
-        return allocated(f @ R[:, 2], tau, k, m)[0]
+        lift = np.clip(m.mass * d.lift, -s.force_max, s.force_max)
+        return allocated(f @ R[:, 2] - lift, tau, k, m)[0]
 
 
 class Filter:
@@ -336,13 +362,14 @@ class Nmpc:
 
     def __init__(self) -> None:
         self.x: list[Array] | None = None
+        self.adaptation: Adaptation | None = None
 
-    def plan(self, r: Any, m: Any, h: float) -> None:
+    def plan(self, r: Any, m: Any, lift: float, across: Array, h: float) -> None:
         d, t = m.drag / m.mass, h * np.arange(self.N + 1)[:, None]
         a, j, s = r.acceleration_w, r.jerk_w, r.snap_w
         p = r.position_w + t * r.velocity_w + t**2 / 2 * a + t**3 / 6 * j + t**4 / 24 * s
         v = r.velocity_w + t * a + t**2 / 2 * j + t**3 / 6 * s
-        f = a + t * j + t**2 / 2 * s + d * v + G * Z
+        f = a + t * j + t**2 / 2 * s + d * v + G * Z - across
         f[:, 2] = np.maximum(f[:, 2], DIRECTION_MIN * G)
         self.x_r = []
         for k in range(self.N + 1):
@@ -352,11 +379,11 @@ class Nmpc:
             self.x_r.append(np.concatenate([p[k], v[k], quaternion_of(R)]))
         q = [x[6:] for x in self.x_r]
         turns = [log(product(inverse(q[k]), q[k + 1])) / h for k in range(self.N)]
-        self.u_r = [np.array([np.linalg.norm(f[k]), *turns[k]]) for k in range(self.N)]
+        self.u_r = [np.array([np.linalg.norm(f[k]) - lift, *turns[k]]) for k in range(self.N)]
 
-    @staticmethod
-    def next(x: Array, u: Array, d: float, h: float) -> Array:
-        a = u[0] * matrix(x[6:])[:, 2] - G * Z - d * x[3:6]
+    def next(self, x: Array, u: Array, d: float, h: float) -> Array:
+        middle = matrix(product(x[6:], rotation(0.5 * h * u[1:])))
+        a = (u[0] + self.lift) * middle[:, 2] + self.across - G * Z - d * x[3:6]
         q = product(x[6:], rotation(h * u[1:]))
         q /= np.linalg.norm(q)
         return np.concatenate([x[:3] + h * x[3:6] + h * h / 2 * a, x[3:6] + h * a, q])
@@ -365,23 +392,30 @@ class Nmpc:
     def away(x: Array, y: Array) -> Array:
         return np.concatenate([x[:6] - y[:6], log(product(inverse(y[6:]), x[6:]))])
 
-    @staticmethod
-    def derivatives(x: Array, u: Array, d: float, h: float) -> tuple[Array, Array]:
-        R, w, eye = matrix(x[6:]), hat(h * u[1:]), np.eye(3)
-        tilt = -u[0] * R @ hat(Z)
+    def derivatives(self, x: Array, u: Array, d: float, h: float) -> tuple[Array, Array]:
+        w, eye, half = hat(h * u[1:]), np.eye(3), rotation(0.5 * h * u[1:])
+        middle = matrix(product(x[6:], half))
+        tilt = -(u[0] + self.lift) * middle @ hat(Z)
         A, B = np.eye(9), np.zeros((9, 4))
-        A[:3, 3:6], A[:3, 6:] = (h - h * h / 2 * d) * eye, h * h / 2 * tilt
-        A[3:6, 3:6], A[3:6, 6:] = (1.0 - h * d) * eye, h * tilt
+        A[:3, 3:6], A[3:6, 3:6] = (h - h * h / 2 * d) * eye, (1.0 - h * d) * eye
+        A[3:6, 6:] = h * tilt @ matrix(half).T
         A[6:, 6:] = matrix(rotation(-h * u[1:]))
-        B[:3, 0], B[3:6, 0] = h * h / 2 * R[:, 2], h * R[:, 2]
+        B[3:6, 0] = h * middle[:, 2]
+        B[3:6, 1:] = h * tilt @ (eye - w / 4 + w @ w / 24) * h / 2
         B[6:, 1:] = h * (eye - w / 2 + w @ w / 6)
+        A[:3, 6:], B[:3] = h / 2 * A[3:6, 6:], h / 2 * B[3:6]
         return A, B
 
     def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
         h, d, N = s.horizon / self.N, m.drag / m.mass, self.N
         low = np.array([4.0 * m.thrust_min / m.mass, *[-s.rate_max] * 3])
         high = np.array([4.0 * m.thrust_max / m.mass, *[s.rate_max] * 3])
-        self.plan(r, m, h)
+        if self.adaptation is None:
+            self.adaptation = Adaptation(x, last)
+        found = self.adaptation
+        found.step((1.0, 1.0), (s.force_cutoff, s.torque_cutoff), x, m, last, dt)
+        self.lift, self.across = found.lift, found.across
+        self.plan(r, m, self.lift, self.across, h)
         if self.x is None:
             self.x, self.u = list(self.x_r), [np.clip(u, low, high) for u in self.u_r]
         xy, z, yaw = [s.position_xy] * 2, [s.position_z], [s.yaw]
@@ -414,7 +448,7 @@ class Nmpc:
         self.x = [*flown, now]
         w, J = x.angular_velocity_b, m.inertia_b
         forward = Motion(r.acceleration_w + G * Z, r.jerk_w, r.snap_w)
-        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2]
+        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2] - found.t
         return allocated(m.mass * self.u[0][0], J * nu + np.cross(w, J * w), k, m)[0]
 
 
