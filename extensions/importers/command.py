@@ -17,6 +17,7 @@ from quadrotor.errors import LogFormatError, UsageError
 if TYPE_CHECKING:
     from console.catalogue.catalogue import Catalogue
     from extensions.importers.flight import ImportedFlight
+    from extensions.importers.importing import ExportedRun, NewRun
 
 ALL = "all"
 
@@ -55,6 +56,10 @@ class Import:
             check_name(self.name)
         if self.propose is not None:
             return self._propose(self.propose)
+        from extensions.importers.exported import is_exported
+
+        if self.file[0].exists() and is_exported(self.file[0]):
+            return self._restore(self.file[0])
         numbers = self._numbers()
         imported = 0
         for number in numbers:
@@ -70,6 +75,26 @@ class Import:
         if len(numbers) > 1:
             print(f"{imported} of {len(numbers)} flights are imported")
         return 0 if imported else 1
+
+    def _restore(self, path: Path) -> int:
+        """Add a run that was exported to the data folder."""
+        from console.catalogue.catalogue import Catalogue
+        from extensions.importers.exported import read_exported
+        from extensions.importers.importing import DEFAULT_VEHICLE, ExportedRun, shown
+
+        tables, notes = read_exported(path)
+        vehicle = self.name or tables[0].run.get("vehicle", DEFAULT_VEHICLE)
+        catalogue = Catalogue(open_data_folder(self.data))
+        try:
+            run = _entered(ExportedRun(tables, path, vehicle), vehicle, catalogue)
+        finally:
+            catalogue.close()
+        rows = sum(len(one.columns["time"]) for one in tables)
+        print(f"{shown(path)} (exported by quadlab): {rows} messages of {len(tables)} topics")
+        for note in notes:
+            print(f"  {note}")
+        print(run)
+        return 0
 
     def _numbers(self) -> list[int | None]:
         """Return the numbers of the flights to import. Raises UsageError."""
@@ -103,12 +128,12 @@ class Import:
     def _add(self, flight: ImportedFlight, number: int | None) -> None:
         """Add a flight to the data folder, and print what was found."""
         from console.catalogue.catalogue import Catalogue
-        from extensions.importers.importing import shown
+        from extensions.importers.importing import NewRun, shown
 
         flight.vehicle = self.name or flight.vehicle
         catalogue = Catalogue(open_data_folder(self.data))
         try:
-            run = _entered(flight, self.file[0], catalogue)
+            run = _entered(NewRun(flight, self.file[0]), flight.vehicle, catalogue)
         finally:
             catalogue.close()
         imu = flight.imu.stamps_ns
@@ -138,13 +163,11 @@ class Import:
         return 0
 
 
-def _entered(flight: ImportedFlight, original: Path, catalogue: Catalogue) -> Path:
-    """Write the run of a flight into the catalogue's folder, and enter it."""
+def _entered(new: NewRun | ExportedRun, vehicle: str, catalogue: Catalogue) -> Path:
+    """Write a run into the catalogue's folder, and enter it."""
     from console.catalogue.catalogue import run_name
     from console.runs.adoption import described
-    from extensions.importers.importing import NewRun
 
-    new = NewRun(flight, original)
-    run = new.write(catalogue.folder, run_name(new.start, flight.vehicle, catalogue.folder))
+    run = new.write(catalogue.folder, run_name(new.start, vehicle, catalogue.folder))
     catalogue.add(described(run, None))
     return run

@@ -6,12 +6,13 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from extensions.importers.checks import checked_flight
+from extensions.importers.exported import RECEIVED, TopicTable, write_exported
 from extensions.importers.files import Files
 from extensions.importers.flight import ImportedFlight
 from extensions.importers.mapping import Mapping, load_mapping, names
@@ -148,14 +149,41 @@ class NewRun:
             "imported_as": self.flight.source,
             "import_notes": "; ".join(self.flight.notes),
         }
-        with os_errors(lambda why: f"cannot write in {folder.parent}: {why}"):
-            making = Path(tempfile.mkdtemp(prefix=".import-", dir=folder.parent))
-        try:
-            made = making / run_id
-            write_run(made / STATION, self.flight, metadata)
-            made.rename(folder / run_id)
-        except OSError as error:
-            raise StorageError(f"cannot make {folder / run_id}: {error.strerror}") from error
-        finally:
-            shutil.rmtree(making, ignore_errors=True)
-        return folder / run_id
+        return written(folder / run_id, lambda log: write_run(log, self.flight, metadata))
+
+
+@dataclass(frozen=True)
+class ExportedRun:
+    """A run of quadlab that was exported as tables."""
+
+    tables: Sequence[TopicTable]
+    original: Path
+    vehicle: str
+
+    @property
+    def start(self) -> datetime:
+        first = min(int(one.columns[RECEIVED].min()) for one in self.tables)
+        return datetime.fromtimestamp(first * 1e-9, UTC)
+
+    def write(self, folder: Path, run_id: str) -> Path:
+        """Write `folder`/`run_id`, atomically. Raises StorageError."""
+        told = {**self.tables[0].run, "run_id": run_id, "vehicle": self.vehicle}
+        told["imported_from"] = shown(self.original)
+        tables = list(self.tables)
+        return written(folder / run_id, lambda log: write_exported(log, tables, self.vehicle, told))
+
+
+def written(run: Path, write: Callable[[Path], None]) -> Path:
+    """Write a run's folder with its log, atomically, and return it. Raises StorageError."""
+    folder = run.parent.parent
+    with os_errors(lambda why: f"cannot write in {folder}: {why}"):
+        making = Path(tempfile.mkdtemp(prefix=".import-", dir=folder))
+    try:
+        made = making / run.name
+        write(made / STATION)
+        made.rename(run)
+    except OSError as error:
+        raise StorageError(f"cannot make {run}: {error.strerror}") from error
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+    return run
