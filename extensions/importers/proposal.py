@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -36,7 +37,6 @@ NAMED_RATES = {"deg/s": ("dps", "deg"), "rad/s": ("rad",)}
 """Words in names by the unit that they tell."""
 AXES, ITEMS = "xyz", "wxyz"
 MOST_COLUMNS = 400  # of a table
-UNIT_LENGTH = 0.02
 STEADY = 0.5
 """Least length of the mean specific force relative to its median length."""
 SMOOTH = 0.2
@@ -74,10 +74,10 @@ def propose(path: Path, target: Path) -> list[str]:
         _find(one)
     found = next((one for one in tables if {*SECTIONS["imu"]} <= one.groups.keys()), None)
     if found is None:
-        listed = "; ".join(map(_told, tables)) or "no table with numbers"
         raise LogFormatError(
-            f"{path.name} has no columns that look like gyroscope and accelerometer at a rate of "
-            f"20 Hz or more, without which a flight is not imported; it has {listed}"
+            f"{path.name} has no columns that look like gyroscope and accelerometer at 20 Hz or "
+            "more, without which a flight is not imported; it has "
+            + ("; ".join(map(_told, tables)) or "no table with numbers")
         )
     is_turned = any("quaternion" in one.groups for one in tables)
     lines, text = [], ['vehicle = "imported"']
@@ -104,10 +104,8 @@ def _table(source: Source, name: str) -> Table | None:
     names = [one for one in known if known.count(one) == 1][:MOST_COLUMNS]
     columns = {}
     for one in names:
-        try:
+        with suppress(LogFormatError):  # words, or numbers with separators of thousands
             columns[one] = source.read(name, [one])[:, 0]
-        except LogFormatError:  # words, or numbers with separators of thousands
-            continue
     rows = len(next(iter(columns.values()), ()))
     return Table(name, columns, source.units) if rows >= FEWEST else None
 
@@ -125,8 +123,7 @@ def _find(table: Table) -> None:
         "position": _is_smooth,
     }
     for word, is_one in judged.items():
-        fitting = [names for names in triples if is_one(table, names)]
-        if fitting:
+        if fitting := [names for names in triples if is_one(table, names)]:
             best = max(fitting, key=lambda names: _likeness(names, word))
             if word == "specific_force" or _likeness(best, word):
                 table.groups[word] = best
@@ -157,7 +154,7 @@ def _find_time(table: Table) -> None:
         rates = {one: 1.0 / (np.median(steps) * TIME_UNITS[one]) for one in fitting}
         unit = min(rates, key=lambda one: abs(np.log(rates[one] / 200.0)), default=None)
         even = float((steps > 0.0).mean())
-        score = (_likeness([name], "time"), even)
+        score = _likeness([name], "time"), even
         if unit is not None and score > best and even > 0.5:
             best, table.time, table.time_unit, table.rate = score, name, unit, rates[unit]
 
@@ -205,10 +202,10 @@ def _force_unit(table: Table, names: Sequence[str]) -> str | None:
     if len(values) < FEWEST:
         return None
     median = float(np.median(np.linalg.norm(values, axis=1)))
-    steady = np.linalg.norm(values.mean(axis=0)) > STEADY * median
+    if np.linalg.norm(values.mean(axis=0)) < STEADY * median:
+        return None
     low, high = LIKELY_FORCE
-    found = [one for one, u in FORCE_UNITS.items() if low < median * u / GRAVITY < high]
-    return found[0] if found and steady else None
+    return next((k for k, u in FORCE_UNITS.items() if low < median * u / GRAVITY < high), None)
 
 
 def _is_force(table: Table, names: list[str]) -> bool:
@@ -238,8 +235,8 @@ def _is_smooth(table: Table, names: list[str]) -> bool:
 
 def _is_unit_length(table: Table, names: list[str]) -> bool:
     values = _values(table, names)
-    lengths = np.linalg.norm(values, axis=1)
-    return len(values) >= FEWEST and float((abs(lengths - 1.0) < UNIT_LENGTH).mean()) > 0.95
+    are_one = np.abs(np.linalg.norm(values, axis=1) - 1.0) < 0.02
+    return len(values) >= FEWEST and float(are_one.mean()) > 0.95
 
 
 def _best(tables: Sequence[Table], imu: Table, word: str) -> Table | None:
@@ -290,17 +287,14 @@ def _quoted(name: str) -> str:
 
 def _reason(section: str, table: Table, word: str, names: list[str]) -> str:
     where = f" of {table.name}" if table.name else ""
-    lengths = np.linalg.norm(_values(table, names), axis=1)
-    return (
-        f"[{section}] {word}: {', '.join(names)}{where}, {table.rate:.4g} Hz by {table.time} in "
-        f"{table.time_unit}, median length {np.median(lengths):.4g}"
-    )
+    length = np.median(np.linalg.norm(_values(table, names), axis=1))
+    rate = f"{table.rate:.4g} Hz by {table.time} in {table.time_unit}"
+    return f"[{section}] {word}: {', '.join(names)}{where}, {rate}, median length {length:.4g}"
 
 
 def _told(table: Table) -> str:
     """Return what a table has, for a person who has to name its columns."""
-    names = list(table.columns)
+    names, rows = list(table.columns), len(next(iter(table.columns.values())))
     shown = ", ".join(names[:12]) + f" and {len(names) - 12} more" * (len(names) > 12)
     rate = f" at {table.rate:.3g} Hz" if table.time else " without a time"
-    rows = len(next(iter(table.columns.values())))
     return f"{table.name or 'a table'} ({rows} rows{rate}: {shown})"

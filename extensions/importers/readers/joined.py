@@ -13,7 +13,7 @@ from quadrotor.records import Array
 
 
 class JoinedTables(FileTables):
-    """The rows of several files, one behind another; tables and columns are those of all files."""
+    """The rows of several files, one behind another; a table may be missing in some of them."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         super().__init__(sources[0].path)
@@ -24,15 +24,17 @@ class JoinedTables(FileTables):
         self.notes = [note for one in sources for note in one.notes]
 
     def tables(self) -> list[str]:
-        first, *others = (one.tables() for one in self._sources)
-        return [name for name in first if all(name in one for one in others)]
+        return list(dict.fromkeys(name for one in self._sources for name in one.tables()))
 
     def columns(self, table: str) -> list[str]:
-        first, *others = (one.columns(table) for one in self._sources)
+        first, *others = (one.columns(table) for one in self._having(table))
         return [name for name in first if all(name in one for one in others)]
 
     def read(self, table: str, names: list[str]) -> Array:
-        return np.concatenate([one.read(table, names) for one in self._sources])
+        return np.concatenate([one.read(table, names) for one in self._having(table)])
+
+    def _having(self, table: str) -> list[Source]:
+        return [one for one in self._sources if table in one.tables()]
 
     def put_in_order(self, table: str, time: str) -> list[str]:
         """Put the files in the order of their times, and return a note on what is missing between
@@ -41,7 +43,8 @@ class JoinedTables(FileTables):
         Raises LogFormatError for files whose times overlap.
         """
         spans = []
-        for one in self._sources:
+        having = self._having(table)
+        for one in having:
             times = one.read(table, [time])[:, 0]
             times = times[np.isfinite(times)]
             if not len(times):
@@ -49,7 +52,9 @@ class JoinedTables(FileTables):
             step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
             spans.append((float(times[0]), float(times[-1]), step, one))
         spans.sort(key=lambda span: span[:2])
-        self._sources = [one for *_, one in spans]
+        self._sources = [one for *_, one in spans] + [
+            one for one in self._sources if one not in having
+        ]
         notes = []
         for (_, end, step, before), (start, _, _, after) in itertools.pairwise(spans):
             names = f"{before.path.name} and {after.path.name}"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import tomllib
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,9 @@ import pytest
 
 from extensions.importers.importing import flights_of, read_flight
 from extensions.importers.proposal import propose
+from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.foreign_flight import (
+    ForeignFlight,
     columns_of,
     make_flight,
     write_csv,
@@ -109,6 +113,26 @@ def test_each_flight_of_a_file_becomes_a_run_and_what_cannot_is_named(
     assert len(list((tmp_path / "data" / "runs").glob("2*"))) == 1
     assert main([*words, str(tmp_path / "data"), "--flight", "0"]) == 2
     assert "--flight 0: a number from 1, or all, is needed" in capsys.readouterr().err
+
+
+def test_one_database_of_a_bag_is_read_without_its_folder(tmp_path: Path) -> None:
+    [file] = write_bag(tmp_path / "bag", FLIGHT, 2).glob("*.db3")
+    found = read_flight(Path(shutil.move(file, tmp_path / "alone.db3")))
+    assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-9)
+
+
+def test_a_bag_of_several_mcap_files_is_one_flight(tmp_path: Path) -> None:
+    first, last = (
+        ForeignFlight(**{one.name: getattr(FLIGHT, one.name)[rows] for one in fields(FLIGHT)})
+        for rows in (slice(0, 350), slice(350, 600))
+    )
+    bag = write_bag(tmp_path / "bag", last, 2, mcap=True)
+    [second] = write_bag(tmp_path / "second", first, 2, mcap=True).glob("*.mcap")
+    shutil.move(second, bag / "bag_1.mcap")
+    found = read_flight(bag)
+    assert found.truth is not None
+    assert len(found.imu.stamps_ns) == len(found.truth.stamps_ns) == 600
+    assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-9)
 
 
 AXES = "XYZ"
