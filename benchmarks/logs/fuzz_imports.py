@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 import resource
 import shutil
 import signal
@@ -52,7 +53,7 @@ FLIGHT = make_flight(seconds=SECONDS)
 
 
 class Done(NamedTuple):
-    """What became of one import."""
+    """The result of one import."""
 
     status: int
     seconds: float  # of processor time
@@ -176,7 +177,7 @@ def imported(file: Path, words: list[str], folder: Path) -> Done:
 
 
 def is_problem(done: Done) -> bool:
-    wrong = "Traceback" in done.said or "Warning" in done.said
+    wrong = "Traceback" in done.said or re.search(r"\wWarning: ", done.said) is not None
     return wrong or done.status not in (0, 1, 2) or done.seconds > LONGEST or done.peak > MOST_MB
 
 
