@@ -1,4 +1,4 @@
-"""What quadlab exports comes back through import as the same run."""
+"""Runs that quadlab exports come back through import as the same runs."""
 
 from __future__ import annotations
 
