@@ -5,9 +5,12 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import numpy.typing as npt
 
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
+
+Places = npt.NDArray[np.int64]
 
 FEWEST = 50
 """Least number of rows of IMU or truth for an import."""
@@ -73,7 +76,7 @@ class Flights:
         self._span = (float(seconds[chosen][0]) - MARGIN, float(seconds[chosen][-1]) + MARGIN)
         return chosen, []
 
-    def of_track(self, seconds: Array, where: str, *, same_clock: bool) -> Array:
+    def of_track(self, seconds: Array, where: str, *, same_clock: bool) -> Places:
         """Return the rows of another table that belong to the flight, as numbers of rows.
 
         Args:
@@ -99,7 +102,7 @@ class Flights:
         return rows
 
 
-def _begins_anew(seconds: Array) -> Array:
+def _begins_anew(seconds: Array) -> Places:
     """Return the rows at which the clock begins anew, with as many rows on each side as a flight
     has; stamps that only go back for a moment are none.
     """
@@ -108,8 +111,8 @@ def _begins_anew(seconds: Array) -> Array:
     return back if (np.diff(edges) >= FEWEST).all() else back[:0]
 
 
-def _parts(seconds: Array, begins: Array) -> list[slice]:
+def _parts(seconds: Array, begins: Places) -> list[slice]:
     """Return the parts of a file that are long enough for a flight."""
-    edges = [0, *np.asarray(begins, np.int64).tolist(), len(seconds)]
+    edges = [0, *begins.tolist(), len(seconds)]
     parts = [slice(a, b) for a, b in itertools.pairwise(edges) if b - a >= FEWEST]
     return parts or [slice(0, len(seconds))]
