@@ -85,7 +85,7 @@ FOLDERS = {
         "view_rate",
     ),
     "link": ("link", "hostile_bytes"),
-    "logs": ("killed_logs", "logs", "fuzz_logs"),
+    "logs": ("killed_logs", "logs", "fuzz_logs", "fuzz_imports"),
     "safety": ("laboratory_faults", "hostile_doors", "foreign_page"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
@@ -102,10 +102,11 @@ IN_CHROMIUM = (
 )
 """Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
-    "count": ("fuzz_logs", "firmware"),
+    "count": ("fuzz_logs", "fuzz_imports", "firmware"),
     "hours": ("tracker_integrity",),
     "seed": (
         "fuzz_logs",
+        "fuzz_imports",
         "firmware",
         "hostile_bytes",
         "hostile_doors",
@@ -134,7 +135,7 @@ def main() -> int:
     for size, text in SIZES.items():
         sizes.add_argument(f"--{size}", dest="size", action="store_const", const=size, help=text)
     parser.set_defaults(size=Size.FULL)
-    parser.add_argument("--count", type=int, help="of fuzz_logs: logs; of firmware: frames")
+    parser.add_argument("--count", type=int, help="of the fuzz tests: logs; of firmware: frames")
     parser.add_argument("--hours", type=float, help="of tracker_integrity: flown without a lie")
     parser.add_argument(
         "--seed", type=int, help="number of the first mutated log or flight, or stream"

@@ -128,7 +128,9 @@ def _with_units_in_names(table: Any) -> Any:
 
 
 class MatFile:
-    """One .mat file of version 5: a struct per topic, with a struct `units` in it, and `run`.
+    """One .mat file of version 5: a struct per topic, and `run`.
+
+    In it are the columns, structs with their `units` and their `paths` in the message, and `type`.
 
     The format needs each topic as a whole, so all rows are held in memory until the end.
     """
@@ -174,7 +176,7 @@ class MatFile:
 
 
 def _table(pieces: list[Piece]) -> tuple[dict[str, Any], int]:
-    """Return a topic's columns and units, and their size in bytes."""
+    """Return a topic's struct, and the size of its columns in bytes."""
     import pyarrow as pa
 
     table = pa.concat_tables([piece.table for piece in pieces])
@@ -183,7 +185,9 @@ def _table(pieces: list[Piece]) -> tuple[dict[str, Any], int]:
     size = sum(one.nbytes for one in columns.values())
     fields = [(names[field.name], field.metadata or {}) for field in table.schema]
     units = {short: known.get(b"unit", b"").decode() for short, known in fields}
-    return {**columns, "units": units}, size
+    paths = {short: name for name, short in names.items()}
+    told = {"units": units, "paths": paths, "type": pieces[0].type_name}
+    return {**columns, **told}, size
 
 
 def _held(column: Any) -> int:

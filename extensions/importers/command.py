@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from quadlab.data_folder import open_data_folder
 from quadlab.option_types import File, Flag, Folder, optional
 from quadlab.vehicle_names import check_name
+from quadrotor.errors import LogFormatError, UsageError
+
+if TYPE_CHECKING:
+    from console.catalogue.catalogue import Catalogue
+    from extensions.importers.flight import ImportedFlight
+    from extensions.importers.importing import ExportedRun, NewRun
+
+ALL = "all"
 
 
 @dataclass
@@ -18,15 +27,23 @@ class Import:
     """Import a flight that another system recorded, as a run, after a check of units, frames and
     clocks against gravity and motion (docs/importing.md)."""
 
-    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
+    file: Annotated[
+        tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE [FILE ...]")
+    ]
     """the recorded flight: ULog, Betaflight's or ArduPilot's log, tlog, a ROS bag, µSD of a
-    Crazyflie, CSV, HDF5, NumPy"""
+    Crazyflie, CSV, Parquet, HDF5, NumPy, a folder that log export wrote; several files are parts
+    of one flight"""
     mapping: Annotated[str | None, optional("NAME_OR_FILE")] = None
     """meaning of the columns: the name of a mapping that comes with quadlab, or a TOML file"""
+    propose: File = None
+    """write a mapping that names, units and values of the columns suggest, into a new TOML file,
+    instead of importing"""
     truth: File = None
     """file of the mapping's [truth], instead of the one that it names"""
     table: Annotated[str | None, optional("TABLE")] = None
     """table of the IMU, instead of the mapping's; of Betaflight's logs the number in the file"""
+    flight: Annotated[str | None, optional("NUMBER|all")] = None
+    """which flight of a file with several, from 1; all: each becomes a run"""
     name: Annotated[str | None, optional()] = None
     """name of the vehicle (default: the mapping's)"""
     torn: Flag = False
@@ -37,29 +54,120 @@ class Import:
     def run(self) -> int:
         if self.name is not None:
             check_name(self.name)
-        from console.catalogue.catalogue import Catalogue, run_name
-        from console.runs.adoption import described
-        from extensions.importers.importing import NewRun, read_flight, shown
+        if self.propose is not None:
+            return self._propose(self.propose)
+        from extensions.importers.exported import is_exported
 
-        flight = read_flight(
-            self.file, self.mapping, truth=self.truth, table=self.table, torn=self.torn
-        )
-        flight.vehicle = self.name or flight.vehicle
-        new = NewRun(flight, self.file)
+        if self.file[0].exists() and is_exported(self.file[0]):
+            return self._restore(self.file[0])
+        numbers = self._numbers()
+        imported = 0
+        for number in numbers:
+            try:
+                flight = self._read(number)
+            except LogFormatError as error:
+                if len(numbers) == 1:
+                    raise
+                print(f"flight {number} is not imported: {error}", file=sys.stderr)
+                continue
+            self._add(flight, number if len(numbers) > 1 else None)
+            imported += 1
+        if len(numbers) > 1:
+            print(f"{imported} of {len(numbers)} flights are imported")
+        return 0 if imported else 1
+
+    def _restore(self, path: Path) -> int:
+        """Add a run that was exported to the data folder."""
+        from console.catalogue.catalogue import Catalogue
+        from extensions.importers.exported import read_exported
+        from extensions.importers.importing import DEFAULT_VEHICLE, ExportedRun, shown
+
+        tables, notes = read_exported(path)
+        vehicle = self.name or tables[0].run.get("vehicle", DEFAULT_VEHICLE)
         catalogue = Catalogue(open_data_folder(self.data))
         try:
-            run_id = run_name(new.start, flight.vehicle, catalogue.folder)
-            run = new.write(catalogue.folder, run_id)
-            catalogue.add(described(run, None))
+            run = _entered(ExportedRun(tables, path, vehicle), vehicle, catalogue)
+        finally:
+            catalogue.close()
+        rows = sum(len(one.columns["time"]) for one in tables)
+        print(f"{shown(path)} (exported by quadlab): {rows} messages of {len(tables)} topics")
+        for note in notes:
+            print(f"  {note}")
+        print(run)
+        return 0
+
+    def _numbers(self) -> list[int | None]:
+        """Return the numbers of the flights to import. Raises UsageError."""
+        from extensions.importers.importing import flights_of
+
+        if self.flight is None:
+            return [None]
+        if len(self.file) > 1:
+            raise UsageError("--flight is for one file; several files are parts of one flight")
+        if self.flight == ALL:
+            count = flights_of(self.file[0], self.mapping, table=self.table)
+            return list(range(1, count + 1))
+        if not self.flight.isdecimal() or not int(self.flight):
+            raise UsageError(f"--flight {self.flight}: a number from 1, or all, is needed")
+        return [int(self.flight)]
+
+    def _read(self, number: int | None) -> ImportedFlight:
+        from extensions.importers.importing import read_flight
+
+        first, *more = self.file
+        return read_flight(
+            first,
+            self.mapping,
+            more=more,
+            truth=self.truth,
+            table=self.table,
+            flight=number,
+            torn=self.torn,
+        )
+
+    def _add(self, flight: ImportedFlight, number: int | None) -> None:
+        """Add a flight to the data folder, and print what was found."""
+        from console.catalogue.catalogue import Catalogue
+        from extensions.importers.importing import NewRun, shown
+
+        flight.vehicle = self.name or flight.vehicle
+        catalogue = Catalogue(open_data_folder(self.data))
+        try:
+            run = _entered(NewRun(flight, self.file[0]), flight.vehicle, catalogue)
         finally:
             catalogue.close()
         imu = flight.imu.stamps_ns
         seconds = 1e-9 * float(imu[-1] - imu[0])
-        print(f"{shown(self.file)} ({flight.source}): {seconds:.1f} s, {len(imu)} IMU samples")
+        which = f", flight {number}" if number else ""
+        files = ", ".join(map(shown, self.file))
+        print(f"{files}{which} ({flight.source}): {seconds:.1f} s, {len(imu)} IMU samples")
         for note in flight.notes:
             print(f"  {note}")
         lacks = [name for name in ("truth", "estimate") if getattr(flight, name) is None]
         if lacks:
             print(f"  it has no {' and no '.join(lacks)}")
         print(run)
+
+    def _propose(self, target: Path) -> int:
+        from extensions.importers.importing import shown
+        from extensions.importers.proposal import propose
+
+        if self.mapping is not None:
+            raise UsageError("--propose finds a mapping: leave out --mapping")
+        if len(self.file) > 1:
+            raise UsageError("--propose reads one file: give the first one of the flight")
+        for line in propose(self.file[0], target):
+            print(line)
+        print(f"{target}: correct what is wrong in it, then import the flight with")
+        print(f"  quadlab log import {shown(self.file[0])} --mapping {target}")
         return 0
+
+
+def _entered(new: NewRun | ExportedRun, vehicle: str, catalogue: Catalogue) -> Path:
+    """Write a run into the catalogue's folder, and enter it."""
+    from console.catalogue.catalogue import run_name
+    from console.runs.adoption import described
+
+    run = new.write(catalogue.folder, run_name(new.start, vehicle, catalogue.folder))
+    catalogue.add(described(run, None))
+    return run

@@ -38,7 +38,9 @@ EXTENSION = Extension(
             target=".readers.dataflash:DataFlashTables.opened",
         ),
         Importer(
-            name="rosbag", starts=(b"#ROSBAG V2",), target=".readers.ros_bags:BagTables.opened"
+            name="rosbag",
+            starts=(b"#ROSBAG V2", b"SQLite format 3\0"),
+            target=".readers.ros_bags:BagTables.opened",
         ),
     ),
     judged=(

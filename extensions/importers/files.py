@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Self
@@ -9,24 +10,32 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from extensions.importers.flights import FEWEST, Flights
 from extensions.importers.mapping import Columns, Mapping, Rows, column_names
 from extensions.importers.physics import measurable
 from extensions.importers.readers.formats import source_of
+from extensions.importers.readers.joined import JoinedTables
 from extensions.importers.readers.tables import Source
-from extensions.importers.stamps import RATES, RATES_OF_IMU, judged_seconds
+from extensions.importers.stamps import RATES, RATES_OF_IMU, continued, judged_seconds
 from extensions.importers.units import TIME_UNITS, unit_of
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.records import Array
 
-FEWEST = 50
-"""Least number of rows of IMU or truth for an import."""
-
 
 class Files:
-    """The files of one import, each opened once."""
+    """The files of one import, each opened once.
 
-    def __init__(self, path: Path, mapping: Mapping, *, torn: bool) -> None:
-        self._path, self._wanted, self._torn = path, mapping.tables(), torn
+    Args:
+        paths: the files of the flight; tables that a mapping finds in other files are next to the
+            first one.
+        flight: which flight of several is read, from 1; None: there is one.
+    """
+
+    def __init__(
+        self, paths: Sequence[Path], mapping: Mapping, *, torn: bool, flight: int | None = None
+    ) -> None:
+        self._paths, self._wanted, self._torn = paths, mapping.tables(), torn
+        self.flights = Flights(flight)
         self._opened: dict[Path, Source] = {}
         self._stack = ExitStack()
         self.notes: list[str] = []
@@ -38,12 +47,13 @@ class Files:
         self._stack.close()
 
     def source(self, rows: Rows) -> Source:
-        path = self._path.parent / rows.file if rows.file else self._path
+        path = self._paths[0].parent / rows.file if rows.file else self._paths[0]
         if path not in self._opened:
             if rows.file and not path.exists():
                 raise StorageError(f"{path}, which the mapping names, is not a file")
-            source = self._stack.enter_context(source_of(path, self._wanted))
-            self._opened[path] = source
+            paths = [path] if rows.file else self._paths
+            found = [self._stack.enter_context(source_of(one, self._wanted)) for one in paths]
+            source = self._opened[path] = found[0] if len(found) == 1 else JoinedTables(found)
             self.notes += source.notes
         return self._opened[path]
 
@@ -63,6 +73,8 @@ class Files:
             word: column_names(asked, known, count, f"{where} {word}")
             for word, (asked, count) in columns.items()
         }
+        if isinstance(source, JoinedTables) and "time" in names:
+            self.notes += source.put_in_order(rows.table, names["time"][0])
         table = source.read(rows.table, [one for found in names.values() for one in found])
         self._check_whole(source)
         edges = np.cumsum([len(found) for found in names.values()])[:-1]
@@ -79,10 +91,8 @@ class Files:
         possible, notes = measurable(parts, rows, where)
         known_rows &= possible
         self.notes += notes
-        unit = "s" if rows.time is None else rows.time_unit
-        seconds = self._rising(seconds, known_rows, unit, section, where, certain=certain)
-        kept = self._kept
-        return [seconds * rows.time_scale, *(one[known_rows][kept] for one in parts.values())]
+        seconds, kept = self._rising(seconds, known_rows, rows, section, where, certain=certain)
+        return [seconds * rows.time_scale, *(one[kept] for one in parts.values())]
 
     def _check_unit(self, source: Source, name: str, stated: str, where: str) -> bool:
         """Return whether the file tells the unit of its time. Raises LogFormatError where it is
@@ -100,29 +110,51 @@ class Files:
         self,
         stamps: Array,
         known: npt.NDArray[np.bool_],
-        unit: str,
+        asked: Rows,
         section: str,
         where: str,
         *,
         certain: bool,
-    ) -> Array:
-        """Return rising times in s without duplicates. Raises LogFormatError."""
+    ) -> tuple[Array, npt.NDArray[np.int64]]:
+        """Return rising times of the flight in s without duplicates, and their rows in the table.
+
+        Raises LogFormatError.
+        """
+        unit = "s" if asked.time is None else asked.time_unit
         fewest = 1 if section == "battery" else FEWEST
-        rows = np.flatnonzero(known) + 1
-        if len(rows) < fewest:
-            raise LogFormatError(f"{where}: {len(rows)} rows; at least {fewest} are needed")
-        seconds = stamps[known]
+        rows = np.flatnonzero(known)
+        self._check_count(len(rows), fewest, where)
+        stamps, notes = continued(stamps[known], rows + 1, where)
+        chosen = self._flight_in(stamps * TIME_UNITS[unit], section, asked, where)
+        stamps, rows = stamps[chosen], rows[chosen]
+        self._check_count(len(rows), fewest, where)
+        self.notes += notes
+        seconds = stamps * TIME_UNITS[unit]
         if len(rows) > 1:
             rates = RATES_OF_IMU if section == "imu" else RATES
-            seconds, notes = judged_seconds(seconds, unit, rows, rates, where, certain=certain)
-            self.notes += notes
-        self._kept = np.concatenate([[True], np.diff(seconds) > 0.0])
-        if same := int((~self._kept).sum()):
+            seconds = judged_seconds(stamps, unit, rows + 1, rates, where, certain=certain)
+        kept = np.concatenate([[True], np.diff(seconds) > 0.0])
+        if same := int((~kept).sum()):
             self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
-        found: Array = seconds[self._kept]
-        if len(found) < fewest:
-            raise LogFormatError(f"{where}: {len(found)} different stamps in {len(seconds)} rows")
-        return found
+        if kept.sum() < fewest:
+            raise LogFormatError(f"{where}: {kept.sum()} different stamps in {len(seconds)} rows")
+        return seconds[kept], rows[kept]
+
+    def _flight_in(
+        self, seconds: Array, section: str, asked: Rows, where: str
+    ) -> slice | npt.NDArray[np.int64]:
+        """Return the rows of the flight that is read. Raises LogFormatError."""
+        if section == "imu":
+            chosen, notes = self.flights.of_imu(seconds, where)
+            self.notes += notes
+            return chosen
+        same = not asked.time_offset and asked.time_scale == 1.0
+        return self.flights.of_track(seconds, where, same_clock=same)
+
+    @staticmethod
+    def _check_count(rows: int, fewest: int, where: str) -> None:
+        if rows < fewest:
+            raise LogFormatError(f"{where}: {rows} rows; at least {fewest} are needed")
 
     def _check_whole(self, source: Source) -> None:
         if not source.torn:

@@ -6,18 +6,21 @@ import os
 import re
 import shutil
 import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from extensions.importers.checks import checked_flight
+from extensions.importers.exported import RECEIVED, TopicTable, write_exported
+from extensions.importers.files import Files
 from extensions.importers.flight import ImportedFlight
 from extensions.importers.mapping import Mapping, load_mapping, names
 from extensions.importers.raw import read_raw
 from extensions.importers.readers.formats import format_of
 from extensions.importers.run_writer import write_run
 from flight_log.run_folder import STATION
-from quadrotor.errors import StorageError, UsageError, os_errors
+from quadrotor.errors import LogFormatError, StorageError, UsageError, os_errors
 
 DEFAULT_VEHICLE = "imported"
 DEFAULTS = {"mcap": "rosbag", "dataflash": "ardupilot", "tlog": "mavlink"}
@@ -29,40 +32,84 @@ def read_flight(
     path: Path,
     mapping: str | None = None,
     *,
+    more: Sequence[Path] = (),
     truth: Path | None = None,
     table: str | None = None,
+    flight: int | None = None,
     torn: bool = False,
 ) -> ImportedFlight:
     """Read and check a recorded flight.
 
     Args:
         mapping: name or file; None: the format's default.
+        more: further files of the same flight, of the same format.
         truth: the file of its [truth], instead of the one that the mapping names.
         table: the table of its [imu], and of sections with the same table, instead of the
             mapping's.
+        flight: which flight of a file with several is read, from 1.
         torn: whether a truncated file is read up to its end.
 
     Raises LogFormatError, StorageError or UsageError with what was found and what to try.
     """
+    kind, found, chosen = _chosen(path, mapping, more, table)
+    if truth is not None:
+        found = _with_truth(found, truth, chosen)
+    if flight is not None:
+        found, flight = _of_flight(path, found, flight)
+    raw = read_raw([path, *more], found, torn=torn, flight=flight)
+    vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
+    modified_ns = path.stat().st_mtime_ns
+    named = f"{kind}, mapping {Path(chosen).name}"
+    read = checked_flight(raw, vehicle, named, modified_ns)
+    read.parameters = found.parameters
+    return read
+
+
+def flights_of(path: Path, mapping: str | None = None, *, table: str | None = None) -> int:
+    """Return how many flights a file has. Raises as `read_flight`."""
+    _, found, _ = _chosen(path, mapping, (), table)
+    with Files([path], found, torn=True, flight=1) as files:
+        if tables := files.source(found.imu).flights:
+            return len(tables)
+        files.read(found.imu, "imu", {"specific_force": (found.imu.specific_force, 3)})
+        return files.flights.count
+
+
+def _chosen(
+    path: Path, mapping: str | None, more: Sequence[Path], table: str | None
+) -> tuple[str, Mapping, str]:
+    """Return the format of the files, their mapping and its name. Raises as `read_flight`."""
     kind = format_of(path)
+    for one in more:
+        if (other := format_of(one)) != kind:
+            raise UsageError(
+                f"{shown(path)} is {kind} and {shown(one)} is {other}: the files of one flight "
+                "have one format"
+            )
     if mapping is None:
         mapping = DEFAULTS.get(kind, kind)
         if mapping not in names():
             raise UsageError(
                 f"{path.name} is {kind}, whose columns can be anything: say with {EXAMPLE} which "
-                f"are what; there are {', '.join(names())} (docs/importing.md)"
+                f"are what, or let --propose MAPPING.toml propose a mapping to you; there are "
+                f"{', '.join(names())} (docs/importing.md)"
             )
     found = load_mapping(mapping)
-    if truth is not None:
-        found = _with_truth(found, truth, mapping)
-    if table is not None:
-        found = found.with_table(table)
-    raw = read_raw(path, found, torn=torn)
-    vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
-    modified_ns = path.stat().st_mtime_ns
-    flight = checked_flight(raw, vehicle, f"{kind}, mapping {Path(mapping).name}", modified_ns)
-    flight.parameters = found.parameters
-    return flight
+    return kind, found if table is None else found.with_table(table), mapping
+
+
+def _of_flight(path: Path, mapping: Mapping, flight: int) -> tuple[Mapping, int | None]:
+    """Return the mapping, and the number of the flight where stamps tell; None where tables do.
+
+    Raises as `read_flight`.
+    """
+    with Files([path], mapping, torn=True) as files:
+        tables = files.source(mapping.imu).flights
+    if not tables:
+        return mapping, flight
+    if not 1 <= flight <= len(tables):
+        raise LogFormatError(f"{path.name} has no flight {flight}: there are {len(tables)}")
+    return mapping.with_table(tables[flight - 1]), None
 
 
 def shown(path: Path) -> str:
@@ -102,14 +149,41 @@ class NewRun:
             "imported_as": self.flight.source,
             "import_notes": "; ".join(self.flight.notes),
         }
-        with os_errors(lambda why: f"cannot write in {folder.parent}: {why}"):
-            making = Path(tempfile.mkdtemp(prefix=".import-", dir=folder.parent))
-        try:
-            made = making / run_id
-            write_run(made / STATION, self.flight, metadata)
-            made.rename(folder / run_id)
-        except OSError as error:
-            raise StorageError(f"cannot make {folder / run_id}: {error.strerror}") from error
-        finally:
-            shutil.rmtree(making, ignore_errors=True)
-        return folder / run_id
+        return written(folder / run_id, lambda log: write_run(log, self.flight, metadata))
+
+
+@dataclass(frozen=True)
+class ExportedRun:
+    """A run of quadlab that was exported as tables."""
+
+    tables: Sequence[TopicTable]
+    original: Path
+    vehicle: str
+
+    @property
+    def start(self) -> datetime:
+        first = min(int(one.columns[RECEIVED].min()) for one in self.tables)
+        return datetime.fromtimestamp(first * 1e-9, UTC)
+
+    def write(self, folder: Path, run_id: str) -> Path:
+        """Write `folder`/`run_id`, atomically. Raises StorageError."""
+        told = {**self.tables[0].run, "run_id": run_id, "vehicle": self.vehicle}
+        told["imported_from"] = shown(self.original)
+        tables = list(self.tables)
+        return written(folder / run_id, lambda log: write_exported(log, tables, self.vehicle, told))
+
+
+def written(run: Path, write: Callable[[Path], None]) -> Path:
+    """Write a run's folder with its log, atomically, and return it. Raises StorageError."""
+    folder = run.parent.parent
+    with os_errors(lambda why: f"cannot write in {folder}: {why}"):
+        making = Path(tempfile.mkdtemp(prefix=".import-", dir=folder))
+    try:
+        made = making / run.name
+        write(made / STATION)
+        made.rename(run)
+    except OSError as error:
+        raise StorageError(f"cannot make {run}: {error.strerror}") from error
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+    return run

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from extensions.importers.files import FEWEST, Files
+from extensions.importers.files import Files
+from extensions.importers.flights import FEWEST
 from extensions.importers.mapping import (
     ORDERS,
     AttitudeRows,
@@ -60,12 +62,17 @@ class RawFlight:
     sweeps: Record | None = None  # (N,) SWEEPS_SAMPLE, ns after base
 
 
-def read_raw(path: Path, mapping: Mapping, *, torn: bool) -> RawFlight:
-    """Read a file by its mapping; `torn` also accepts a truncated one.
+def read_raw(
+    paths: Sequence[Path], mapping: Mapping, *, torn: bool, flight: int | None = None
+) -> RawFlight:
+    """Read the files of a flight by its mapping; `torn` also accepts a truncated one.
+
+    Args:
+        flight: which flight of a file with several is read, from 1.
 
     Raises LogFormatError or StorageError.
     """
-    with Files(path, mapping, torn=torn) as files:
+    with Files(paths, mapping, torn=torn, flight=flight) as files:
         rows = mapping.imu
         seconds, force, rate = files.read(
             rows,

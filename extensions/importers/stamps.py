@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from extensions.importers.flights import LONGEST_GAP
 from extensions.importers.units import TIME_UNITS
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
@@ -23,8 +24,6 @@ LAST_DATE = 2.0**32
 """s since 1970: February 2106. Later stamps are in another unit."""
 EARLIEST = -86400.0
 """s: stamps may begin before the time that they count from, but not by days."""
-LARGEST_GAP = 3600.0
-"""s without a row within one flight."""
 SLOWER = 4.0
 """Ratio below the likely rates at which another unit that fits is taken for the right one."""
 YEAR = 365.25 * 86400.0
@@ -49,8 +48,8 @@ def judged_seconds(
     where: str,
     *,
     certain: bool = False,
-) -> tuple[Array, list[str]]:
-    """Return stamps in s, and notes.
+) -> Array:
+    """Return stamps in s.
 
     Args:
         stamps: (N,), finite, N > 1, in `unit`.
@@ -60,19 +59,17 @@ def judged_seconds(
 
     Raises LogFormatError.
     """
-    stamps, notes = _continued(stamps, rows, where)
     seconds = stamps * TIME_UNITS[unit]
     steps = np.diff(seconds)
     others = [one for one in TIME_UNITS if one != unit and not certain]
-    fitting = [one for one in others if _fits(stamps * TIME_UNITS[one], rates)]
+    fitting = [one for one in others if fits(stamps * TIME_UNITS[one], rates)]
     hint = f'write time_unit = "{fitting[0]}", which fits' if fitting else ""
     is_right = "is time the right column?"
     if back := np.flatnonzero(steps < 0.0).tolist():
         k = back[0]
         raise LogFormatError(
             f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
-            f"{seconds[k + 1]:.6f} s in row {rows[k + 1]}; {is_right} "
-            "If these are two flights in one file, cut it there"
+            f"{seconds[k + 1]:.6f} s in row {rows[k + 1]}; {is_right}"
         )
     middle = float(np.median(seconds))
     if not EARLIEST <= middle <= LAST_DATE:
@@ -81,12 +78,10 @@ def judged_seconds(
             f"{'before 1970' if middle < 0 else 'beyond any date (2106)'}: {hint or is_right}"
         )
     k = int(np.argmax(steps))
-    if steps[k] > LARGEST_GAP:
+    if steps[k] > LONGEST_GAP:
         raise LogFormatError(
             f"{where}: row {rows[k + 1]} is {_duration(steps[k])} after row {rows[k]}; if one of "
-            "the two has a wrong stamp, leave it out; if these are two flights, cut the file there"
-            + f"; or {hint}"
-            * bool(hint)
+            "the two has a wrong stamp, leave it out" + f"; or {hint}" * bool(hint)
         )
     rate = 1.0 / max(float(np.median(steps)), 1e-12)
     if rate > rates.largest and steps.any():
@@ -98,10 +93,10 @@ def judged_seconds(
         raise LogFormatError(
             f"{where}: {rate:.3g} rows a second in the {unit} of the mapping, too few: {hint}"
         )
-    return seconds, notes
+    return seconds
 
 
-def _continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[Array, list[str]]:
+def continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[Array, list[str]]:
     """Return stamps without the steps back of a counter that began anew, and notes."""
     steps = np.diff(stamps)
     back = np.flatnonzero(steps < 0.0)
@@ -125,7 +120,7 @@ def _continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[
     return stamps, []
 
 
-def _fits(seconds: Array, rates: Rates) -> bool:
+def fits(seconds: Array, rates: Rates) -> bool:
     """Return whether stamps in s can be those of a flight."""
     steps = np.diff(seconds)
     slow, fast = rates.likely
@@ -133,7 +128,7 @@ def _fits(seconds: Array, rates: Rates) -> bool:
     return bool(
         EARLIEST <= np.median(seconds) <= LAST_DATE
         and slow <= rate <= fast
-        and steps.max() <= LARGEST_GAP
+        and steps.max() <= LONGEST_GAP
     )
 
 

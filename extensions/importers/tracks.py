@@ -218,14 +218,14 @@ class Checked:
             motion.smoothed(interpolated(grid, at, raw.position), 2 * motion.SMOOTH)
         )
         inner = slice(50, -50)
-        own, flown = own[inner] - own[inner].mean(axis=0), flown[inner] - flown[inner].mean(axis=0)
-        if len(own) < 100 or np.sqrt((own**2).sum(axis=1).mean()) < CALM:
+        own, flown = own[inner], flown[inner]
+        if len(own) < 100 or math.sqrt(own.var(axis=0).sum()) < CALM:
             self._notes.append(f"[{raw.name}] too calm: its positions' world and unit not checked")
             return
         if np.median(np.diff(self._seconds)) > SLOW:
             self._notes.append(f"[{raw.name}] IMU too slow: its positions' world not checked")
             return
-        turn = best_turn(flown, own)
+        turn = best_turn(flown - flown.mean(axis=0), own - own.mean(axis=0))
         share = math.sqrt(turn.explained)
         if share < FITS:
             raise LogFormatError(

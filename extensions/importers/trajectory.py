@@ -8,8 +8,8 @@ import numpy as np
 
 from estimation.calibration.motion import best_turn, interpolated
 from estimation.calibration.segmented_fit import solve_segments
-from extensions.importers.files import FEWEST
 from extensions.importers.flight import Track
+from extensions.importers.flights import FEWEST
 from extensions.importers.frames import quaternion_of
 from extensions.importers.track_clock import SURE
 from quadrotor.plain_rotations import product_of

@@ -60,6 +60,7 @@ class TlogTables:
         self.events: list[tuple[float, int, str]] = []
         self.units = {"time_boot_ms": "ms", "time_usec": "us", LOGGED: "s"}
         self.notes: list[str] = []
+        self.flights: list[str] = []
         names = {re.sub(r"^\d+/|[#@].*", "", one) for one in wanted} | {"SYSTEM_TIME"}
         if IMU in names:
             names |= SOURCES_OF_IMU.keys()
@@ -75,9 +76,11 @@ class TlogTables:
         for start in range(1, self._starts + 1):
             self._add_imu(f"@{start}" if start > 1 else "")
         if self._starts > 1:
+            self.flights = [IMU, *(f"{IMU}@{k}" for k in range(2, self._starts + 1))]
             self.notes.append(
                 f"{path.name}: the vehicle was started {self._starts} times; tables of the second "
-                "start and later ones are called NAME@2, …: --table IMU@2 imports these"
+                "start and later ones are called NAME@2, …: --table IMU@2 imports these, "
+                "--flight all each as a run"
             )
 
     def tables(self) -> list[str]:

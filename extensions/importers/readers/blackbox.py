@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from extensions.importers.files import FEWEST
+from extensions.importers.flights import FEWEST
 from extensions.importers.readers import blackbox_frames as frames
 from extensions.importers.readers.tables import FileTables
 from quadrotor.errors import LogFormatError
@@ -66,6 +66,7 @@ class BlackboxTables(FileTables):
             raise LogFormatError(f"{path.name} has more than {MOST_BYTES // 10**6} MB: cut it")
         data = path.read_bytes()
         starts = [one.start() for one in re.finditer(re.escape(MAGIC), data)]
+        self.flights = [str(k + 1) for k in range(len(starts))]
         self._logs: dict[str, Log | None] = {}
         told = []
         for k, (start, end) in enumerate(zip(starts, [*starts[1:], len(data)], strict=True)):
@@ -80,7 +81,8 @@ class BlackboxTables(FileTables):
             chosen = ", ".join(name for name, log in self._logs.items() if log)
             self.notes.append(
                 f"{path.name} has {len(starts)} logs, one for each arming: {', '.join(told)}; "
-                f"imported is {chosen or 'none'}, --table NUMBER imports another"
+                f"imported is {chosen or 'none'}, --table NUMBER imports another, --flight all "
+                "each as a run"
             )
 
     def tables(self) -> list[str]:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
+from extensions.importers.readers.joined import JoinedTables
 from extensions.importers.readers.packed import first_bytes, is_packed, unpacked
 from extensions.importers.readers.tables import Source
 from extensions.importers.readers.text_table import TextTable
@@ -90,5 +91,17 @@ def open_source(path: Path, wanted: Collection[str]) -> Source:
     found = format_of(path)
     if found == TEXT:
         return TextTable(path)
+    if found == BAG and (parts := _mcap_parts(path)):
+        # Other than the bag's reader, that of MCAP passes over what it cannot decode.
+        return JoinedTables([open_source(one, wanted) for one in parts])
     source: Source = registry().offers(Importer)[found].load()(path, wanted)
     return source
+
+
+def _mcap_parts(bag: Path) -> list[Path]:
+    """Return the files of a folder that is a bag of plain MCAP files; none for other bags."""
+    if not bag.is_dir() or any(bag.glob("*.zst*")):
+        return []
+    described = (bag / "metadata.yaml").read_text(encoding="utf-8", errors="replace")
+    is_packed_inside = re.search(r"compression_mode:\s*['\"]?[A-Za-z]", described)
+    return [] if is_packed_inside else sorted(bag.glob("*.mcap"))

@@ -48,6 +48,10 @@ class BagTables(FileTables):
                         columns.setdefault(name, array("d")).append(value)
         except MemoryError:
             raise  # named by the bound on it
+        except KeyError as error:
+            raise LogFormatError(
+                f"{path.name} has messages of the type {error!s:.80}, which it does not describe"
+            ) from error
         except Exception as error:  # of the reader, of compression, of a database
             why = str(error) or type(error).__name__
             raise LogFormatError(f"{path.name} is not a complete bag: {why:.120}") from error

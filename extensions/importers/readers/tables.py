@@ -29,6 +29,8 @@ class Source(Protocol):
     """Units of columns as the file writes them, where it does."""
     notes: list[str]
     """What a user should know about the file, in sentences."""
+    flights: list[str]
+    """Tables of the IMU, one for each flight, where the format tells flights apart; else empty."""
 
     def tables(self) -> list[str]: ...
 
@@ -49,6 +51,7 @@ class FileTables:
         self.events: list[tuple[float, int, str]] = []
         self.notes: list[str] = []
         self.units: dict[str, str] = {}
+        self.flights: list[str] = []
 
     @classmethod
     def opened(cls, path: Path, _: Collection[str]) -> FileTables:

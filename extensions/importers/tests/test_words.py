@@ -12,8 +12,8 @@ from tests.quadlab.test_command_line import complaint
     [
         (
             ["log", "import", "x.csv", "--out", "y"],
-            "quadlab log import has no --out: its options are --mapping, --truth, --table, --name, "
-            "--torn, --data;",
+            "quadlab log import has no --out: its options are --mapping, --propose, --truth, "
+            "--table, --flight, --name, --torn, --data;",
         ),
         (["log", "import", "--out", "y"], "quadlab log import has no --out"),
     ],

@@ -1,0 +1,180 @@
+"""Several flights in one file, one flight in several files, and mappings that are proposed."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from extensions.importers.importing import flights_of, read_flight
+from extensions.importers.proposal import propose
+from extensions.importers.tests.bag_writer import write_bag
+from extensions.importers.tests.foreign_flight import (
+    ForeignFlight,
+    columns_of,
+    make_flight,
+    write_csv,
+    write_mapping,
+)
+from quadlab.__main__ import main
+from quadrotor.errors import LogFormatError, UsageError
+from quadrotor.records import Array
+
+FLIGHT = make_flight(seconds=6.0)
+COLUMNS = columns_of(FLIGHT)
+UNITS = {"imu": 'angular_velocity_unit = "rad/s"\nspecific_force_unit = "m/s^2"\nbody = "FLU"'}
+IMU = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+
+
+def imu_mapping(folder: Path) -> str:
+    text = write_mapping(folder / "imu.toml", **UNITS).read_text()
+    (folder / "imu.toml").write_text(text.partition("[truth]")[0])
+    return str(folder / "imu.toml")
+
+
+def rows(begin: int, end: int, later: float = 0.0) -> dict[str, Array]:
+    """Return rows of the flight's IMU with stamps that are `later` seconds late."""
+    found = {name: COLUMNS[name][begin:end].copy() for name in IMU}
+    found["t"] += later - COLUMNS["t"][0]
+    return found
+
+
+def put_together(*parts: dict[str, Array]) -> dict[str, Array]:
+    return {name: np.concatenate([one[name] for one in parts]) for name in parts[0]}
+
+
+def test_two_flights_in_one_file_are_named_and_each_is_imported(tmp_path: Path) -> None:
+    both = put_together(rows(0, 200), rows(300, 600, later=-3.0))
+    path, mapping = write_csv(tmp_path / "two.csv", both), imu_mapping(tmp_path)
+    with pytest.raises(LogFormatError, match=r"has 2 flights \(1: 200 rows, 2.0 s; 2: 300 rows"):
+        read_flight(path, mapping)
+    assert flights_of(path, mapping) == 2
+    first, second = (read_flight(path, mapping, flight=k) for k in (1, 2))
+    assert np.allclose(first.imu.angular_velocity_b, FLIGHT.rate[:200], atol=1e-8)
+    assert np.allclose(second.imu.angular_velocity_b, FLIGHT.rate[300:], atol=1e-8)
+    with pytest.raises(LogFormatError, match="no flight 3: there are 2"):
+        read_flight(path, mapping, flight=3)
+
+
+def test_a_gap_of_a_minute_is_named_and_its_sides_can_be_runs(tmp_path: Path) -> None:
+    both = put_together(rows(0, 200), rows(200, 600, later=100.0))
+    path, mapping = write_csv(tmp_path / "gap.csv", both), imu_mapping(tmp_path)
+    whole = read_flight(path, mapping)
+    assert len(whole.imu.stamps_ns) == 600
+    assert any("a gap of 100.0 s; --flight all imports the parts" in one for one in whole.notes)
+    assert len(read_flight(path, mapping, flight=2).imu.stamps_ns) == 400
+
+
+def test_stamps_that_go_back_for_a_moment_are_no_second_flight(tmp_path: Path) -> None:
+    columns = rows(0, 600)
+    columns["t"][[300, 301]] = columns["t"][[301, 300]]
+    path = write_csv(tmp_path / "order.csv", columns)
+    with pytest.raises(LogFormatError, match=r"go back 1 times.*in row 302"):
+        read_flight(path, imu_mapping(tmp_path))
+
+
+def test_a_track_of_the_same_rows_is_cut_as_its_imu_is(tmp_path: Path) -> None:
+    later = {name: values.copy() for name, values in COLUMNS.items()}
+    path = write_csv(tmp_path / "two.csv", put_together(COLUMNS, later))
+    mapping = write_mapping(tmp_path / "both.toml", **UNITS)
+    second = read_flight(path, str(mapping), flight=2)
+    assert second.truth is not None
+    assert np.allclose(second.truth.states["position_w"], FLIGHT.position, atol=1e-6)
+
+
+def test_files_of_one_flight_are_joined_in_the_order_of_their_times(tmp_path: Path) -> None:
+    first = write_csv(tmp_path / "log10.csv", rows(0, 250))
+    second = write_csv(tmp_path / "log9.csv", rows(400, 600))
+    mapping = imu_mapping(tmp_path)
+    found = read_flight(second, mapping, more=[first])
+    kept = np.r_[0:250, 400:600]
+    assert np.allclose(found.imu.specific_force_b, FLIGHT.force[kept], atol=1e-8)
+    assert any("between log10.csv and log9.csv 1.5" in note for note in found.notes)
+    with pytest.raises(LogFormatError, match="are not parts of one flight"):
+        read_flight(first, mapping, more=[first])
+
+
+def test_each_flight_of_a_file_becomes_a_run_and_what_cannot_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    still = rows(300, 600, later=-3.0)
+    for name in ("ax", "ay", "az"):
+        still[name] *= 0.0
+    path = write_csv(tmp_path / "two.csv", put_together(rows(0, 200), still))
+    words = ["log", "import", str(path), "--mapping", imu_mapping(tmp_path), "--data"]
+    assert main([*words, str(tmp_path / "data"), "--flight", "all"]) == 0
+    out, err = capsys.readouterr()
+    assert "1 of 2 flights are imported" in out
+    assert "flight 2 is not imported: [imu] specific_force has a median length of 0" in err
+    assert len(list((tmp_path / "data" / "runs").glob("2*"))) == 1
+    assert main([*words, str(tmp_path / "data"), "--flight", "0"]) == 2
+    assert "--flight 0: a number from 1, or all, is needed" in capsys.readouterr().err
+
+
+def test_one_database_of_a_bag_is_read_without_its_folder(tmp_path: Path) -> None:
+    [file] = write_bag(tmp_path / "bag", FLIGHT, 2).glob("*.db3")
+    found = read_flight(Path(shutil.move(file, tmp_path / "alone.db3")))
+    assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-9)
+
+
+def test_a_bag_of_several_mcap_files_is_one_flight(tmp_path: Path) -> None:
+    first, last = (
+        ForeignFlight(**{one.name: getattr(FLIGHT, one.name)[rows] for one in fields(FLIGHT)})
+        for rows in (slice(0, 350), slice(350, 600))
+    )
+    bag = write_bag(tmp_path / "bag", last, 2, mcap=True)
+    [second] = write_bag(tmp_path / "second", first, 2, mcap=True).glob("*.mcap")
+    shutil.move(second, bag / "bag_1.mcap")
+    found = read_flight(bag)
+    assert found.truth is not None
+    assert len(found.imu.stamps_ns) == len(found.truth.stamps_ns) == 600
+    assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-9)
+
+
+AXES = "XYZ"
+
+
+def strange_columns() -> dict[str, Array]:
+    """Return a flight under names that no mapping of quadlab has: µs, deg/s, mg and mm."""
+    found = {"Timestamp": np.round(1e6 * (FLIGHT.seconds - FLIGHT.seconds[0]))}
+    found |= {f"Gyro{a}_dps": np.degrees(FLIGHT.rate[:, k]) for k, a in enumerate(AXES)}
+    found |= {f"AccRaw{a}": 1000.0 / 9.80665 * FLIGHT.force[:, k] for k, a in enumerate(AXES)}
+    found |= {f"opti_pos[{k}]": 1000.0 * FLIGHT.position[:, k] for k in range(3)}
+    found |= {f"att[{k}]": FLIGHT.quaternion[:, [1, 2, 3, 0]][:, k] for k in range(4)}
+    found |= {"vbat": np.full(len(FLIGHT.seconds), 14.8), "motor": FLIGHT.seconds * 0.0}
+    return found
+
+
+def test_a_proposed_mapping_names_every_column_of_a_strange_table(tmp_path: Path) -> None:
+    path, target = write_csv(tmp_path / "s.csv", strange_columns()), tmp_path / "s.toml"
+    lines = propose(path, target)
+    found = tomllib.loads(target.read_text())
+    assert found["imu"] == {
+        "time": "Timestamp",
+        "time_unit": "us",
+        "angular_velocity": [f"Gyro{a}_dps" for a in AXES],
+        "angular_velocity_unit": "deg/s",
+        "specific_force": [f"AccRaw{a}" for a in AXES],
+        "specific_force_unit": "mg",
+    }
+    assert found["truth"]["position"] == [f"opti_pos[{k}]" for k in range(3)]
+    assert found["truth"]["quaternion"] == [f"att[{k}]" for k in range(4)]
+    assert found["battery"]["voltage"] == "vbat"
+    assert any("100 Hz by Timestamp in us" in line for line in lines)
+    flight = read_flight(path, str(target))
+    assert flight.truth is not None
+    assert np.allclose(flight.imu.specific_force_b, FLIGHT.force, atol=1e-6)
+    assert np.allclose(flight.truth.states["position_w"], FLIGHT.position, atol=1e-4)
+    with pytest.raises(UsageError, match="is there already"):
+        propose(path, target)
+
+
+def test_a_table_without_an_imu_gets_no_proposal_but_what_it_has(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "x.csv", {"n": np.arange(60.0), "level": np.ones(60)})
+    with pytest.raises(LogFormatError, match=r"it has a table \(60 rows at .* Hz: n, level\)"):
+        propose(path, tmp_path / "x.toml")
+    assert not (tmp_path / "x.toml").exists()
