@@ -156,7 +156,13 @@ class _Topic:
         with file.open("wb") as sink, pa.ipc.new_file(sink, schema) as writer:
             for begin in range(0, self.count, ROWS):
                 end = min(begin + ROWS, self.count)
-                batch = [pa.array(one[begin:end]) for one in arrays.values()]
+                # of buffers, since pa.array imports pandas where it is installed
+                batch = [
+                    pa.Array.from_buffers(
+                        field.type, end - begin, [None, pa.py_buffer(one[begin:end])]
+                    )
+                    for field, one in zip(fields, arrays.values(), strict=False)
+                ]
                 if places is not None:
                     at = np.ascontiguousarray(places[begin : end + 1])
                     buffers = [None, pa.py_buffer(at), pa.py_buffer(payloads)]
