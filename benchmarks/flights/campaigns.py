@@ -26,12 +26,12 @@ import numpy as np
 from benchmarks.harness import Report, Row, Size, Target
 from extensions.batches.batch import Scenario, fly_batch
 from extensions.campaigns.design import Cells
+from extensions.campaigns.engines.local_engine import fly_locally
+from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import Outcome, fly_task
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.local_engine import fly_locally
 from extensions.campaigns.plan import read_plan
 from extensions.campaigns.shard import WHOLE
-from extensions.campaigns.work import Work
 
 COMPILED = 'experiment = "closed_loop"\nseeds = {seeds}\n'
 EIGHT = 'experiment = "figure_eight"\nseeds = {seeds}\n'
@@ -208,7 +208,7 @@ def _whole_stack(report: Report, place: Path, size: Size) -> None:
         for n in (1, 2)
     )
     with _dask() as address:
-        from extensions.campaigns.dask_engine import fly_by_dask
+        from extensions.campaigns.engines.dask_engine import fly_by_dask
 
         by_dask = _dask_overhead(place, count, lambda work: fly_by_dask(work, address))
     for words, found in (("1 worker", one), ("2 workers", two)):

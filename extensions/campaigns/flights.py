@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from extensions.campaigns.design import Cells
 from extensions.campaigns.factors import Value
 from extensions.campaigns.plan import COMPILED, Plan, parse_plan
+from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.settings import Settings
 from quadrotor.errors import QuadlabError, StorageError
 
@@ -108,7 +109,10 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
     metrics: dict[str, float] = {}
     judged: tuple[str, ...] = ()
     try:
-        done = (_together if plan.vehicles > 1 else _alone)(settings, index, folder)
+        if plan.logs:
+            done = _read(settings, index)
+        else:
+            done = (_together if plan.vehicles > 1 else _alone)(settings, index, folder)
         verdict, reason, metrics, judged = _judged(plan, *done[:4])
         processor -= done[4]
     except QuadlabError as error:
@@ -127,9 +131,7 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
     return _here(replace(outcome, wall=wall, processor=processor))
 
 
-def _alone(
-    settings: Settings, index: int, folder: Path
-) -> tuple[str, str, dict[str, float], tuple[str, ...], float]:
+def _alone(settings: Settings, index: int, folder: Path) -> over_logs.Figures:
     """Return verdict, reason, metrics, judged metrics, and s of processor time elsewhere."""
     from quadlab.simulated.experiment import chosen, fly
 
@@ -148,9 +150,13 @@ def _alone(
     return done.result.verdict, reason, metrics, tuple(done.result.limits), 0.0
 
 
-def _together(
-    settings: Settings, index: int, folder: Path
-) -> tuple[str, str, dict[str, float], tuple[str, ...], float]:
+def _read(settings: Settings, index: int) -> over_logs.Figures:
+    """Return the same of a recorded flight."""
+    log, words = settings.log(index // settings.file.plan.seeds)
+    return over_logs.read(settings.file.plan, log, words)
+
+
+def _together(settings: Settings, index: int, folder: Path) -> over_logs.Figures:
     """Return the same of several vehicles, which one other process flies."""
     from quadlab.simulated.together import fly_together
 

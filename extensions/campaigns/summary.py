@@ -13,6 +13,7 @@ import numpy.typing as npt
 from extensions.campaigns.analysis import sensitivity
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import COMPILED
+from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.search import told as search
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.table import (
@@ -73,10 +74,12 @@ def quantile_places(n: int, q: float) -> tuple[int, int]:
 
 
 def command_of(settings: Settings, index: int) -> str:
-    """Return the command that flies a row again; "" for a compiled flight."""
+    """Return the command that flies a row again, or reads its log; "" for a compiled flight."""
     file, plan = settings.file, settings.file.plan
     if plan.experiment == COMPILED:
         return ""
+    if plan.logs:
+        return _reading(settings, index)
     words = ["quadlab", "fly", file.experiment, "--seed", str(settings.cells.seed(index))]
     words += ["--board", plan.board] if plan.board != "mikrokopter" else []
     words += ["--true-state"] if plan.true_state else []
@@ -85,6 +88,14 @@ def command_of(settings: Settings, index: int) -> str:
     for one in settings.words(index // plan.seeds):
         words += ["--set", one]
     return shlex.join(words)
+
+
+def _reading(settings: Settings, index: int) -> str:
+    log, settled = settings.log(index // settings.file.plan.seeds)
+    if settings.file.plan.experiment == over_logs.EXPLANATION:
+        return shlex.join(["quadlab", "log", "info", "--explain", str(log)])
+    words = [one for word in settled for one in ("--set", word)]
+    return shlex.join(["quadlab", "replay", str(log), *words])
 
 
 def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:

@@ -11,8 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 
+from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import Outcome, Task, fly_task
-from extensions.campaigns.work import Work
 from quadrotor.errors import JobError
 from vehicle_link.jobs import die_with_parent
 
