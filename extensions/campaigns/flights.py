@@ -41,7 +41,7 @@ class Task:
     Attributes:
         text: of the plan.
         folder: that of the campaign, with the files that the plan names.
-        is_compiled: whether the flights are those of compiled code.
+        needs_stack: whether a whole vehicle flies, for which a worker loads more.
         keep_logs: whether the logs are returned of all flights, beside those that the plan keeps.
         trials: of a search, the values of the trials to which the flights belong.
     """
@@ -49,7 +49,7 @@ class Task:
     text: str
     folder: str
     indices: tuple[int, ...]
-    is_compiled: bool = False
+    needs_stack: bool = True
     keep_logs: bool = False
     trials: Mapping[int, dict[str, Value]] = field(default_factory=dict)
 

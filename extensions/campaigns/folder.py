@@ -34,7 +34,7 @@ from extensions.campaigns.plan import COMPILED, OWN, PlanFile, read_plan
 from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.search.kept import read_trials
 from extensions.campaigns.shard import WHOLE, Shard
-from extensions.campaigns.table import array, joined, numbers
+from extensions.campaigns.table import array, figures, joined, numbers
 from quadlab.data_folder import locked
 from quadrotor.errors import StorageError, UsageError, os_errors
 
@@ -70,11 +70,11 @@ class CampaignFolder:
     def task(self, indices: Sequence[int], *, keep_logs: bool = False) -> Task:
         """Return a task of these flights for a worker."""
         file, cells = self.plan, self.cells
-        is_compiled = file.plan.experiment == COMPILED
+        needs_stack = file.plan.experiment != COMPILED and not file.plan.logs
         needed = {cells.trial(index) for index in indices} if file.plan.search else set()
         trials = {number: cells.trials[number] for number in needed}
         where = str(self.path.absolute())
-        return Task(file.text, where, tuple(indices), is_compiled, keep_logs, trials)
+        return Task(file.text, where, tuple(indices), needs_stack, keep_logs, trials)
 
     def _identity(self) -> tuple[int, int]:
         """Return what tells the folder's record from that of another one at the same path."""
@@ -245,8 +245,8 @@ class CampaignFolder:
         Args:
             figures_only: whether what depends on the computer is left out, to save memory.
         """
-        varied = self.plan.plan.varied
-        return joined(self._parts(), varied, self.path, figures_only=figures_only)
+        read = figures if figures_only else joined
+        return read(self._parts(), self.plan.plan.varied, self.path)
 
     def is_whole(self) -> bool:
         """Return whether all flights are flown; a search needs not all, as trials end early."""

@@ -18,7 +18,7 @@ from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.recorded.trends import GROUPS, recorded, trends
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.summary import command_of, summarize
-from extensions.campaigns.table import Facts, is_verdict, joined, metric_columns, numbers
+from extensions.campaigns.table import Facts, figures, is_verdict, metric_columns, numbers
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
@@ -130,7 +130,7 @@ def _table(folder: CampaignFolder) -> pa.Table | None:
 @lru_cache(maxsize=2)
 def _read(parts: tuple[tuple[str, int], ...], factors: tuple[str, ...]) -> pa.Table:
     paths = [Path(path) for path, _ in parts]
-    return joined(paths, factors, paths[0].parent, figures_only=True)
+    return figures(paths, factors, paths[0].parent)
 
 
 def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str) -> Facts:

@@ -170,8 +170,18 @@ class Campaigns {
   row({ index, verdict, reason, value, command }) {
     const words = command || "a compiled flight: it has no log";
     const said = element("p", { className: "reason", hidden: true });
-    const fly = element("button", { hidden: !this.fliesAgain, onclick: () => this.flyAgain(index, fly, said) }, "Fly again");
-    const line = element("div", { hidden: index !== this.open }, element("pre", { tabIndex: 0 }, words), fly, said);
+    const fly = element(
+      "button",
+      { hidden: !this.fliesAgain, onclick: () => this.flyAgain(index, fly, said) },
+      "Fly again",
+    );
+    const line = element(
+      "div",
+      { hidden: index !== this.open },
+      element("pre", { tabIndex: 0 }, words),
+      fly,
+      said,
+    );
     const toggle = () => {
       line.hidden = !line.hidden;
       this.open = line.hidden ? -1 : index;

@@ -13,12 +13,21 @@ export class Comparison {
     this.other = element("select", { ariaLabel: "campaign to compare with", onchange: () => this.read() });
     this.reason = element("p", { className: "reason", hidden: true });
     this.table = element("table", { className: "pairs", hidden: true });
-    this.place = element("div", { className: "against" }, element("h2", {}, "Against"), this.other, this.reason, this.table);
+    this.place = element(
+      "div",
+      { className: "against" },
+      element("h2", {}, "Against"),
+      this.other,
+      this.reason,
+      this.table,
+    );
   }
 
   // Offers the other campaigns that have rows.
   offer(name, campaigns) {
-    const others = campaigns.filter((one) => one.name !== name && one.rows && !one.problem).map((one) => one.name);
+    const others = campaigns
+      .filter((one) => one.name !== name && one.rows && !one.problem)
+      .map((one) => one.name);
     const chosen = name === this.name && others.includes(this.other.value) ? this.other.value : NONE;
     if (name !== this.name) this.show(null);
     this.name = name;
@@ -32,7 +41,9 @@ export class Comparison {
       other = this.other.value;
     await attempt(this.reason, async () => {
       if (other === NONE) return;
-      const found = await get(`/api/campaigns/${encodeURIComponent(name)}/against/${encodeURIComponent(other)}`);
+      const found = await get(
+        `/api/campaigns/${encodeURIComponent(name)}/against/${encodeURIComponent(other)}`,
+      );
       if (name === this.name && other === this.other.value) this.show(found);
     });
   }
@@ -41,11 +52,19 @@ export class Comparison {
     this.table.hidden = !found;
     if (!found) return;
     const rows = Object.entries(found.tests).map(([metric, one]) => this.row(metric, one));
-    const head = [`${found.pairs} pairs`, "other", "this", "difference"].map((text) => element("th", {}, text));
-    this.table.replaceChildren(element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...rows));
+    const head = [`${found.pairs} pairs`, "other", "this", "difference"].map((text) =>
+      element("th", {}, text),
+    );
+    this.table.replaceChildren(
+      element("thead", {}, element("tr", {}, ...head)),
+      element("tbody", {}, ...rows),
+    );
   }
 
-  row(metric, { first, second, difference, low, high, worse, better, p, test, is_worse: isWorse, is_better: isBetter }) {
+  row(
+    metric,
+    { first, second, difference, low, high, worse, better, p, test, is_worse: isWorse, is_better: isBetter },
+  ) {
     const change =
       metric === "passed"
         ? `${better} better, ${worse} worse`
@@ -55,7 +74,12 @@ export class Comparison {
     const verdict = isWorse ? "worse" : isBetter ? "better" : "";
     const title = `${test}, p = ${short(p, 2)}; the interval of the median difference is that of 95 %`;
     const cells = [first, second].map((value) => element("td", {}, value === null ? NONE : short(value)));
-    const last = element("td", { title }, change, element("b", { className: isWorse ? "amber" : "" }, verdict));
+    const last = element(
+      "td",
+      { title },
+      change,
+      element("b", { className: isWorse ? "amber" : "" }, verdict),
+    );
     return element("tr", {}, element("th", { scope: "row" }, metric), ...cells, last);
   }
 }

@@ -54,12 +54,18 @@ class Trends {
     this.metric.replaceChildren(...optionsOf(metrics, metric));
     this.by.replaceChildren(...optionsOf(groups, by));
     this.empty.hidden = series.length > 0;
-    setText(this.empty, metrics.length ? `No run has a tag that begins with “${by}”.` : "No run has a report yet.");
+    setText(
+      this.empty,
+      metrics.length ? `No run has a tag that begins with “${by}”.` : "No run has a report yet.",
+    );
     const times = series.flatMap(({ points }) => points.map(({ time }) => time));
     const values = series.flatMap(({ points }) => points.map(({ value }) => value));
+    /** @type {(all: number[]) => [number, number]} */
     const range = (all) => [Math.min(...all), Math.max(...all)];
     this.drawing.replaceChildren(
-      ...series.map((one) => element("figure", {}, caption(one), drawn(one, metric, range(times), range(values)))),
+      ...series.map((one) =>
+        element("figure", {}, caption(one), drawn(one, metric, range(times), range(values))),
+      ),
     );
   }
 }
