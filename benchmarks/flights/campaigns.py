@@ -120,7 +120,7 @@ def _flown(place: Path, plan: str, fly: Callable[[Work], None]) -> Run:
 
 @dataclass(frozen=True)
 class Marginal:
-    """What a further flight costs, by the difference of a long and a short run.
+    """The cost of a further flight, by the difference of a long and a short run.
 
     Attributes:
         cost: s of processor time of all processes. flight: s of the flight itself.

@@ -163,11 +163,12 @@ def _listed(folder: CampaignFolder, table: pa.Table, metric: str) -> list[Facts]
     passed = is_verdict(table, "passed")
     order = np.lexsort((-np.nan_to_num(values, nan=-np.inf), passed))[:LISTED]
     indices = numbers(table, "index")
+    verdicts, reasons = table["verdict"], table["reason"]
     return [
         {
             "index": int(indices[k]),
-            "verdict": table["verdict"][int(k)].as_py(),
-            "reason": table["reason"][int(k)].as_py(),
+            "verdict": verdicts[int(k)].as_py(),
+            "reason": reasons[int(k)].as_py(),
             "value": float(values[k]) if np.isfinite(values[k]) else None,
             "command": command_of(settings, int(indices[k])),
         }

@@ -106,6 +106,7 @@ def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
     metrics = metric_columns(table, factors)
     passed = is_verdict(table, "passed")
     missed = np.flatnonzero(~passed)
+    verdicts, reasons = table["verdict"], table["reason"]
     indices = numbers(table, "index")
     found = search.facts(search.outcome(folder, table)) if plan.search else None
     return {
@@ -129,8 +130,8 @@ def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
             "flights": [
                 {
                     "index": int(indices[k]),
-                    "verdict": table["verdict"][int(k)].as_py(),
-                    "reason": table["reason"][int(k)].as_py(),
+                    "verdict": verdicts[int(k)].as_py(),
+                    "reason": reasons[int(k)].as_py(),
                     "command": command_of(settings, int(indices[k])),
                 }
                 for k in missed[:MOST_LISTED]

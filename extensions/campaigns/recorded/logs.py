@@ -10,11 +10,12 @@ import glob
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from console.atomic_file import replacing
 from console.catalogue.catalogue import runs_in
 from console.evaluation.result import Result
+from extensions.campaigns.factors import Value
 from quadrotor.errors import StorageError, UsageError, os_errors
 from quadrotor.extension import Function
 from quadrotor.extensions import registry
@@ -93,21 +94,21 @@ def read_kept(own: Path) -> list[str]:
     return found
 
 
-def keep(own: Path, logs: Sequence[Any]) -> None:
+def keep(own: Path, logs: Sequence[Value]) -> None:
     """Write the list of logs. Raises OSError."""
     own.mkdir(parents=True, exist_ok=True)
     with replacing(own / KEPT) as new:
         new.write_text(json.dumps(list(logs), indent=1))
 
 
-def with_later(kept: Sequence[str], now: Sequence[Any]) -> list[str]:
+def with_later(kept: Sequence[str], now: Sequence[Value]) -> list[str]:
     """Return the logs of a campaign, followed by those that are not among them yet."""
     known = set(kept)
     return [*kept, *(str(one) for one in now if one not in known)]
 
 
 class LogReader:
-    """What reads the logs, in the place of an experiment."""
+    """A reader of logs that stands in the place of an experiment."""
 
     planned = 0.0
 
