@@ -211,11 +211,11 @@ def _whole_stack(report: Report, place: Path, size: Size) -> None:
         from extensions.campaigns.engines.dask_engine import fly_by_dask
 
         by_dask = _dask_overhead(place, count, lambda work: fly_by_dask(work, address))
-    for words, found in (("1 worker", one), ("2 workers", two)):
+    for words, further in (("1 worker", one), ("2 workers", two)):
         figures: dict[str, float | str] = {
-            "processor s": found.flight,
-            "overhead, %": found.overhead,
-            "flights a second": found.rate,
+            "processor s": further.flight,
+            "overhead, %": further.overhead,
+            "flights a second": further.rate,
         }
         report.rows.append(Row(f"the 8, {words}", figures))
     report.rows.append(Row("the 8, Dask", {"overhead, %": by_dask}))

@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -202,9 +203,9 @@ class PlanFile:
         found = self.plan.factors.get(over_logs.LOG, [])
         return found if self.plan.logs and isinstance(found, list) else []
 
-    def with_logs(self, logs: list[Value]) -> PlanFile:
+    def with_logs(self, logs: Sequence[Value]) -> PlanFile:
         """Return the plan with these logs."""
-        factors = {**self.plan.factors, over_logs.LOG: logs}
+        factors = {**self.plan.factors, over_logs.LOG: list(logs)}
         return replace(self, plan=self.plan.model_copy(update={"factors": factors}))
 
     @property

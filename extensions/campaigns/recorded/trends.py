@@ -132,13 +132,17 @@ def _usual(names: Iterable[str]) -> str:
 
 
 def _series(name: str, runs: Sequence[RunFigures], metric: str) -> Facts:
-    points = [
-        {"run": one.run, "time": one.start, "value": one.metrics[metric], "number": number}
+    known = [
+        (number, one)
         for number, one in enumerate(runs, 1)
         if math.isfinite(one.metrics.get(metric, math.nan))
     ]
-    times = [one["time"] for one in points]
-    return {"name": name, "points": points, **_slope(times, [one["value"] for one in points])}
+    points = [
+        {"run": one.run, "time": one.start, "value": one.metrics[metric], "number": number}
+        for number, one in known
+    ]
+    times, values = [one.start for _, one in known], [one.metrics[metric] for _, one in known]
+    return {"name": name, "points": points, **_slope(times, values)}
 
 
 def _slope(times: Sequence[float], values: Sequence[float]) -> Facts:
