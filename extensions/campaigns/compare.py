@@ -2,8 +2,8 @@
 
 Flights with the same seed and factors are pairs. Of the metrics that have limits (the smaller the
 better), the differences are tested by Wilcoxon's signed-rank test; of the verdicts, the pairs of
-which one flight passed by McNemar's exact test. Both are one-sided, and the level is divided by the
-number of tests (Bonferroni).
+which one flight passed by McNemar's exact test. Both are one-sided, for worse and for better, and
+the level is divided by the number of tests (Bonferroni).
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ def compare(one: CampaignFolder, other: CampaignFolder) -> Facts:
     level = LEVEL / len(tests)
     for found in tests.values():
         found["is_worse"] = found["p"] < level
+        found["is_better"] = found["p_better"] < level
     return {
         "pairs": pairs,
         "unpaired": [one.count() - pairs, other.count() - pairs],
@@ -75,14 +76,19 @@ def _verdicts(a: pa.Table, b: pa.Table) -> Facts:
     was = is_verdict(a, "passed")
     now = is_verdict(b, "passed")
     worse, better = int((was & ~now).sum()), int((~was & now).sum())
-    p = binomtest(worse, worse + better, 0.5, "greater").pvalue if worse + better else 1.0
+    changed = worse + better
+    p, p_better = (
+        float(binomtest(count, changed, 0.5, "greater").pvalue) if changed else 1.0
+        for count in (worse, better)
+    )
     return {
         "test": "McNemar, exact",
         "first": int(was.sum()),
         "second": int(now.sum()),
         "worse": worse,
         "better": better,
-        "p": float(p),
+        "p": p,
+        "p_better": p_better,
     }
 
 
@@ -91,21 +97,24 @@ def _metric(a: Numbers, b: Numbers) -> Facts:
 
     both = np.isfinite(a) & np.isfinite(b)
     difference = np.sort(b[both] - a[both])
-    p = 1.0
+    p = p_better = 1.0
     if np.any(difference):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of few pairs: p is then exact, or large
-            p = float(wilcoxon(difference, alternative="greater").pvalue)
-    low, high = quantile_interval(difference, 0.5) if len(difference) else (np.nan, np.nan)
+            p, p_better = (
+                float(wilcoxon(difference, alternative=side).pvalue) for side in ("greater", "less")
+            )
+    low, high = quantile_interval(difference, 0.5) if len(difference) else (0.0, 0.0)
     return {
         "test": "Wilcoxon signed-rank",
         "pairs": int(both.sum()),
         "first": float(np.median(a[both])) if both.any() else None,
         "second": float(np.median(b[both])) if both.any() else None,
         "difference": float(np.median(difference)) if both.any() else None,
-        "low": float(low),
-        "high": float(high),
+        "low": float(low) if len(difference) else None,
+        "high": float(high) if len(difference) else None,
         "p": p,
+        "p_better": p_better,
     }
 
 
@@ -126,6 +135,6 @@ def told(found: Facts) -> list[str]:
                 f"{one['first']:.5g} and {one['second']:.5g}; difference {one['difference']:+.3g} "
                 f"(95 %: {one['low']:+.3g} to {one['high']:+.3g})"
             )
-        sign = "WORSE" if one["is_worse"] else "not worse"
+        sign = "WORSE" if one["is_worse"] else "better" if one["is_better"] else "not worse"
         lines.append(f"  {name:18} {sign:9}  {what}; p = {one['p']:.2g} ({one['test']})")
     return lines

@@ -18,6 +18,14 @@ EXTENSION = Extension(
     offers=(
         Function(name="campaign", target=".notebook:campaign"),
         PageFeature(name="campaigns", target=".routes:FEATURE"),
+        PageFeature(name="trends", target=".routes:TRENDS"),
+        PagePanel(
+            name="trends",
+            target="page/trends.js:show",
+            place="runs",
+            title="Trends",
+            styles=("trends.css",),
+        ),
         PagePanel(
             name="campaigns",
             target="page/campaigns.js:show",

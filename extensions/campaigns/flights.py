@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from extensions.campaigns.design import Cells
 from extensions.campaigns.factors import Value
 from extensions.campaigns.plan import COMPILED, Plan, parse_plan
+from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.settings import Settings
 from quadrotor.errors import QuadlabError, StorageError
 
@@ -40,7 +41,7 @@ class Task:
     Attributes:
         text: of the plan.
         folder: that of the campaign, with the files that the plan names.
-        is_compiled: whether the flights are those of compiled code.
+        needs_stack: whether a whole vehicle flies, for which a worker loads more.
         keep_logs: whether the logs are returned of all flights, beside those that the plan keeps.
         trials: of a search, the values of the trials to which the flights belong.
     """
@@ -48,7 +49,7 @@ class Task:
     text: str
     folder: str
     indices: tuple[int, ...]
-    is_compiled: bool = False
+    needs_stack: bool = True
     keep_logs: bool = False
     trials: Mapping[int, dict[str, Value]] = field(default_factory=dict)
 
@@ -108,7 +109,10 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
     metrics: dict[str, float] = {}
     judged: tuple[str, ...] = ()
     try:
-        done = (_together if plan.vehicles > 1 else _alone)(settings, index, folder)
+        if plan.logs:
+            done = _read(settings, index)
+        else:
+            done = (_together if plan.vehicles > 1 else _alone)(settings, index, folder)
         verdict, reason, metrics, judged = _judged(plan, *done[:4])
         processor -= done[4]
     except QuadlabError as error:
@@ -127,9 +131,7 @@ def _flown(settings: Settings, index: int, keep_log: bool) -> Outcome:
     return _here(replace(outcome, wall=wall, processor=processor))
 
 
-def _alone(
-    settings: Settings, index: int, folder: Path
-) -> tuple[str, str, dict[str, float], tuple[str, ...], float]:
+def _alone(settings: Settings, index: int, folder: Path) -> over_logs.Figures:
     """Return verdict, reason, metrics, judged metrics, and s of processor time elsewhere."""
     from quadlab.simulated.experiment import chosen, fly
 
@@ -148,9 +150,13 @@ def _alone(
     return done.result.verdict, reason, metrics, tuple(done.result.limits), 0.0
 
 
-def _together(
-    settings: Settings, index: int, folder: Path
-) -> tuple[str, str, dict[str, float], tuple[str, ...], float]:
+def _read(settings: Settings, index: int) -> over_logs.Figures:
+    """Return the same of a recorded flight."""
+    log, words = settings.log(index // settings.file.plan.seeds)
+    return over_logs.read(settings.file.plan, log, words)
+
+
+def _together(settings: Settings, index: int, folder: Path) -> over_logs.Figures:
     """Return the same of several vehicles, which one other process flies."""
     from quadlab.simulated.together import fly_together
 

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
-import platform
 import re
 import shutil
 from collections.abc import Iterator, Sequence
-from functools import cache, cached_property
-from importlib.metadata import version
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,35 +16,30 @@ import numpy as np
 import numpy.typing as npt
 
 from console.atomic_file import replacing
+from extensions.campaigns.beginning import (
+    LOCK,
+    LOGS,
+    MADE,
+    PLAN,
+    PROTOCOL,
+    RECORD,
+    ROWS,
+    make,
+    software,
+    write_record,
+)
 from extensions.campaigns.design import Cells
 from extensions.campaigns.flights import Outcome, Task
 from extensions.campaigns.plan import COMPILED, OWN, PlanFile, read_plan
+from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.search.kept import read_trials
 from extensions.campaigns.shard import WHOLE, Shard
-from extensions.campaigns.table import array, joined, numbers
-from flight_log.provenance import provenance, revision
+from extensions.campaigns.table import array, figures, joined, numbers
 from quadlab.data_folder import locked
-from quadrotor.checkout import PACKAGES, PREFIX, ROOT
 from quadrotor.errors import StorageError, UsageError, os_errors
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-PLAN, RECORD, ROWS, LOGS = "plan.toml", "campaign.json", "rows", "logs"
-LOCK = "run.lock"
-PROTOCOL = 1
-"""Version of the folder's files."""
-
-
-@cache
-def software() -> dict[str, str]:
-    """Return what the rows of a plan depend on beside it: quadlab, by a hash of its sources."""
-    made = hashlib.sha256()
-    for folder in [ROOT] if PREFIX else [ROOT / name for name in (*PACKAGES, "quadlab")]:
-        for one in sorted(folder.rglob("*.py")):
-            if "tests" not in one.parts:
-                made.update(one.read_bytes())
-    return {"quadlab": version("quadlab"), "sources": made.hexdigest()[:16]}
 
 
 class CampaignFolder:
@@ -78,11 +70,11 @@ class CampaignFolder:
     def task(self, indices: Sequence[int], *, keep_logs: bool = False) -> Task:
         """Return a task of these flights for a worker."""
         file, cells = self.plan, self.cells
-        is_compiled = file.plan.experiment == COMPILED
+        needs_stack = file.plan.experiment != COMPILED and not file.plan.logs
         needed = {cells.trial(index) for index in indices} if file.plan.search else set()
         trials = {number: cells.trials[number] for number in needed}
         where = str(self.path.absolute())
-        return Task(file.text, where, tuple(indices), is_compiled, keep_logs, trials)
+        return Task(file.text, where, tuple(indices), needs_stack, keep_logs, trials)
 
     def _identity(self) -> tuple[int, int]:
         """Return what tells the folder's record from that of another one at the same path."""
@@ -99,10 +91,10 @@ class CampaignFolder:
         """
         path = path.expanduser()
         if not (path / RECORD).exists():
-            if path.exists() and any(one.name not in _MADE for one in path.iterdir()):
+            if path.exists() and any(one.name not in MADE for one in path.iterdir()):
                 raise UsageError(f"--out {path} holds other files; give a new folder")
             with os_errors(lambda why: f"--out {path} cannot be written ({why})"):
-                _make(path, file, cells)
+                make(path, file, cells)
         found = cls(path)
         if found.record["plan"] != file.identity:
             raise UsageError(
@@ -111,7 +103,21 @@ class CampaignFolder:
                 "campaign; give another --out"
             )
         found.check_software()
+        if file.plan.logs:
+            found._add_logs(file)
         return found
+
+    def _add_logs(self, file: PlanFile) -> None:
+        """Add the logs that were recorded since to the rows that are to be made."""
+        logs = over_logs.with_later(over_logs.read_kept(self.path / OWN), file.logs)
+        cells = Cells(file.with_logs(logs).plan)
+        if cells.flights == self.flights:
+            return
+        with os_errors(lambda why: f"{self.path} cannot be written ({why})"):
+            over_logs.keep(self.path / OWN, logs)
+            self.record |= {"flights": cells.flights, "cells": cells.number}
+            write_record(self.path, self.record)
+        self.flights, self._begun = cells.flights, self._identity()
 
     def check_software(self) -> None:
         """Raise UsageError if other software would fly the rest: the rows would not be alike."""
@@ -239,8 +245,8 @@ class CampaignFolder:
         Args:
             figures_only: whether what depends on the computer is left out, to save memory.
         """
-        varied = self.plan.plan.varied
-        return joined(self._parts(), varied, self.path, figures_only=figures_only)
+        read = figures if figures_only else joined
+        return read(self._parts(), self.plan.plan.varied, self.path)
 
     def is_whole(self) -> bool:
         """Return whether all flights are flown; a search needs not all, as trials end early."""
@@ -272,37 +278,6 @@ class CampaignFolder:
             shutil.rmtree(one, ignore_errors=True)
         for one in self.rows.glob("*.new"):
             one.unlink()
-
-
-_MADE = {PLAN, f"{PLAN}.new", f"{RECORD}.new", ROWS, OWN, LOCK}
-"""What a run that was killed at its very beginning leaves."""
-
-
-def _make(path: Path, file: PlanFile, cells: Cells) -> None:
-    """Make the folder; the record is written last."""
-    path.mkdir(parents=True, exist_ok=True)
-    (path / ROWS).mkdir(exist_ok=True)
-    file.keep_files(path)
-    with replacing(path / PLAN) as new:
-        new.write_text(file.text)
-    record = {
-        "protocol": PROTOCOL,
-        "plan": file.identity,
-        "experiment": file.plan.experiment,
-        "flights": cells.flights,
-        "cells": cells.number,
-        "software": software(),
-        "revision": revision(),
-        "versions": json.loads(provenance()["versions"]),
-        "machine": {
-            "host": platform.node(),
-            "system": platform.platform(),
-            "processor": platform.machine(),
-            "processors": os.cpu_count(),
-        },
-    }
-    with replacing(path / RECORD) as new:
-        new.write_text(json.dumps(record, indent=1) + "\n")
 
 
 def _write(place: Path, table: pa.Table) -> None:

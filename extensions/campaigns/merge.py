@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from extensions.campaigns.folder import LOGS, CampaignFolder
+from extensions.campaigns.beginning import LOGS
+from extensions.campaigns.folder import CampaignFolder
 from quadrotor.errors import UsageError, os_errors
 
 

@@ -15,6 +15,7 @@ TEXT = """\
 # quadlab campaign run {name} --out campaign    flies it; the same command continues it
 
 experiment = "figure_eight"  # any of `quadlab fly`, a file of your own, or "closed_loop"
+# logs = "runs/*"            # with experiment = "explanation" or "replay": over recorded flights
 seeds = 4                    # flights in each cell
 # seed = 1                   # from which the seed of each flight follows
 # vehicles = 1               # that fly together in each flight

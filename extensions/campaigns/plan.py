@@ -6,10 +6,11 @@ import hashlib
 import json
 import shutil
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,7 @@ from pydantic import BaseModel, Field, ValidationError
 from pydantic import model_validator as validator
 
 from extensions.campaigns.factors import Correlation, Factor, Part, Range, Value, nearest
+from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.search.plan import Search
 from quadrotor.errors import StorageError, UsageError, os_errors
 
@@ -52,7 +54,10 @@ class Plan(Part):
     """The flights of a campaign: an experiment, in each cell of the factors, with several seeds."""
 
     experiment: str = Field(min_length=1)
-    """an experiment of `quadlab fly`, a file of your own, or closed_loop, which is compiled"""
+    """an experiment of `quadlab fly`, a file of your own, or closed_loop, which is compiled; over
+    logs: explanation or replay"""
+    logs: str = ""
+    """recorded flights instead of simulated ones: a pattern of logs, or of folders of runs"""
     seeds: int = Field(default=1, ge=1)
     """flights in each cell, each with its own seed"""
     seed: int = Field(default=1, ge=0, lt=2**63)
@@ -125,6 +130,7 @@ class Plan(Part):
             self._fits_correlations()
         if self.search is not None:
             self._fits_search(self.search)
+        over_logs.check_fits(self)
         return self
 
     def _fits_correlations(self) -> None:
@@ -192,17 +198,31 @@ class PlanFile:
         return self._file(self.plan.plugins, "plugins") if self.plan.plugins else None
 
     @property
+    def logs(self) -> list[Value]:
+        """Return the recorded flights that are read, none of a plan that flies."""
+        found = self.plan.factors.get(over_logs.LOG, [])
+        return found if self.plan.logs and isinstance(found, list) else []
+
+    def with_logs(self, logs: Sequence[Value]) -> PlanFile:
+        """Return the plan with these logs."""
+        factors = {**self.plan.factors, over_logs.LOG: list(logs)}
+        return replace(self, plan=self.plan.model_copy(update={"factors": factors}))
+
+    @property
     def _is_own(self) -> bool:
         from console.experiments.user_file import is_file
 
-        return self.plan.experiment != COMPILED and is_file(self.plan.experiment)
+        simulated = self.plan.experiment not in (COMPILED, *over_logs.KINDS)
+        return simulated and is_file(self.plan.experiment)
 
     def _file(self, name: str, kept: str) -> Path:
         place = Path(OWN) / kept if self.is_kept else Path(name).expanduser()
         return (self.folder / place).absolute()
 
     def keep_files(self, folder: Path) -> None:
-        """Copy the files that the plan names into the folder of its campaign."""
+        """Copy the files that the plan names, and the list of its logs, into a campaign."""
+        if self.plan.logs:
+            over_logs.keep(folder / OWN, self.logs)
         for one in self.own_files():
             is_plugin = self.plugins is not None and one.parent == self.plugins
             place = folder / OWN / ("plugins" if is_plugin else "")
@@ -223,8 +243,13 @@ class PlanFile:
 
     @cached_property
     def identity(self) -> str:
-        """Return a name of all that the rows depend on: the plan, and the files that it names."""
-        what = json.dumps(self.plan.model_dump(mode="json", by_alias=True), sort_keys=True)
+        """Return a name of all that the rows depend on: the plan, and the files that it names.
+
+        More logs are more rows of the same campaign.
+        """
+        without = {"factors": {over_logs.LOG}} if self.plan.logs else {}
+        dumped = self.plan.model_dump(mode="json", by_alias=True, exclude=without)
+        what = json.dumps(dumped, sort_keys=True)
         made = hashlib.sha256(what.encode())
         for one in self.own_files():
             made.update(one.read_bytes())
@@ -242,7 +267,10 @@ def read_plan(path: Path, *, is_kept: bool = False) -> PlanFile:
 def parse_plan(text: str, path: Path, *, is_kept: bool = False) -> PlanFile:
     """Return the plan of a text, which is that of the file `path`. Raises UsageError."""
     try:
-        return PlanFile(Plan.model_validate(tomllib.loads(text)), text, path.parent, is_kept)
+        plan = Plan.model_validate(tomllib.loads(text))
+        if plan.logs:
+            plan = over_logs.expanded(plan, path.parent, path.parent / OWN if is_kept else None)
+        return PlanFile(plan, text, path.parent, is_kept)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"{path} is not TOML: {error}") from None
     except ValidationError as error:
@@ -269,8 +297,3 @@ def _fields(place: list[str]) -> list[str]:
     models: dict[str, type[BaseModel]] = {"keep": Keep, "factors": Range, "search": Search}
     model = models.get(place[0] if place else "", Plan)
     return [field.alias or name for name, field in model.model_fields.items()]
-
-
-def designs() -> tuple[str, ...]:
-    """Return the names of the designs."""
-    return get_args(Design)

@@ -9,14 +9,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from fastapi import FastAPI
 
+from console.catalogue.search import RunSearch
+from extensions.campaigns.again import FlyingAgain, has_logs
+from extensions.campaigns.beginning import RECORD
+from extensions.campaigns.compare import compare
 from extensions.campaigns.distributions import ecdf, heat_map
-from extensions.campaigns.folder import RECORD, CampaignFolder
+from extensions.campaigns.folder import CampaignFolder
+from extensions.campaigns.recorded.trends import GROUPS, recorded, trends
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.summary import command_of, summarize
-from extensions.campaigns.table import Facts, is_verdict, joined, metric_columns, numbers
+from extensions.campaigns.table import Facts, figures, is_verdict, metric_columns, numbers
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.json_object import JsonObject
+from web.access.requester import Operator
 from web.feature import Feature
+from web.runs.routes import Nanoseconds, Text
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -48,6 +55,40 @@ def add_campaigns(app: FastAPI, context: VehicleContext) -> None:
         if table is None:
             return {**_entry(folder.path), "metrics": [], "list": []}
         return {**_entry(folder.path), **_shown(folder, table, metric, x, y)}
+
+    @app.get("/api/campaigns/{name}/against/{other}")
+    def against(name: str, other: str) -> JsonObject:
+        """Return the paired differences of two campaigns: the first one minus the other."""
+        return compare(_folder(place, other), _folder(place, name))
+
+    flying = FlyingAgain(context.catalogue)
+    context.closing.callback(flying.stop)
+
+    @app.post("/api/campaigns/{name}/flights/{index}")
+    def again(name: str, index: int, _: Operator) -> JsonObject:
+        """Fly a row again with its log, which becomes a run; return the state of this."""
+        return flying.ask(_folder(place, name), index).as_json()
+
+
+def _add_trends(app: FastAPI, context: VehicleContext) -> None:
+    catalogue = context.catalogue
+    place = catalogue.folder.parent / FOLDER
+
+    @app.get("/api/trends")
+    def trend(
+        words: Text = "",
+        tag: Text = "",
+        vehicle: Text = "",
+        since_ns: Nanoseconds = 0,
+        until_ns: Nanoseconds = 0,
+        metric: Text = "",
+        by: Text = "all",
+    ) -> JsonObject:
+        """Return a figure of the runs that are found over time, for each group."""
+        if by not in GROUPS:
+            raise UsageError(f"by = {by!r:.40}: allowed are {', '.join(GROUPS)}")
+        search = RunSearch(words, tag, vehicle, since_ns, until_ns)
+        return trends(recorded(catalogue, search, place), metric, by)
 
 
 def _found(place: Path) -> dict[str, Path]:
@@ -89,7 +130,7 @@ def _table(folder: CampaignFolder) -> pa.Table | None:
 @lru_cache(maxsize=2)
 def _read(parts: tuple[tuple[str, int], ...], factors: tuple[str, ...]) -> pa.Table:
     paths = [Path(path) for path, _ in parts]
-    return joined(paths, factors, paths[0].parent, figures_only=True)
+    return figures(paths, factors, paths[0].parent)
 
 
 def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str) -> Facts:
@@ -110,6 +151,7 @@ def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str)
         "y": y,
         "ecdf": ecdf(numbers(table, metric)) if metric else None,
         "heat": heat_map(folder.cells, table, metric, x, y) if metric and x else None,
+        "flies_again": has_logs(folder),
         "list": _listed(folder, table, metric),
     }
 
@@ -121,11 +163,12 @@ def _listed(folder: CampaignFolder, table: pa.Table, metric: str) -> list[Facts]
     passed = is_verdict(table, "passed")
     order = np.lexsort((-np.nan_to_num(values, nan=-np.inf), passed))[:LISTED]
     indices = numbers(table, "index")
+    verdicts, reasons = table["verdict"], table["reason"]
     return [
         {
             "index": int(indices[k]),
-            "verdict": table["verdict"][int(k)].as_py(),
-            "reason": table["reason"][int(k)].as_py(),
+            "verdict": verdicts[int(k)].as_py(),
+            "reason": reasons[int(k)].as_py(),
             "value": float(values[k]) if np.isfinite(values[k]) else None,
             "command": command_of(settings, int(indices[k])),
         }
@@ -134,3 +177,4 @@ def _listed(folder: CampaignFolder, table: pa.Table, metric: str) -> list[Facts]
 
 
 FEATURE = Feature(add_campaigns)
+TRENDS = Feature(_add_trends)

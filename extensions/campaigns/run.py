@@ -15,16 +15,16 @@ import numpy as np
 
 from extensions.campaigns.closed_loop import check_compiled
 from extensions.campaigns.design import Cells
+from extensions.campaigns.engines.local_engine import fly_locally
+from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import UNFLOWN, Outcome, fly_task
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.local_engine import fly_locally
 from extensions.campaigns.plan import COMPILED, SALTELLI, PlanFile, read_plan
 from extensions.campaigns.search.study import SearchWork, check_library
 from extensions.campaigns.search.told import none_feasible, outcome, told_plan
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.shard import WHOLE, Shard
 from extensions.campaigns.table import numbers
-from extensions.campaigns.work import Work
 from quadrotor.errors import UsageError
 
 SPEED = {True: 4500.0, False: 15.0}
@@ -92,6 +92,8 @@ def told(settings: Settings, processes: int) -> list[str]:
             shown = [*shown[:3], "…", shown[-1], f"({len(distinct)} values)"]
         lines.append(f"  {name}: {', '.join(shown)}")
     lines += [f"  {name} = {value}" for name, value in plan.fixed.items()]
+    if plan.logs:
+        return lines
     flown = settings.experiment.planned * cells.flights
     seconds = flown / SPEED[plan.experiment == COMPILED] / processes
     lines.append(
@@ -143,7 +145,7 @@ def _fly(folder: CampaignFolder, engine: Engine, todo: list[int]) -> None:
         work = kind(folder, engine.shard, todo, progress.took)
         try:
             if engine.dask:
-                from extensions.campaigns.dask_engine import fly_by_dask
+                from extensions.campaigns.engines.dask_engine import fly_by_dask
 
                 fly_by_dask(work, engine.dask)
             else:

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from extensions.campaigns.design import Cells
 from extensions.campaigns.factors import Distribution, Range, Value
 from extensions.campaigns.plan import COMPILED, PlanFile
+from extensions.campaigns.recorded import logs as over_logs
 from quadrotor.errors import ParameterError, QuadlabError, UsageError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
@@ -49,10 +51,13 @@ class Settings:
 
         if self.file.plan.experiment == COMPILED:
             return ClosedLoop()
+        if self.file.plan.logs:
+            return over_logs.LogReader(self.file.plan.experiment)
         try:
             return chosen(self.file.experiment)
         except UsageError as error:
-            raise UsageError(f"{error}, or {COMPILED}") from None
+            others = f"{COMPILED}, or over logs {' and '.join(over_logs.KINDS)}"
+            raise UsageError(f"{error}, or {others}") from None
 
     @cached_property
     def parameters(self) -> FlightParameters:
@@ -80,7 +85,12 @@ class Settings:
     def words(self, cell: int) -> list[str]:
         """Return the words of `--set` of a cell's flights."""
         factors = self.cells.factors(cell)
+        factors.pop(over_logs.LOG, None)
         return [*self._shared(), *(word(name, value) for name, value in factors.items())]
+
+    def log(self, cell: int) -> tuple[Path, list[str]]:
+        """Return the log that a cell of a plan over logs reads, and its words of `--set`."""
+        return Path(str(self.cells.factors(cell)[over_logs.LOG])), self.words(cell)
 
     @cached_property
     def store(self) -> ParameterStore:
@@ -112,7 +122,7 @@ class Settings:
 
         Raises UsageError, which names the cell, the factor and what is allowed.
         """
-        names = self.file.plan.varied
+        names = [name for name in self.file.plan.varied if name != over_logs.LOG]
         columns = [self.cells.column(name, np.asarray(chosen, np.int64)) for name in names]
         rows: Iterable[tuple[Value, ...]] = (
             zip(*columns, strict=True) if names else itertools.repeat(())

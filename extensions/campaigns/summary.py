@@ -13,6 +13,7 @@ import numpy.typing as npt
 from extensions.campaigns.analysis import sensitivity
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import COMPILED
+from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.search import told as search
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.table import (
@@ -73,10 +74,12 @@ def quantile_places(n: int, q: float) -> tuple[int, int]:
 
 
 def command_of(settings: Settings, index: int) -> str:
-    """Return the command that flies a row again; "" for a compiled flight."""
+    """Return the command that flies a row again, or reads its log; "" for a compiled flight."""
     file, plan = settings.file, settings.file.plan
     if plan.experiment == COMPILED:
         return ""
+    if plan.logs:
+        return _reading(settings, index)
     words = ["quadlab", "fly", file.experiment, "--seed", str(settings.cells.seed(index))]
     words += ["--board", plan.board] if plan.board != "mikrokopter" else []
     words += ["--true-state"] if plan.true_state else []
@@ -87,6 +90,14 @@ def command_of(settings: Settings, index: int) -> str:
     return shlex.join(words)
 
 
+def _reading(settings: Settings, index: int) -> str:
+    log, settled = settings.log(index // settings.file.plan.seeds)
+    if settings.file.plan.experiment == over_logs.EXPLANATION:
+        return shlex.join(["quadlab", "log", "info", "--explain", str(log)])
+    words = [one for word in settled for one in ("--set", word)]
+    return shlex.join(["quadlab", "replay", str(log), *words])
+
+
 def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
     """Return counts, shares, quantiles, cells, and the flights that did not pass."""
     table = folder.table(figures_only=True) if table is None else table
@@ -95,6 +106,7 @@ def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
     metrics = metric_columns(table, factors)
     passed = is_verdict(table, "passed")
     missed = np.flatnonzero(~passed)
+    verdicts, reasons = table["verdict"], table["reason"]
     indices = numbers(table, "index")
     found = search.facts(search.outcome(folder, table)) if plan.search else None
     return {
@@ -118,8 +130,8 @@ def summarize(folder: CampaignFolder, table: pa.Table | None = None) -> Facts:
             "flights": [
                 {
                     "index": int(indices[k]),
-                    "verdict": table["verdict"][int(k)].as_py(),
-                    "reason": table["reason"][int(k)].as_py(),
+                    "verdict": verdicts[int(k)].as_py(),
+                    "reason": reasons[int(k)].as_py(),
                     "command": command_of(settings, int(indices[k])),
                 }
                 for k in missed[:MOST_LISTED]

@@ -62,12 +62,47 @@ def _read(part: Path, figures_only: bool) -> pa.Table:
 
     if not figures_only:
         return pq.read_table(part)
-    texts = ["verdict", "reason"]
-    with pq.ParquetFile(part, read_dictionary=texts, pre_buffer=False) as file:
-        kept = [name for name in file.schema_arrow.names if not name.startswith(MACHINE)]
-        # one by one, so that the file's bytes of one column alone are in memory
-        columns = [file.read([name], use_threads=False).column(0) for name in kept]
-        return pa.table(columns, kept, metadata=file.schema_arrow.metadata)
+    one = FileColumns(part)
+    columns = [one[name] for name in one.column_names]
+    return pa.table(columns, one.column_names, metadata=one.schema.metadata)
+
+
+class FileColumns:
+    """The figures of one file, of which a column is in memory only while somebody has it.
+
+    It has the attributes of a pyarrow.Table that figures need. What depends on the computer is left
+    out, and texts are dictionaries.
+    """
+
+    def __init__(self, part: Path) -> None:
+        import pyarrow.parquet as pq
+
+        texts = ["verdict", "reason"]
+        self._file = pq.ParquetFile(part, read_dictionary=texts, pre_buffer=False)
+        self.schema = self._file.schema_arrow
+        self.num_rows: int = self._file.metadata.num_rows
+        self.column_names = [n for n in self.schema.names if not n.startswith(MACHINE)]
+
+    def __getitem__(self, name: str) -> pa.ChunkedArray:
+        """Return a column, read at each call."""
+        import pyarrow as pa
+
+        pa.default_memory_pool().release_unused()  # of the column before
+        return self._file.read([name], use_threads=False).column(0)
+
+
+def figures(parts: Sequence[Path], factors: Sequence[str], where: Path) -> pa.Table | FileColumns:
+    """Return the rows without what depends on the computer, each flight once, in their order.
+
+    A finished campaign is one file in this order, of which no more than the columns in use are in
+    memory. Raises StorageError if there are none, or if they cannot be read.
+    """
+    if len(parts) == 1:
+        with os_errors(lambda why: f"the rows of {where} cannot be read ({why})"):
+            columns = FileColumns(parts[0])
+            if (np.diff(numbers(columns, "index")) > 0).all():
+                return columns
+    return joined(parts, factors, where, figures_only=True)
 
 
 def judged_metrics(table: pa.Table) -> list[str]:

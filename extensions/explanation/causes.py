@@ -70,24 +70,32 @@ def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
             )
 
 
-def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find strong vibration of the accelerometer."""
+def vibrating(topics: Topics, spans: Spans) -> tuple[Array, Array]:
+    """Return the starts (s) of the blocks of flight, and the rms of the accelerometer's vibration
+    (m/s², on its worst axis) in each; both are empty without samples that show it.
+    """
+    nothing = np.zeros(0), np.zeros(0)
     if not has(topics, "imu", *FORCE) or len(topics["imu"]) < 3:
-        return
+        return nothing
     series = topics["imu"]
     period = float(np.median(np.diff(series.time)))
     if period <= 0.0 or 1.0 / period < 5.0 * VIBRATION_FROM:
-        return  # too few samples to separate vibration from motion
+        return nothing  # too few samples to separate vibration from motion
     size = round(1.0 / (period * VIBRATION_FROM))
     if len(series) < size:
-        return  # shorter than the smoothing window
+        return nothing  # shorter than the smoothing window
     kernel = np.full(size, 1.0 / size)
     fast = [
         one - np.convolve(one, kernel, "same")
         for one in (series.values(name).astype(float) for name in FORCE)
     ]
     time, rms = blocks(series.time, np.stack(fast, axis=1), spans, rms_of)
-    worst = rms.max(axis=1, initial=0.0)
+    return time, rms.max(axis=1, initial=0.0)
+
+
+def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find strong vibration of the accelerometer."""
+    time, worst = vibrating(topics, spans)
     for start, end in longest(time, worst, VIBRATION, 2):
         most = float(np.median(worst[(time >= start) & (time < end)]))
         yield Finding(

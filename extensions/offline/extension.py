@@ -1,12 +1,13 @@
 """The declaration of the extension `offline`."""
 
-from quadrotor.extension import Command, Evidence, Extension, Group, Judged, LayoutSurvey
+from quadrotor.extension import Command, Evidence, Extension, Function, Group, Judged, LayoutSurvey
 
 EXTENSION = Extension(
     name="offline",
     summary="Estimators run again over recorded flights, and surveys of the beacons",
     protocol=1,
     offers=(
+        Function(name="replayed", target=".figures:replayed"),
         Command(
             name="replay",
             group=Group.RECORDED,

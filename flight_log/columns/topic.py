@@ -77,11 +77,10 @@ class Topic:
 
     def _column(self, name: str, first: int = 0, last: int | None = None) -> npt.NDArray[Any]:
         column = self.arrow[name].slice(first, None if last is None else last - first)
-        if column.num_chunks == 1:
-            lying: npt.NDArray[Any] = column.chunk(0).to_numpy()
-            return lying
+        if column.num_chunks == 1:  # to_numpy of Arrow would load pandas
+            return np.from_dlpack(column.chunk(0))
         # By numpy, which returns the memory after use; Arrow's pool keeps it.
-        copied: npt.NDArray[Any] = np.concatenate([one.to_numpy() for one in column.chunks])
+        copied: npt.NDArray[Any] = np.concatenate([np.from_dlpack(one) for one in column.chunks])
         self.release()
         return copied
 

@@ -146,7 +146,8 @@ class _Topic:
                 constants[path] = float(number.first)
             else:
                 arrays[path] = number.read()
-        fields = [pa.field(name, pa.from_numpy_dtype(one.dtype)) for name, one in arrays.items()]
+        types = [pa.from_numpy_dtype(one.dtype) for one in arrays.values()]
+        fields = list(map(pa.field, arrays, types))
         places = None
         if self._payload_bytes:
             fields.append(pa.field(PAYLOAD, pa.large_binary()))
@@ -156,7 +157,11 @@ class _Topic:
         with file.open("wb") as sink, pa.ipc.new_file(sink, schema) as writer:
             for begin in range(0, self.count, ROWS):
                 end = min(begin + ROWS, self.count)
-                batch = [pa.array(one[begin:end]) for one in arrays.values()]
+                values = (pa.py_buffer(one[begin:end]) for one in arrays.values())
+                typed = zip(types, values, strict=True)  # pa.array would load pandas
+                batch = [
+                    pa.Array.from_buffers(kind, end - begin, [None, one]) for kind, one in typed
+                ]
                 if places is not None:
                     at = np.ascontiguousarray(places[begin : end + 1])
                     buffers = [None, pa.py_buffer(at), pa.py_buffer(payloads)]

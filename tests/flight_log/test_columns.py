@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,19 @@ def test_a_log_is_read_once_until_it_changes(log: Path, monkeypatch: pytest.Monk
     log.unlink()
     write_run(log, MadeRun(5.0))
     assert heights(log).tolist() == decoded(log)
+
+
+def test_columns_are_made_and_read_without_pandas(log: Path) -> None:
+    """Arrow imports it for conversions of its own, where it is installed: a second or more."""
+    words = (
+        "import sys; from pathlib import Path; "
+        "from flight_log.columns.log_columns import read_columns; "
+        f"found = read_columns(Path({str(log)!r})).topics[{STATE!r}]; "
+        f"print(len(found.values({HEIGHT!r})), len(found.log_ns), 'pandas' in sys.modules)"
+    )
+    ran = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    count = len(decoded(log))
+    assert ran.stdout.split() == [str(count), str(count), "False"]
 
 
 @pytest.mark.parametrize("harm", ["flipped", "cut", "gone", "index", "half"])

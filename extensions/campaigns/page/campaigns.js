@@ -1,11 +1,14 @@
 // Campaigns, below the experiments: which there are and how far they are; of one, its shares, the distribution of a
 // metric, its medians over two factors, and the rows, each with the command that flies it again.
 
-import { get } from "/static/core/api.js";
+import { get, request } from "/static/core/api.js";
 import { attempt, element, optionsOf, setText } from "/static/core/dom.js";
+import { here } from "/static/core/vehicle_path.js";
+import { Comparison } from "./comparison.js";
 import { drawEcdf, drawHeat, short } from "./drawings.js";
 
 const LOOK = 3000; // ms between two looks at a campaign that runs
+const ASK = 500; // ms between two questions whether a flight has ended
 
 export function show(place) {
   new Campaigns(place);
@@ -32,10 +35,12 @@ class Campaigns {
     this.rows = element("ol", { className: "rows" });
     this.distribution = element("h2", {}, "Distribution");
     this.heading = element("h2", {}, "Medians");
+    this.comparison = new Comparison();
     this.one = element(
       "div",
       { hidden: true },
       this.shares,
+      this.comparison.place,
       this.distribution,
       this.metric,
       this.curve,
@@ -72,6 +77,7 @@ class Campaigns {
       setText(this.empty, `None yet. quadlab campaign run plan.toml --out ${folder}/NAME`);
       if (!campaigns.some(({ name }) => name === this.chosen)) this.chosen = campaigns[0]?.name ?? "";
       this.list.replaceChildren(...campaigns.map((one) => this.entry(one)));
+      this.comparison.offer(this.chosen, campaigns);
       const now = campaigns.find(({ name }) => name === this.chosen);
       const state = now && `${now.name} ${now.rows}`;
       if (state && state !== this.state) {
@@ -110,6 +116,7 @@ class Campaigns {
   draw(found) {
     this.one.hidden = !found.list.length;
     if (this.one.hidden) return;
+    this.fliesAgain = found.flies_again;
     this.shares.replaceChildren(
       ...Object.entries(found.verdicts).flatMap(([name, { count, share, low, high }]) => [
         element("dt", {}, name.replace("_", " ")),
@@ -137,9 +144,44 @@ class Campaigns {
     this.rows.replaceChildren(...found.list.map((row) => this.row(row)));
   }
 
+  // Flies a row again with its log, and opens the replay of the run that this makes.
+  async flyAgain(index, button, said) {
+    await attempt(said, async () => {
+      const path = `/api/campaigns/${encodeURIComponent(this.chosen)}/flights/${index}`;
+      button.disabled = true;
+      try {
+        for (;;) {
+          const { state, reason, run } = await request("POST", path);
+          if (state === "failed") throw new Error(reason);
+          if (state === "ready") {
+            location.assign(here(`/replay/${encodeURIComponent(run)}`));
+            return;
+          }
+          setText(button, state === "waiting" ? "Waiting …" : "Flying …");
+          await new Promise((resolve) => setTimeout(resolve, ASK));
+        }
+      } finally {
+        button.disabled = false;
+        setText(button, "Fly again");
+      }
+    });
+  }
+
   row({ index, verdict, reason, value, command }) {
     const words = command || "a compiled flight: it has no log";
-    const line = element("pre", { hidden: index !== this.open, tabIndex: 0 }, words);
+    const said = element("p", { className: "reason", hidden: true });
+    const fly = element(
+      "button",
+      { hidden: !this.fliesAgain, onclick: () => this.flyAgain(index, fly, said) },
+      "Fly again",
+    );
+    const line = element(
+      "div",
+      { hidden: index !== this.open },
+      element("pre", { tabIndex: 0 }, words),
+      fly,
+      said,
+    );
     const toggle = () => {
       line.hidden = !line.hidden;
       this.open = line.hidden ? -1 : index;

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from extensions.campaigns.engines.work import Work
 from extensions.campaigns.factors import Value
 from extensions.campaigns.flights import Outcome
 from extensions.campaigns.search.kept import keep_trials
@@ -19,7 +20,6 @@ from extensions.campaigns.search.plan import Search
 from extensions.campaigns.search.told import search_rows
 from extensions.campaigns.search.trial import Judged, Row, judge
 from extensions.campaigns.settings import Settings
-from extensions.campaigns.work import Work
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:

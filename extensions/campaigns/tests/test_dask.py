@@ -153,7 +153,7 @@ def test_a_worker_without_quadlab_is_refused_by_its_name(
 def test_without_a_scheduler_or_a_worker_one_line_says_so(
     bench: Any, scheduler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from extensions.campaigns import dask_engine
+    from extensions.campaigns.engines import dask_engine
 
     monkeypatch.setattr(dask_engine, "REACH", "2s")
     monkeypatch.setattr(dask_engine, "FIRST_WORKER", 1.0)

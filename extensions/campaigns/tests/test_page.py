@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,7 +28,8 @@ def client(bench: Any) -> TestClient:
     """Return a client of the routes of a data folder with campaigns."""
     bench.flown(TWO, "campaigns/two")
     app, place = FastAPI(), bench.folder / "runs"
-    add_campaigns(app, SimpleNamespace(catalogue=SimpleNamespace(folder=place)))  # type: ignore[arg-type]
+    shared = SimpleNamespace(catalogue=SimpleNamespace(folder=place), closing=ExitStack())
+    add_campaigns(app, shared)  # type: ignore[arg-type]
     return TestClient(app)
 
 

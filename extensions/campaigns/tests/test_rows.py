@@ -12,7 +12,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from extensions.campaigns.folder import RECORD, CampaignFolder
+from extensions.campaigns.beginning import RECORD
+from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.shard import Shard
 from extensions.campaigns.tests.conftest import COMPILED, rows
 from quadrotor.errors import StorageError

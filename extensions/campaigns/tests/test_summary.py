@@ -11,7 +11,8 @@ import pytest
 
 import quadlab
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.summary import quantile_interval, wilson
+from extensions.campaigns.summary import quantile_interval, summarize, wilson
+from extensions.campaigns.table import MACHINE, FileColumns, judged_metrics
 from extensions.campaigns.tests.conftest import COMPILED
 
 WEAK = COMPILED.replace("seeds = 5", "seeds = 12") + '"control.position.kp_xy" = 2.0\n'
@@ -63,6 +64,18 @@ def test_show_has_the_figures_of_each_cell(bench: Any) -> None:
     assert "100.00%   95 %: 72.25% to 100.00%" in said
 
 
+def test_a_finished_campaign_is_read_column_by_column_as_its_table(bench: Any) -> None:
+    folder = bench.flown(COMPILED + '[factors]\n"simulator.drag" = [0.0, 0.1]\n', "out")
+    columns, table = folder.table(figures_only=True), folder.table()
+    assert isinstance(columns, FileColumns)
+    assert columns.num_rows == table.num_rows == 10
+    assert columns.column_names == [n for n in table.column_names if not n.startswith(MACHINE)]
+    for name in columns.column_names:
+        assert columns[name].to_pylist() == table[name].to_pylist(), name
+    assert judged_metrics(columns) == judged_metrics(table) != []
+    assert summarize(folder, columns) == summarize(folder, table)
+
+
 def test_limits_of_the_plan_fail_a_flight(bench: Any) -> None:
     plan = COMPILED.replace("[fixed]", "limits = { position_rms_m = 1e-6 }\n[fixed]")
     table = bench.flown(plan, "out").table()
@@ -84,6 +97,7 @@ def test_a_worse_campaign_is_told_and_ends_with_status_1(bench: Any) -> None:
     assert bench.quadlab("compare", weak.path, weak.path, "--limit")[0] == 0
     status, said, _ = bench.quadlab("compare", weak.path, strong.path, "--limit")
     assert status == 0
+    assert "position_rms_m     better" in said
     assert "12 pairs of flights" in said
     status, said, _ = bench.quadlab("compare", strong.path, weak.path, "--limit")
     assert status == 1

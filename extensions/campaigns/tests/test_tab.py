@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
+from console.runs.adoption import described
 from extensions.campaigns.tests.conftest import COMPILED, Bench
 from tests.web.conftest import Site, serving, until
 from tests.web.dom.conftest import context, dom, open_page
@@ -15,20 +17,30 @@ from tests.web.dom.conftest import context, dom, open_page
 __all__ = ["context", "dom", "open_page", "until"]
 
 TAB = "#campaigns"
+CASES = (
+    'experiment = "cases.py"\nseeds = 2\n'
+    '[factors]\n"experiment.height" = [1.0, 2.0]\n"experiment.case" = ["good", "fails"]\n'
+)
 
 
 @pytest.fixture(scope="module")
 def campaign_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    """Yield a site with two campaigns in its data folder."""
+    """Yield a site with campaigns in its data folder, and a run in its catalogue."""
     data = tmp_path_factory.mktemp("campaigns")
     bench = Bench(data, None)  # type: ignore[arg-type]
     bench.flown(COMPILED, "campaigns/plain")
     bench.flown(
-        'experiment = "cases.py"\nseeds = 2\n'
-        '[factors]\n"experiment.height" = [1.0, 2.0]\n"experiment.case" = ["good", "fails"]\n',
-        "campaigns/cases",
+        CASES.replace("height", "folder").replace("1.0, 2.0", '"a", "b"'), "campaigns/others"
     )
-    with serving(data, Catalogue(data)) as running:
+    bench.flown(CASES.replace("[fac", '[fixed]\n"simulator.drag" = 0.1\n[fac'), "campaigns/drag")
+    bench.flown(CASES, "campaigns/cases")
+    catalogue = Catalogue(data)
+    write_run(data / "runs" / "flown.mcap", MadeRun(2.0))
+    catalogue.add(described(data / "runs" / "flown.mcap", None))
+    report = data / "runs" / "flown_report"
+    report.mkdir()
+    (report / "result.json").write_text('{"verdict": "passed", "metrics": {"sag_v": 0.25}}')
+    with serving(data, catalogue) as running:
         yield running
 
 
@@ -38,7 +50,7 @@ def test_a_click_on_a_row_shows_the_command_that_flies_it_again(
     tab = open_page(campaign_site)
     tab.click(f"{TAB} summary")
     tab.wait_for_selector(f"{TAB} .heat td")
-    assert tab.locator(f"{TAB} .campaigns li").count() == 2
+    assert tab.locator(f"{TAB} .campaigns li").count() == 4
     assert "8 of 8" in tab.locator(f"{TAB} .campaigns button >> nth=0").text_content()
     assert tab.locator(f"{TAB} .ecdf .curve").count() == 1
     assert [tab.locator(f"{TAB} .heat td >> nth={k}").text_content() for k in range(4)] == [
@@ -53,3 +65,32 @@ def test_a_click_on_a_row_shows_the_command_that_flies_it_again(
     command = tab.locator(f"{row} >> pre").text_content()
     assert command.startswith("quadlab fly ")
     assert "--set experiment.case=fails" in command
+    assert tab.locator(f"{row} >> div >> button").text_content() == "Fly again"
+    _compared(tab)
+
+
+def _compared(tab: Any) -> None:
+    """Compare with a campaign that has pairs, and with one that has none."""
+    assert tab.locator(f"{TAB} .against option").count() == 4
+    tab.select_option(f"{TAB} .against select", "drag")
+    tab.wait_for_selector(f"{TAB} .pairs tbody tr")
+    assert "8 pairs" in tab.locator(f"{TAB} .pairs").text_content()
+    assert "0 better, 0 worse" in tab.locator(f"{TAB} .pairs").text_content()
+    tab.select_option(f"{TAB} .against select", "others")
+    tab.wait_for_selector(f"{TAB} .against .reason:not([hidden])")
+    assert (
+        "only flights with equal factors are pairs"
+        in tab.locator(f"{TAB} .against .reason").text_content()
+    )
+
+
+def test_trends_of_the_runs_have_a_point_for_each(open_page: Any, campaign_site: Site) -> None:
+    page = open_page(campaign_site)
+    page.goto(f"{campaign_site.base}/runs")
+    page.wait_for_selector("#trends summary")
+    page.click("#trends summary")
+    page.wait_for_selector("#trends circle")
+    assert page.locator("#trends a").get_attribute("href") == "/replay/flown"
+    assert "0.25" in page.locator("#trends circle title").text_content()
+    page.select_option('#trends select[aria-label="grouped by"]', "battery")
+    page.wait_for_selector("#trends .empty:not([hidden])")

@@ -10,6 +10,7 @@ import { Onboard } from "./onboard.js";
 import { Gauge } from "./storage.js";
 import { Trash } from "./trash.js";
 import { query } from "./labels.js";
+import { showPanels } from "../console/panels.js";
 import { Events } from "../core/sockets.js";
 import { here } from "../core/vehicle_path.js";
 
@@ -178,6 +179,7 @@ async function start() {
   const events = new Events();
   head(session, "/runs", events);
   new RunsPage(session, events);
+  showPanels({ events, session });
 }
 
 start().catch((error) => {

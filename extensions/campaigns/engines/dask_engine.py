@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+from extensions.campaigns.beginning import software
+from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import Outcome, Task
-from extensions.campaigns.folder import software
-from extensions.campaigns.work import Work
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError, UsageError
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ def _asked() -> Callable[[], dict[str, str]]:
                 told[name] = ""
         if told["quadlab"]:
             try:
-                from extensions.campaigns.folder import software
+                from extensions.campaigns.beginning import software
             except ImportError:  # an older one
                 told["sources"] = "without campaigns"
             else:
@@ -176,7 +176,7 @@ def _by_value() -> Callable[[Task, dict[str, str], float], Answer]:
     """Return a function that flies on a worker, which may have joined after the others."""
 
     def flown(task: Task, wanted: dict[str, str], limit: float) -> Answer:
-        from extensions.campaigns.dask_worker import fly_here
+        from extensions.campaigns.engines.dask_worker import fly_here
 
         return fly_here(task, wanted, limit)
 

@@ -11,8 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 
+from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import Outcome, Task, fly_task
-from extensions.campaigns.work import Work
 from quadrotor.errors import JobError
 from vehicle_link.jobs import die_with_parent
 
@@ -29,9 +29,9 @@ def _begin(parent: int) -> None:
     die_with_parent(parent)
 
 
-def _warm_up(is_compiled: bool) -> None:
+def _warm_up(needs_stack: bool) -> None:
     """Load, or compile, what every flight needs: it is no part of the first flight's time."""
-    if is_compiled:
+    if not needs_stack:
         return
     from vehicle.flight.kernels import prepare
     from vehicle.simulator.parameters import SimulatorParameters
@@ -71,7 +71,7 @@ class _Worker:
             self.warm = None
         try:
             if self.warm is None:
-                self.warm = self.pool.submit(_warm_up, task.is_compiled)
+                self.warm = self.pool.submit(_warm_up, task.needs_stack)
             self.future = self.pool.submit(fly_task, task)
         except BrokenProcessPool:  # it died without a task
             self.end()

@@ -6,8 +6,8 @@ import os
 import threading
 from collections.abc import Mapping
 
+from extensions.campaigns.beginning import software
 from extensions.campaigns.flights import Outcome, Task, fly_task
-from extensions.campaigns.folder import software
 
 ONE_FLIGHT = threading.Lock()
 

@@ -1,0 +1,1 @@
+"""Campaigns over recorded flights, and the trends of their figures."""
