@@ -159,9 +159,12 @@ def test_the_vehicle_s_wheel_runs_with_its_few_libraries_alone(vehicle_python: P
         (["upp"], "quadlab: there is no command 'upp'; there are doctor, vehicle;"),
         (["vehicle", "--serial", "none", "--set", "control.law=x"], "quadlab: control.law = 'x'"),
     ):
-        command = [vehicle_python, "-m", "quadlab", *words]
         refused = subprocess.run(
-            command, cwd=vehicle_python.parents[2], capture_output=True, text=True, check=False
+            (vehicle_python, "-m", "quadlab", *words),
+            cwd=vehicle_python.parents[2],
+            capture_output=True,
+            text=True,
+            check=False,
         )
         assert (refused.returncode != 0, refused.stderr[: len(told)]) == (True, told)
         assert refused.stderr.count("\n") == 1

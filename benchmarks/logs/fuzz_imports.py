@@ -223,7 +223,7 @@ def _report(count: int, seed: int, results: dict[str, list[Done]], problems: lis
     )
     for kind, found in results.items():
         if found:
-            values = {
+            values: dict[str, float | str] = {
                 "files": len(found),
                 "refused": sum(one.status != 0 for one in found),
                 "most, s": max(one.seconds for one in found),

@@ -19,6 +19,7 @@ from typing import Any
 
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from benchmarks.link.hostile_bytes import chunk
 from quadrotor.errors import LinkError
@@ -175,7 +176,7 @@ def frames(mark: Mark, seed: int) -> int:
             door = connect(
                 f"ws://{mark.host}:{mark.port}{path}",
                 additional_headers={"Cookie": mark.cookie} if mark.cookie else None,
-                origin=mark.origin or None,
+                origin=Origin(mark.origin) if mark.origin else None,
                 subprotocols=[protocol] if protocol else None,
                 open_timeout=WAIT,
                 close_timeout=0.2,

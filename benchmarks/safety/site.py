@@ -50,10 +50,14 @@ class Site:
         lab = Laboratory(data, before=before)
         root = Path(f"/proc/{lab.up.pid}/root")
         # The file systems end with their last user: the logs of a laboratory that died stay here.
-        held = [os.open(root / str(one)[1:], os.O_RDONLY) for one in (data, Path("/dev/shm"))]
-        for descriptor in held:
-            self._kept.callback(os.close, descriptor)
-        return Place(lab, *(Path(f"/proc/self/fd/{one}") for one in held), self._clock)
+        kept, shared = self._held(root / str(data)[1:]), self._held(root / "dev/shm")
+        return Place(lab, kept, shared, self._clock)
+
+    def _held(self, folder: Path) -> Path:
+        """Return a folder by a descriptor that is open until the end."""
+        descriptor = os.open(folder, os.O_RDONLY)
+        self._kept.callback(os.close, descriptor)
+        return Path(f"/proc/self/fd/{descriptor}")
 
     def close(self) -> None:
         """End the laboratory, and note what outlives it."""

@@ -148,6 +148,8 @@ def _is_text(type_name: str, path: str) -> bool:
     """Return whether a path of a message is that of a text, or of several."""
     name: Any = stored_name(type_name)
     for part in re.sub(r" ?\[[^\]]*\]", "", path).split("."):
+        kind: Any
+        details: Any
         kind, details = dict(typestore().fielddefs[name][1]).get(part, (None, None))
         if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
             kind, details = details[0]
