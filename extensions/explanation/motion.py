@@ -106,6 +106,19 @@ def _own(one: Array, other: Array) -> float:
 
 def _tracker(found: Sequence[Window]) -> Iterator[Finding]:
     """Find poses that are turned, too large or too small, or not of their time."""
+    yield from _tilted(found)
+    trusted = [
+        one.spread > MOVING
+        and one.imu.rms < PRECISE
+        and bool(np.linalg.norm(one.imu.acceleration_w[2:]) < ACCELEROMETER)
+        for one in found
+    ]
+    yield from _scale(found, trusted)
+    yield from _stamps(found, trusted)
+
+
+def _tilted(found: Sequence[Window]) -> Iterator[Finding]:
+    """Find a vertical that IMU and motors do not have."""
     level = [
         float(min(np.hypot(*one.imu.acceleration_w[:2]), np.hypot(*one.motors.acceleration_w[:2])))
         if one.motors
@@ -127,12 +140,10 @@ def _tracker(found: Sequence[Window]) -> Iterator[Finding]:
         signals=axes("imu/linear_acceleration"),
         evidence=("horizontal acceleration that neither IMU nor motors have", "m/s²"),
     )
-    trusted = [
-        one.spread > MOVING
-        and one.imu.rms < PRECISE
-        and np.linalg.norm(one.imu.acceleration_w[2:]) < ACCELEROMETER
-        for one in found
-    ]
+
+
+def _scale(found: Sequence[Window], trusted: Sequence[bool]) -> Iterator[Finding]:
+    """Find distances that the accelerometer does not have, in the windows that can be trusted."""
     scale = [one.imu.scale if ok else 0.0 for one, ok in zip(found, trusted, strict=True)]
     yield from _of(
         kind="tracker_scale",
@@ -150,6 +161,10 @@ def _tracker(found: Sequence[Window]) -> Iterator[Finding]:
         signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
         evidence=("scale of the poses minus 1", ""),
     )
+
+
+def _stamps(found: Sequence[Window], trusted: Sequence[bool]) -> Iterator[Finding]:
+    """Find stamps that are not those of the poses, in the windows that can be trusted."""
     delay = [
         one.imu.delay if ok and abs(one.imu.scale) < SCALE else 0.0
         for one, ok in zip(found, trusted, strict=True)

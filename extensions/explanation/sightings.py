@@ -69,39 +69,60 @@ def sightings(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[
     count = 2 * len(found.ids)
     expected = CONSISTENT * found.sigma * np.sqrt(max(1, count - POSE) / count)
     agree = own is not None and _scatter(_residuals(own)[1]) < expected
-    if (pair := _swapped(found, angle)) is not None:
-        one, other = pair
-        most = float(np.nanmedian(angle[:, one][angle[:, one] > SWAPPED]))
-        share = float(np.nanmean(angle[:, one] > SWAPPED))
-        yield _finding(
-            "bearings_swapped",
-            most / SWAPPED,
-            f"Beacons {found.ids[one]} and {found.ids[other]} were seen in each other's direction, "
-            f"in {100 * share:.0f} % of the frames: their identities are swapped.",
-            found.time,
-            angle[:, one],
-        )
+    if (swapped := _exchanged(found, angle)) is not None:
+        yield swapped
         return
-    turn = np.degrees(np.nanmean(across, axis=0))
-    sizes = np.linalg.norm(turn, axis=1)
-    distortion, explained = _lens(found)
-    if explained > EXPLAINED and np.mean(sizes) > DISTORTED:
-        yield _finding(
-            "bearings_distorted",
-            float(np.mean(sizes)) / DISTORTED,
-            f"The bearings were distorted as by a lens: {100 * distortion:+.1f} % of their angle "
-            "from the sensor's axis at 1 rad. Calibrate the camera.",
-            found.time,
-            np.nanmean(angle, axis=1),
-        )
-        if agree:  # in a hover over the middle such a lens looks like another height
-            yield from _moved_apart(topics, spans)
-        return
-    if agree:  # with each other
+    sizes = np.linalg.norm(np.degrees(np.nanmean(across, axis=0)), axis=1)
+    if (distorted := _distorted(found, angle, sizes)) is not None:
+        yield distorted
+    if agree:  # with each other; in a hover over the middle a lens looks like another height
         yield from _moved_apart(topics, spans)
-        return
+    elif distorted is None:
+        yield from _off_or_scattered(found, angle, sizes)
+
+
+def _exchanged(found: Sightings, angle: Array) -> Finding | None:
+    """Return the finding of two beacons whose identities are swapped, if there are any."""
+    pair = _swapped(found, angle)
+    if pair is None:
+        return None
+    one, other = pair
+    most = float(np.nanmedian(angle[:, one][angle[:, one] > SWAPPED]))
+    share = float(np.nanmean(angle[:, one] > SWAPPED))
+    return _finding(
+        "bearings_swapped",
+        most / SWAPPED,
+        f"Beacons {found.ids[one]} and {found.ids[other]} were seen in each other's direction, "
+        f"in {100 * share:.0f} % of the frames: their identities are swapped.",
+        found.time,
+        angle[:, one],
+    )
+
+
+def _distorted(found: Sightings, angle: Array, sizes: Array) -> Finding | None:
+    """Return the finding of a lens that turns all bearings, if there is one.
+
+    Args:
+        angle: from expected to seen, in deg, (N, K); sizes: of the beacons' mean offsets, in deg.
+    """
+    distortion, explained = _lens(found)
+    if explained <= EXPLAINED or np.mean(sizes) <= DISTORTED:
+        return None
+    return _finding(
+        "bearings_distorted",
+        float(np.mean(sizes)) / DISTORTED,
+        f"The bearings were distorted as by a lens: {100 * distortion:+.1f} % of their angle "
+        "from the sensor's axis at 1 rad. Calibrate the camera.",
+        found.time,
+        np.nanmean(angle, axis=1),
+    )
+
+
+def _off_or_scattered(found: Sightings, angle: Array, sizes: Array) -> Iterator[Finding]:
+    """Find one beacon that is not at its place, else bearings that scatter too much."""
     worst = int(np.argmax(sizes))
     others = np.delete(sizes, worst)
+    scatter = _scatter(angle)
     if sizes[worst] > OFF and len(others) and sizes[worst] > 2.5 * others.max():
         yield _finding(
             "beacon_off",
@@ -111,9 +132,7 @@ def sightings(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[
             found.time,
             angle[:, worst],
         )
-        return
-    scatter = _scatter(angle)
-    if found.sigma > 0.0 and scatter > SCATTER * found.sigma:
+    elif found.sigma > 0.0 and scatter > SCATTER * found.sigma:
         yield _finding(
             "bearings_scattered",
             scatter / found.sigma / SCATTER,

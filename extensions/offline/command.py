@@ -17,6 +17,7 @@ from quadrotor.errors import LogFormatError, StorageError, UsageError
 if TYPE_CHECKING:
     from extensions.offline.lines import Run
     from extensions.offline.measurements import MeasurementStore
+    from extensions.offline.window import Window
     from quadlab.recording.errors import Truth
     from quadlab.recording.log import Recording
 
@@ -112,6 +113,20 @@ class Replay:
             draw(self.plot, recording, window, rows)
         if self.csv is not None:
             write_csv(self.csv, rows)
+        self._print_head(recording, window, surveyed)
+        print_table(rows)
+        if len(flown := flown_choices(recording)) > 1:
+            choices = (f"{one.estimator} on {one.source} {one.seconds:.1f} s" for one in flown)
+            print(f"  the flight was flown on {', '.join(choices)}")
+        for path in (self.plot, self.csv):
+            if path is not None:
+                print(f"  wrote {path}")
+        if self.json:
+            print(as_json(recording, self.truth, window, rows))
+        return 0
+
+    def _print_head(self, recording: Recording, window: Window, surveyed: list[str]) -> None:
+        """Print what is compared with what, and the notes of log and survey."""
         start, end = recording.seconds(window.start_ns), recording.seconds(window.end_ns)
         print(
             f"{self.file.name}: {start:.2f} to {end:.2f} s ({window.found}), "
@@ -122,18 +137,6 @@ class Replay:
             print(f"set in all runs: {', '.join(words)}")
         for line in (*recording.notes, *surveyed):
             print(f"  {line}")
-        print_table(rows)
-        if len(flown := flown_choices(recording)) > 1:
-            choices = ", ".join(
-                f"{one.estimator} on {one.source} {one.seconds:.1f} s" for one in flown
-            )
-            print(f"  the flight was flown on {choices}")
-        for path in (self.plot, self.csv):
-            if path is not None:
-                print(f"  wrote {path}")
-        if self.json:
-            print(as_json(recording, self.truth, window, rows))
-        return 0
 
     def _check_words(self) -> None:
         """Raise the errors that can be found before the log is read."""

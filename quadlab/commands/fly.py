@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,9 +14,11 @@ from console.experiments.catalogue import experiments
 from quadlab.option_types import File, Flag, Folder, Settings
 from quadlab.settings import beacon_words
 from quadrotor.errors import UsageError
+from quadrotor.json_object import JsonObject
 
 if TYPE_CHECKING:
     from console.experiments.client import Experiment, Result
+    from quadlab.simulated.experiment import Flown
     from quadlab.simulated.together import FlownTogether
     from quadrotor.calibration_record import CalibrationRecord
 
@@ -81,48 +83,24 @@ class Fly:
             true_state=self.true_state,
             print_instructions=not self.json,
         )
-        flight, path, aborted = done.flight, done.path, done.aborted
-        result, proposal, wall, processor = done.result, done.proposal, done.wall, done.processor
-        flown, rate = flight.view().time, flight.parameters.simulator.imu_rate
-
+        result, proposal = done.result, done.proposal
         if not self.json:
-            reason = aborted or result.reason
+            reason = done.aborted or result.reason
             words = result.verdict.replace("_", " ")
             print(f"{experiment.name}: {words}{f' ({reason})' if reason else ''}")
         _print_metrics(result.metrics, result.limits)
-        print(f"  flown {flown:.1f} s in {wall:.2f} s: {flown / wall:.1f} times real time")
-        for stage, seconds in sorted(flight.clock.seconds.items(), key=lambda s: -s[1]):
-            a_tick = seconds / flown / rate * 1e6
-            print(f"    {stage:16} {seconds:7.2f} s {seconds / wall:6.1%} {a_tick:7.1f} µs a tick")
-        print(f"  log {path}")
-        store = flight.stack.store
+        _print_pace(done)
+        print(f"  log {done.path}")
         if proposal is not None and not self.json:
             from quadlab.calibration.lines import proposal_lines
 
-            print("\n".join(f"  {line}" for line in proposal_lines(proposal, store)))
-        files = write_report(experiment, path, result, proposal) if self.report else []
+            lines = proposal_lines(proposal, done.flight.stack.store)
+            print("\n".join(f"  {line}" for line in lines))
+        files = write_report(experiment, done.path, result, proposal) if self.report else []
         for file in files:
             print(f"  report {file}")
         if self.json:
-            report = {
-                "experiment": experiment.name,
-                "verdict": result.verdict,
-                "reason": aborted or result.reason,
-                "log": str(path),
-                "report": [str(file) for file in files],
-                "metrics": result.metrics
-                | {
-                    "flown_s": flown,
-                    "wall_s": wall,
-                    "processor_s": processor,
-                    "speed": flown / wall,
-                },
-            }
-            if proposal is not None:
-                from quadlab.calibration.lines import proposal_json
-
-                report["proposal"] = proposal_json(proposal, store)
-            print(json.dumps(report))
+            print(json.dumps(_as_json(experiment.name, done, files)))
         return STATUS[result.verdict]
 
     def _fly_together(self) -> int:
@@ -167,6 +145,33 @@ def _together_json(experiment: str, done: FlownTogether) -> dict[str, Any]:
             name: {"log": str(done.logs[name]), **asdict(answer)}
             for name, answer in done.answers.items()
         },
+    }
+
+
+def _print_pace(done: Flown) -> None:
+    """Print how fast the flight was, and where the time went."""
+    flown, wall = done.flight.view().time, done.wall
+    rate = done.flight.parameters.simulator.imu_rate
+    print(f"  flown {flown:.1f} s in {wall:.2f} s: {flown / wall:.1f} times real time")
+    for stage, seconds in sorted(done.flight.clock.seconds.items(), key=lambda s: -s[1]):
+        a_tick = seconds / flown / rate * 1e6
+        print(f"    {stage:16} {seconds:7.2f} s {seconds / wall:6.1%} {a_tick:7.1f} µs a tick")
+
+
+def _as_json(experiment: str, done: Flown, files: Sequence[Path]) -> JsonObject:
+    """Return verdict, log, report, metrics and proposal of a flight."""
+    from quadlab.calibration.lines import proposal_json
+
+    flown, proposal = done.flight.view().time, done.proposal
+    pace = {"flown_s": flown, "wall_s": done.wall, "processor_s": done.processor}
+    return {
+        "experiment": experiment,
+        "verdict": done.result.verdict,
+        "reason": done.aborted or done.result.reason,
+        "log": str(done.path),
+        "report": [str(file) for file in files],
+        "metrics": done.result.metrics | pace | {"speed": flown / done.wall},
+        **({"proposal": proposal_json(proposal, done.flight.stack.store)} if proposal else {}),
     }
 
 
