@@ -186,7 +186,7 @@ class Checked:
 
     def _fit_position(self) -> None:
         """Determine world and unit of the positions from accelerations in the attitudes' world."""
-        raw, rows = self.raw, self.raw.rows
+        raw = self.raw
         assert raw.quaternion is not None
         at = self._clock.at
         grid = common_grid(self._seconds, at)
@@ -195,23 +195,7 @@ class Checked:
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         force = interpolated(grid, self._seconds, self._force) @ self._body
         force = np.einsum("nij,nj->ni", matrices_of(turned), force)
-        mean = force.mean(axis=0)
-        fits = [one for one in WORLDS if (axes(one, "") @ mean)[2] > 0.9 * np.linalg.norm(mean)]
-        finding = f"[{raw.name}] turned by its attitude the mean specific force is " + (
-            f"({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
-        )
-        if not fits:
-            raise LogFormatError(
-                f"{finding}: neither z up nor z down; is quaternion_maps right, "
-                "and is [imu] body right?"
-            )
-        if rows.world is None:
-            self._world = axes(fits[0], "world")
-            self._notes.append(f"{finding}: its world is {fits[0]}")
-        elif (self._world @ mean)[2] < 0.0:
-            raise LogFormatError(f'{finding}: its world is not {rows.world}; write "{fits[0]}"')
-        if abs(np.linalg.norm(mean) / GRAVITY - 1.0) > 0.05:
-            self._notes.append(f"{finding}, not 9.81: the accelerometer's scale is off")
+        self._settle_world(force.mean(axis=0))
         gravity = self._world.T @ np.array([0.0, 0.0, GRAVITY])
         own = motion.smoothed(force - gravity, 2 * motion.SMOOTH)
         flown = motion.accelerations(
@@ -238,6 +222,26 @@ class Checked:
                 "deg against that of the quaternions: give both in one world"
             )
         self._settle_unit(turn.scale)
+
+    def _settle_world(self, mean: Array) -> None:
+        """Determine the attitudes' world, in which the mean specific force (3,) points up."""
+        raw, rows = self.raw, self.raw.rows
+        fits = [one for one in WORLDS if (axes(one, "") @ mean)[2] > 0.9 * np.linalg.norm(mean)]
+        finding = f"[{raw.name}] turned by its attitude the mean specific force is " + (
+            f"({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
+        )
+        if not fits:
+            raise LogFormatError(
+                f"{finding}: neither z up nor z down; is quaternion_maps right, "
+                "and is [imu] body right?"
+            )
+        if rows.world is None:
+            self._world = axes(fits[0], "world")
+            self._notes.append(f"{finding}: its world is {fits[0]}")
+        elif (self._world @ mean)[2] < 0.0:
+            raise LogFormatError(f'{finding}: its world is not {rows.world}; write "{fits[0]}"')
+        if abs(np.linalg.norm(mean) / GRAVITY - 1.0) > 0.05:
+            self._notes.append(f"{finding}, not 9.81: the accelerometer's scale is off")
 
     def _fit_speed(self, estimate: RawTrack) -> None:
         """Determine the clock from the speed of the vehicle's estimate. Raises LogFormatError."""

@@ -60,6 +60,20 @@ def world_turn(own: Array, true: Array) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, length]]) / length
 
 
+def _lateness(velocity_w: Array, seconds: Array, error_w: Array) -> tuple[float, float]:
+    """Return by how much a clock is late, in s, and how fast that grows, each 0 unless it is sure.
+
+    Args:
+        velocity_w: (N, 3); seconds: (N,), from the middle; error_w: (N, 3), of the positions in m.
+    """
+    lead = np.stack([velocity_w, velocity_w * seconds[:, None]], axis=2)
+    parts = np.array_split(np.arange(len(error_w)), PARTS)
+    free = [np.empty((len(rows), 0)) for rows in parts]
+    fit = solve_segments(-lead, error_w, parts, free, CLOCK_PRIOR, None)
+    late, rate = np.where(np.abs(fit.values) > SURE * fit.deviations, fit.values, 0.0)
+    return float(late), float(rate)
+
+
 def align(truth: Track, estimate: Track, sweeps: Record | None, notes: list[str]) -> None:
     """Rotate and move the estimate into the truth's world if its world is another one, and with it
     the planes of the sweeps from which it was made.
@@ -93,11 +107,7 @@ def align(truth: Track, estimate: Track, sweeps: Record | None, notes: list[str]
         velocity = interpolated(at[inside], stamps, truth.states["velocity_w"])[near]
         seconds = (at[inside][near] - at[0]) * 1e-9
         middle = 0.5 * (seconds[0] + seconds[-1])
-        lead = np.stack([velocity, velocity * (seconds - middle)[:, None]], axis=2)
-        parts = np.array_split(np.arange(len(near_error := error[near])), PARTS)
-        free = [np.empty((len(rows), 0)) for rows in parts]
-        fit = solve_segments(-lead, near_error, parts, free, CLOCK_PRIOR, None)
-        late, rate = np.where(np.abs(fit.values) > SURE * fit.deviations, fit.values, 0.0)
+        late, rate = _lateness(velocity, seconds - middle, error[near])
         if late == 0.0 and rate == 0.0:
             break
         shift = -(late + rate * ((stamps - at[0]) * 1e-9 - middle))

@@ -1,6 +1,15 @@
 """The declaration of the extension `laws`."""
 
-from quadrotor.extension import Command, Evidence, Extension, Group, Judged, Law
+from quadrotor.extension import (
+    Command,
+    Evidence,
+    Extension,
+    Group,
+    Judged,
+    Law,
+    PageFeature,
+    PagePanel,
+)
 
 EXTENSION = Extension(
     name="laws",
@@ -24,6 +33,14 @@ EXTENSION = Extension(
             parameters=".parameters:FlatnessIndiParameters",
         ),
         Law(name="nmpc", target=".nmpc:LAW", parameters=".parameters:NmpcParameters"),
+        PageFeature(name="arena", target=".arena.routes:FEATURE"),
+        PagePanel(
+            name="arena",
+            target="page/arena.js:show",
+            place="runs",
+            title="Arena",
+            styles=("arena.css",),
+        ),
         Command(
             name="arena",
             target=".arena.command:Arena",

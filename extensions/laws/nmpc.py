@@ -28,7 +28,7 @@ import math
 import numpy as np
 
 from control.laws import CompiledLaw, Own, Records, settings_type
-from extensions.laws.adaptation import ADAPTATION, adapt, rest
+from extensions.laws.adaptation import ADAPTATION, adapt, bounded, rest
 from extensions.laws.desired import finish, flat_rates
 from extensions.laws.nmpc_model import (
     INPUTS,
@@ -211,7 +211,13 @@ def learn(m: Item, s: Item, state: Item, model: Item, actuators: Item, dt: float
     a, none = m.adaptation, (0.0, 0.0, 0.0, 0.0)
     tuning = (POLE, POLE), (s.force_cutoff, s.torque_cutoff)
     adapt(a, tuning, state, model, actuators, dt)
-    found = a.lift, a.across_w[0], a.across_w[1], a.across_w[2]
+    most = s.force_max / model.mass
+    found = (
+        bounded(a.lift, most),
+        bounded(a.across_w[0], most),
+        bounded(a.across_w[1], most),
+        bounded(a.across_w[2], most),
+    )
     return found if s.adaptive == 1 else none
 
 
@@ -227,9 +233,14 @@ def torque_of(m: Item, s: Item, state: Item, reference: Item, gains: Item, model
         reference,
     )
     nu = add(times(vector(gains.kw), subtract(omega_d, omega_b)), turn_d)
+    torque = add(times(J, nu), cross(omega_b, times(J, omega_b)))
     if s.adaptive == 1:
-        nu = subtract(nu, vector(m.adaptation.filtered_turn_b))
-    return add(times(J, nu), cross(omega_b, times(J, omega_b)))
+        off = times(J, vector(m.adaptation.filtered_turn_b))
+        most = s.torque_max
+        torque = subtract(
+            torque, (bounded(off[0], most), bounded(off[1], most), bounded(off[2], most))
+        )
+    return torque
 
 
 @compiled(inner=True)

@@ -114,3 +114,7 @@ class NmpcParameters(Parameters):
         20.0, unit="rad/s", ge=0.05, le=40.0, step=0.05, flight_step=5.0
     )
     """low pass C(s) of the torque"""
+    force_max: float = parameter(5.0, unit="N", ge=0.0, le=10.0, step=0.1, flight_step=2.0)
+    """largest estimated force, along z_B and each axis across"""
+    torque_max: float = parameter(0.3, unit="N m", ge=0.0, le=1.0, step=0.01, flight_step=0.2)
+    """largest estimated torque, each axis"""

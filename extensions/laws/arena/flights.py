@@ -5,72 +5,29 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from control.controller import GeometricController
 from control.laws import example_arguments, extended, new_control_parameters, settings_of
 from control.parameters import GEOMETRIC
 from control.trajectories.figure_eight import FigureEight
 from extensions.laws.arena.cells import DISTURBANCES, Disturbance, Entry, courses
+from extensions.laws.arena.results import Cell
 from quadrotor.compiled import direct
 from quadrotor.errors import UsageError
 from quadrotor.extension import Function
 from quadrotor.extensions import registry
-from quadrotor.records import ACTUATORS, new_reference, new_state
+from quadrotor.records import ACTUATORS, Array, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
 
-Array = npt.NDArray[np.float64]
 HOVER = 8.0
 """s of hover before a course: what is judged is no longer the start's transient."""
-RESAMPLED = 2000
 TOLERATED = 2.0
 """Multiple of a law's error without latency up to which a latency counts as tolerated."""
 FIRST_SEED = 101
 """First seed of the flights; no setting of a law was tried with these seeds."""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """The flights of one entry on a course under a disturbance.
-
-    Attributes:
-        rms: (seeds,) m, true position minus the reference; NaN for a flight that crashed.
-        saturated: mean share of the ticks that saturated the motors.
-    """
-
-    entry: str
-    course: str
-    disturbance: str
-    rms: Array
-    saturated: float
-
-    @property
-    def failures(self) -> int:
-        return int(np.isnan(self.rms).sum())
-
-    @property
-    def median(self) -> float:
-        """Return the median error (m), inf where half of the flights crashed."""
-        return float(np.median(np.where(np.isnan(self.rms), np.inf, self.rms)))
-
-    def interval(self) -> tuple[float, float]:
-        """Return the 95 % interval of the median by bootstrap."""
-        return _interval(np.where(np.isnan(self.rms), np.inf, self.rms))
-
-    def ratio_to(self, other: Cell) -> tuple[float, float, float]:
-        """Return the median of the ratios of errors, seed by seed, and its 95 % interval."""
-        ratios = np.where(np.isnan(self.rms), np.inf, self.rms / other.rms)
-        return float(np.median(ratios)), *_interval(ratios)
-
-
-def _interval(values: Array) -> tuple[float, float]:
-    drawn = np.random.default_rng(1).integers(len(values), size=(RESAMPLED, len(values)))
-    medians = np.sort(np.median(values[drawn], axis=1))
-    return float(medians[int(0.025 * RESAMPLED)]), float(medians[int(0.975 * RESAMPLED)])
 
 
 def _door(name: str) -> Any:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from control.parameters import GEOMETRIC
-from extensions.laws.arena.flights import Cell
+from extensions.laws.arena.results import Cell, as_json, lines_of
 from quadrotor.errors import UsageError, os_errors
 
 BEGIN, END = "<!-- quadlab arena begins -->", "<!-- quadlab arena ends -->"
@@ -21,7 +20,7 @@ def errors_table(cells: Sequence[Cell]) -> list[str]:
     """Return the median error (mm) with its interval; the smallest of a line is bold."""
     names = list(dict.fromkeys(one.entry for one in cells))
     lines = [_row("course", "disturbance", *names), _row("---", "---", *("--:" for _ in names))]
-    for row in _rows(cells):
+    for row in lines_of(cells):
         best = min(one.median for one in row)
         lines.append(_row(row[0].course, row[0].disturbance, *(_told(o, best) for o in row)))
     return lines
@@ -31,7 +30,7 @@ def ratios_table(cells: Sequence[Cell]) -> list[str]:
     """Return the error over that of the geometric law, seed by seed, with its interval."""
     names = [name for name in dict.fromkeys(one.entry for one in cells) if name != GEOMETRIC]
     lines = [_row("course", "disturbance", *names), _row("---", "---", *("--:" for _ in names))]
-    for row in _rows(cells):
+    for row in lines_of(cells):
         base = next(one for one in row if one.entry == GEOMETRIC)
         told = []
         for one in row:
@@ -55,13 +54,6 @@ def facts_table(facts: Iterable[tuple[str, float, float]]) -> list[str]:
     return lines
 
 
-def _rows(cells: Sequence[Cell]) -> list[list[Cell]]:
-    found: dict[tuple[str, str], list[Cell]] = {}
-    for one in cells:
-        found.setdefault((one.course, one.disturbance), []).append(one)
-    return list(found.values())
-
-
 def _told(cell: Cell, best: float) -> str:
     failed = f", {cell.failures} crashed" if cell.failures else ""
     if not math.isfinite(cell.median):
@@ -74,21 +66,6 @@ def _told(cell: Cell, best: float) -> str:
 
 def _row(*words: str) -> str:
     return f"| {' | '.join(words)} |"
-
-
-def as_json(cells: Sequence[Cell]) -> str:
-    """Return all flights as JSON: a crash is null."""
-    rows = [
-        {
-            "law": one.entry,
-            "course": one.course,
-            "disturbance": one.disturbance,
-            "position_rms_m": [None if math.isnan(x) else x for x in one.rms.tolist()],
-            "saturated_share": None if math.isnan(one.saturated) else one.saturated,
-        }
-        for one in cells
-    ]
-    return json.dumps(rows, indent=1)
 
 
 def as_csv(cells: Sequence[Cell]) -> str:

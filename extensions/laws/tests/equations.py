@@ -414,7 +414,9 @@ class Nmpc:
             self.adaptation = Adaptation(x, last)
         found = self.adaptation
         found.step((1.0, 1.0), (s.force_cutoff, s.torque_cutoff), x, m, last, dt)
-        self.lift, self.across = found.lift, found.across
+        most = s.force_max / m.mass
+        self.lift = np.clip(found.lift, -most, most)
+        self.across = np.clip(found.across, -most, most)
         self.plan(r, m, self.lift, self.across, h)
         if self.x is None:
             self.x, self.u = list(self.x_r), [np.clip(u, low, high) for u in self.u_r]
@@ -448,8 +450,9 @@ class Nmpc:
         self.x = [*flown, now]
         w, J = x.angular_velocity_b, m.inertia_b
         forward = Motion(r.acceleration_w + G * Z, r.jerk_w, r.snap_w)
-        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2] - found.t
-        return allocated(m.mass * self.u[0][0], J * nu + np.cross(w, J * w), k, m)[0]
+        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2]
+        off = np.clip(J * found.t, -s.torque_max, s.torque_max)
+        return allocated(m.mass * self.u[0][0], J * nu + np.cross(w, J * w) - off, k, m)[0]
 
 
 LAWS["nmpc"] = Nmpc

@@ -13,7 +13,8 @@ import pytest
 from extensions.laws.arena import table
 from extensions.laws.arena.cells import DISTURBANCES, chosen, courses, entries
 from extensions.laws.arena.command import Arena
-from extensions.laws.arena.flights import Cell, fly_cell, tick_time
+from extensions.laws.arena.flights import fly_cell, tick_time
+from extensions.laws.arena.results import Cell
 from quadrotor.errors import StorageError, UsageError
 
 SEEDS = (1, 2)

@@ -111,6 +111,15 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/calibrations": (VIEWER, None),
     "GET /api/campaigns": (VIEWER, None),
     "GET /api/campaigns/{name}": (VIEWER, None),
+    "GET /api/campaigns/{name}/against/{other}": (VIEWER, None),
+    "POST /api/campaigns/{name}/flights/{index}": (OPERATOR, None),
+    "GET /api/trends": (VIEWER, None),
+    "GET /api/arena": (VIEWER, None),
+    "GET /api/arena/{name}": (VIEWER, None),
+    "GET /api/documents": (VIEWER, None),
+    "GET /api/documents/tabs": (VIEWER, None),
+    "GET /documents": (VIEWER, None),
+    "GET /documents/{path:path}": (VIEWER, None),
     "GET /api/beacons": (VIEWER, None),
     "GET /api/beacons/file": (VIEWER, None),
     "PUT /api/beacons": (OPERATOR, {"preset": "nothing"}),
@@ -239,7 +248,16 @@ def browser(site: Any) -> Iterator[httpx.Client]:
 def path_of(route: str) -> str:
     path = route.split(" ", 1)[1]
     name = "uPlot.iife.js" if "vendor" in path else "nobody"
-    return path.replace("{run_id}", RUN).replace("{name}", name).replace("{camera}", "tracker")
+    for place, word in {
+        "{run_id}": RUN,
+        "{name}": name,
+        "{camera}": "tracker",
+        "{other}": "nobody",
+        "{index}": "0",
+        "{path:path}": "nothing.html",
+    }.items():
+        path = path.replace(place, word)
+    return path
 
 
 def ask(browser: httpx.Client, route: str, cookie: str | None, **headers: str) -> httpx.Response:

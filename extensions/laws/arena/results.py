@@ -1,0 +1,150 @@
+"""Results of the arena, stored as JSON: errors with intervals, and who is first how often."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from quadrotor.errors import StorageError, os_errors
+from quadrotor.records import Array
+
+RESAMPLED = 2000
+NEAR = 1.1
+"""Multiple of the smallest error of a line up to which a law counts as near the first."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The flights of one entry on a course under a disturbance.
+
+    Attributes:
+        rms: (seeds,) m, true position minus the reference; NaN for a flight that crashed.
+        saturated: mean share of the ticks that saturated the motors.
+    """
+
+    entry: str
+    course: str
+    disturbance: str
+    rms: Array
+    saturated: float
+
+    @property
+    def failures(self) -> int:
+        return int(np.isnan(self.rms).sum())
+
+    @property
+    def median(self) -> float:
+        """Return the median error (m), inf where half of the flights crashed."""
+        return float(np.median(np.where(np.isnan(self.rms), np.inf, self.rms)))
+
+    def interval(self) -> tuple[float, float]:
+        """Return the 95 % interval of the median by bootstrap."""
+        return _interval(np.where(np.isnan(self.rms), np.inf, self.rms))
+
+    def ratio_to(self, other: Cell) -> tuple[float, float, float]:
+        """Return the median of the ratios of errors, seed by seed, and its 95 % interval."""
+        ratios = np.where(np.isnan(self.rms), np.inf, self.rms / other.rms)
+        return float(np.median(ratios)), *_interval(ratios)
+
+
+def _interval(values: Array) -> tuple[float, float]:
+    drawn = np.random.default_rng(1).integers(len(values), size=(RESAMPLED, len(values)))
+    medians = np.sort(np.median(values[drawn], axis=1))
+    return float(medians[int(0.025 * RESAMPLED)]), float(medians[int(0.975 * RESAMPLED)])
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a law stands among the others over all lines, each a course under a disturbance.
+
+    Attributes:
+        first, near: lines in which its error is the smallest, and at most NEAR times the smallest.
+        lines: number of lines in which any law flies.
+        crashed, flights: number of its flights.
+        over_first: geometric mean of its error over the smallest, of the lines that it flies; NaN
+            if it flies none.
+    """
+
+    law: str
+    first: int
+    near: int
+    lines: int
+    crashed: int
+    flights: int
+    over_first: float
+
+
+def lines_of(cells: Iterable[Cell]) -> list[list[Cell]]:
+    """Return the cells of each course and disturbance, in their order."""
+    found: dict[tuple[str, str], list[Cell]] = {}
+    for one in cells:
+        found.setdefault((one.course, one.disturbance), []).append(one)
+    return list(found.values())
+
+
+def standings(cells: Sequence[Cell]) -> list[Standing]:
+    """Return the standing of each law, the one that is near the first most often before others."""
+    over: dict[str, list[float]] = {one.entry: [] for one in cells}
+    for line in lines_of(cells):
+        best = min(one.median for one in line)
+        if math.isfinite(best):
+            for one in line:
+                over[one.entry].append(one.median / best)
+    found = []
+    for law, ratios in over.items():
+        own = [one for one in cells if one.entry == law]
+        flown = [one for one in ratios if math.isfinite(one)]
+        found.append(
+            Standing(
+                law=law,
+                first=ratios.count(1.0),
+                near=sum(one <= NEAR for one in ratios),
+                lines=len(ratios),
+                crashed=sum(one.failures for one in own),
+                flights=sum(len(one.rms) for one in own),
+                over_first=float(np.exp(np.mean(np.log(flown)))) if flown else math.nan,
+            )
+        )
+    return sorted(found, key=lambda one: (-one.near, one.crashed))
+
+
+def as_json(cells: Sequence[Cell]) -> str:
+    """Return all flights as JSON: a crash is null."""
+    rows = [
+        {
+            "law": one.entry,
+            "course": one.course,
+            "disturbance": one.disturbance,
+            "position_rms_m": [None if math.isnan(x) else x for x in one.rms.tolist()],
+            "saturated_share": None if math.isnan(one.saturated) else one.saturated,
+        }
+        for one in cells
+    ]
+    return json.dumps(rows, indent=1)
+
+
+def read_cells(path: Path) -> list[Cell]:
+    """Read what `as_json` wrote. Raises StorageError."""
+    with os_errors(lambda why: f"{path} cannot be read ({why})"):
+        text = path.read_text(encoding="utf-8")
+    try:
+        return [
+            Cell(
+                str(one["law"]),
+                str(one["course"]),
+                str(one["disturbance"]),
+                np.array([math.nan if x is None else x for x in one["position_rms_m"]], float),
+                math.nan if one["saturated_share"] is None else float(one["saturated_share"]),
+            )
+            for one in json.loads(text)
+        ]
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise StorageError(
+            f"{path.name} is no result of the arena ({type(error).__name__}: {error}); write one "
+            "with `quadlab arena --out`"
+        ) from None
