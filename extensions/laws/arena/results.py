@@ -60,7 +60,7 @@ def _interval(values: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Standing:
-    """How a law stands among the others over all lines, each a course under a disturbance.
+    """The standing of a law among the others over all lines, each a course under a disturbance.
 
     Attributes:
         first, near: lines in which its error is the smallest, and at most NEAR times the smallest.
