@@ -61,18 +61,13 @@ def add_documents(app: FastAPI, context: VehicleContext) -> None:
         """Return the headings of all documents, with their addresses below `/documents/`."""
         return [entry for path in paths() for entry in _entries(path)]
 
-    @app.get("/api/documents/tabs")
-    def of_tabs() -> dict[str, str]:
-        """Return the document of each tab, by the tab's name."""
-        found = dict(TABS)
-        for name, offered in registry().offers(PagePanel).items():
-            if offered.offer.place == "tabs" and offered.extension and offered.extension.docs:
-                found[name] = _page_of(offered.extension.docs)
-        return found
-
     @app.get("/documents", include_in_schema=False)
     def home() -> Response:
         return RedirectResponse("documents/index.html")
+
+    @app.get("/documents/of/{tab}", include_in_schema=False)
+    def of_tab(tab: str) -> Response:
+        return RedirectResponse(f"../{_of_tab(tab)}")
 
     @app.get("/documents/{path:path}", include_in_schema=False)
     def document(path: str) -> Response:
@@ -89,6 +84,14 @@ FEATURE = Feature(add_documents)
 
 def _pictures() -> set[str]:
     return {f.relative_to(DOCS).as_posix() for f in DOCS.rglob("*") if f.suffix in PICTURES}
+
+
+def _of_tab(tab: str) -> str:
+    """Return the page of a tab of the console, or the first page."""
+    offered = registry().offers(PagePanel).get(tab)
+    if offered is None or offered.extension is None or not offered.extension.docs:
+        return TABS.get(tab, _page_of(HOME))
+    return _page_of(offered.extension.docs)
 
 
 def _page_of(path: str) -> str:

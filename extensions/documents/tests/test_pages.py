@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from extensions.documents.rendering import DOCS, headings, paths, read, slug
+from extensions.documents.routes import TABS
 
 LINK = re.compile(r'(?:href|src)="(?!\w+:)([^"#]*)#?([^"]*)"')
 
@@ -56,8 +57,6 @@ def test_the_page_serves_documents_pictures_and_index_and_nothing_else(site: Any
         assert client.get(f"/documents/{path}").status_code == 404
     index = client.get("/api/documents").json()
     assert {"title": "Architecture", "heading": "", "address": "architecture.html"} in index
-    tabs = client.get("/api/documents/tabs").json()
-    assert tabs["calibrate"] == "calibration.html"
-    assert tabs["tune"] == "tuning.html"
-    for address in tabs.values():
-        assert client.get(f"/documents/{address}").status_code == 200
+    for tab, page in (*TABS.items(), ("tune", "tuning.html"), ("nothing", "index.html")):
+        followed = client.get(f"/documents/of/{tab}", follow_redirects=True)
+        assert (followed.status_code, followed.url.path) == (200, f"/documents/{page}")

@@ -49,4 +49,4 @@ def test_a_button_is_shown_and_not_pressed(page: Any, site: Any) -> None:
 def test_the_guide_is_that_of_the_open_tab(page: Any) -> None:
     page.keyboard.press("Escape")
     page.click("[data-tab=calibrate]")
-    page.wait_for_selector('#documents a[href$="/documents/calibration.html"]')
+    page.wait_for_selector('#documents a[href$="/documents/of/calibrate"]')

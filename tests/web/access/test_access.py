@@ -117,8 +117,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/arena": (VIEWER, None),
     "GET /api/arena/{name}": (VIEWER, None),
     "GET /api/documents": (VIEWER, None),
-    "GET /api/documents/tabs": (VIEWER, None),
     "GET /documents": (VIEWER, None),
+    "GET /documents/of/{tab}": (VIEWER, None),
     "GET /documents/{path:path}": (VIEWER, None),
     "GET /api/beacons": (VIEWER, None),
     "GET /api/beacons/file": (VIEWER, None),
@@ -254,6 +254,7 @@ def path_of(route: str) -> str:
         "{camera}": "tracker",
         "{other}": "nobody",
         "{index}": "0",
+        "{tab}": "fly",
         "{path:path}": "nothing.html",
     }.items():
         path = path.replace(place, word)

@@ -16,8 +16,9 @@ from web.joined_files import join_modules
 from web.static_files import STATIC
 
 PROFILE = "first visit"
-MOST = 21
-"""Most requests of the main page until it is ready, with websockets and the 3D view's frame."""
+MOST = 18
+"""Most requests of the main page until it is ready, with websockets and the 3D view's frame, and
+without the script of each extension."""
 HEAVIEST = 600_000
 """Most bytes of the main page's files and answers as sent, without the 3D view's client."""
 
@@ -66,14 +67,16 @@ def test_the_main_page_is_ready_after_few_requests(
     assert next(weights[one] for one in files if one.endswith("app.js")) > 50_000  # not cached
     assert sum(weights.values()) <= HEAVIEST, weights
     # The 3D view is blank here; it would be one more websocket.
-    assert len(asked) + 1 <= MOST, "\n".join(asked)
+    extensions = [one for one in files if "/joined/extensions/" in one]
+    assert len(extensions) == len({one.split("/joined/")[1] for one in extensions}) == 4
+    assert len(asked) - len(extensions) + 1 <= MOST, "\n".join(asked)
 
 
 @pytest.mark.parametrize(
     ("path", "name", "place"),
     [
         ("/kill", "emergency/kill", ""),
-        ("/runs", "runs/runs", ""),
+        ("/runs", "runs/runs", "runs"),
         ("/setup", "setup/setup", "settings"),
         ("/fleet", "fleet/fleet", ""),
     ],
