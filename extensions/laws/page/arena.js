@@ -67,7 +67,12 @@ class Arena {
     this.courses.replaceChildren(
       ...courses.map((course) => {
         const own = lines.filter((line) => line.course === course);
-        return element("figure", {}, element("figcaption", {}, course), drawn(course, own, colours));
+        return element(
+          "figure",
+          {},
+          element("figcaption", {}, course, element("small", {}, " mm")),
+          drawn(course, own, colours),
+        );
       }),
     );
   }
@@ -112,7 +117,6 @@ function drawn(course, lines, colours) {
     { viewBox: `0 0 ${WIDTH} ${height}`, class: "arena", role: "img", "aria-label": label },
     ...ticks.flat(),
     ...rows.flat(),
-    text(WIDTH - RIGHT, height - 5, "mm", "end"),
   );
 }
 
@@ -122,13 +126,15 @@ function mark({ law, median, low, high, crashed, flights }, x, y, colour) {
   const about = `${law}: ${mm(median)} mm${low === null || high === null ? "" : ` (${mm(low)} … ${mm(high)})`}${lost}`;
   const from = low ?? median,
     to = high ?? median;
-  return svg(
+  const group = svg(
     "g",
-    { style: `--law: ${colour}` },
+    {},
     svg("title", {}, about),
     svg("line", { x1: x(from), x2: x(to), y1: y, y2: y }),
     svg("circle", { cx: x(median), cy: y, r: 3 }),
   );
+  group.style.setProperty("--law", colour); // an attribute would be an inline style, which the page forbids
+  return group;
 }
 
 function decades(low, high) {

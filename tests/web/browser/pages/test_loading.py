@@ -88,8 +88,13 @@ def test_the_other_pages_need_one_stylesheet_and_a_script_of_each_extension_and_
     page, asked = counted(f"{site.base}{path}")
     page.wait_for_load_state("networkidle")
     files = [one.rpartition("/joined/")[2] for one in asked if "/static/" in one]
-    panels = [one.script.module for one in panels_of_extensions() if one.offer.place == place]
-    assert sorted(files) == sorted([*panels, f"{name}.css", f"{name}.js"])
+    panels = [one for one in panels_of_extensions() if one.offer.place == place]
+    scripts = [one.script.module for one in panels]
+    assert sorted(files) == sorted([*scripts, f"{name}.css", f"{name}.js"])
+    for one in panels:
+        box = page.locator(f"#{one.offer.name}").bounding_box()
+        assert box is not None
+        assert box["height"] > 0.0
 
 
 @pytest.fixture
