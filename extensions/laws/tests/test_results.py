@@ -83,4 +83,4 @@ def test_the_page_lists_results_and_shows_the_standings(
     page.click("#arena summary")
     page.click("#arena summary")
     look.text("#arena tbody tr:nth-child(1) td:nth-child(3)", "^2 of 2$")
-    look.text("#arena figcaption >> nth=0", "^slow$")
+    look.text("#arena figcaption >> nth=0", "^slow mm$")
