@@ -46,6 +46,7 @@ class Search {
   documents = [];
   at = 0;
   asked = "";
+  problem = "";
   timer = 0;
 
   constructor(parts) {
@@ -70,8 +71,8 @@ class Search {
       this.state,
     );
     this.dialog.addEventListener("keydown", (event) => this.key(event));
-    this.dialog.addEventListener("click", (event) => {
-      if (event.target === this.dialog) this.dialog.close(); // beside it
+    document.addEventListener("pointerdown", ({ target }) => {
+      if (target instanceof Node && !this.dialog.contains(target)) this.dialog.close();
     });
     document.body.append(this.dialog);
     parts.gains.addEventListener("read", () => this.dialog.open && this.draw());
@@ -79,15 +80,27 @@ class Search {
 
   open() {
     if (this.dialog.open) return;
-    this.dialog.showModal();
+    this.problem = "";
+    this.dialog.show(); // not modal: the emergency buttons can be pressed beside it
+    this.input.focus();
     this.input.select();
     this.readDocuments();
     this.changed();
   }
 
+  // What the server answers; without an answer nothing, and the reason below the list.
+  async ask(address) {
+    try {
+      return await get(address);
+    } catch (error) {
+      this.problem = `Runs or documents could not be searched: ${error.message}`;
+      return [];
+    }
+  }
+
   async readDocuments() {
     if (this.documents.length) return;
-    const found = await get("/api/documents").catch(() => []);
+    const found = await this.ask("/api/documents");
     this.documents = found.map(({ title, heading, address }) => ({
       kind: "Documents",
       text: heading ? `${title}: ${heading}` : title,
@@ -107,12 +120,12 @@ class Search {
     const words = this.input.value.trim();
     if (!words || words === this.asked) return;
     this.asked = words;
-    const found = await get(`/api/runs?limit=${EACH}&search=${encodeURIComponent(words)}`).catch(() => []);
+    const found = await this.ask(`/api/runs?limit=${EACH}&search=${encodeURIComponent(words)}`);
     if (words !== this.input.value.trim()) return; // an older answer
-    this.runs = found.map(({ id, title, started }) => ({
+    this.runs = found.map(({ id, title }) => ({
       kind: "Runs",
       text: title || id,
-      note: title ? id : started,
+      note: title ? id : "",
       go: () => location.assign(here(`/replay/${encodeURIComponent(id)}`)),
     }));
     this.draw();
@@ -190,7 +203,7 @@ class Search {
       }),
     );
     this.mark();
-    setText(this.state, words && !this.found.length ? `Nothing is called “${words}”.` : "");
+    setText(this.state, this.problem || (words && !this.found.length ? `Nothing is called “${words}”.` : ""));
   }
 
   option(one, i) {
@@ -218,6 +231,8 @@ class Search {
       event.preventDefault();
       this.at = (this.at + step + this.found.length) % this.found.length;
       this.mark();
+    } else if (event.key === "Escape") {
+      this.dialog.close();
     } else if (event.key === "Enter") {
       event.preventDefault();
       this.choose(this.at);

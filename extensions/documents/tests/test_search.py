@@ -50,3 +50,16 @@ def test_the_guide_is_that_of_the_open_tab(page: Any) -> None:
     page.keyboard.press("Escape")
     page.click("[data-tab=calibrate]")
     page.wait_for_selector('#documents a[href$="/documents/of/calibrate"]')
+
+
+def test_the_search_is_not_modal_and_closes_where_one_presses_beside_it(page: Any) -> None:
+    page.wait_for_selector("#search-dialog[open]", state="attached")
+    page.evaluate(
+        "document.querySelector('#emergency').dispatchEvent("
+        "new window.Event('pointerdown', { bubbles: true }))"
+    )
+    page.wait_for_selector("#search-dialog:not([open])", state="attached")
+    page.click("#documents button")
+    page.wait_for_selector("#search-dialog[open]", state="attached")
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#search-dialog:not([open])", state="attached")

@@ -135,7 +135,6 @@ async function addMissing(window, context, tell) {
   window.Element.prototype.scrollIntoView = () => {}; // nothing has a place
   const dialog = window.HTMLDialogElement.prototype;
   dialog.show = function show() { this.open = true; this.querySelector("[autofocus]")?.focus(); };
-  dialog.showModal = dialog.show;
   dialog.close = function close() { if (this.open) { this.open = false; window.setTimeout(() => this.dispatchEvent(new window.Event("close"))); } };
   // jsdom takes no such selector; no popover is ever open here, because none can be opened.
   const { matches } = window.Element.prototype;
