@@ -71,6 +71,8 @@ def add_documents(app: FastAPI, context: VehicleContext) -> None:
 
     @app.get("/documents/{path:path}", include_in_schema=False)
     def document(path: str) -> Response:
+        if not path:
+            return RedirectResponse(_page_of(HOME))
         stem, kind = posixpath.splitext(path)
         if kind == ".html" and (source := f"{stem}.md") in paths():
             return HTMLResponse(_framed(source, read(source)))

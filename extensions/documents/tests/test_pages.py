@@ -47,8 +47,9 @@ def test_anchors_are_those_of_git_hosts() -> None:
 
 def test_the_page_serves_documents_pictures_and_index_and_nothing_else(site: Any) -> None:
     client = site.sign_in()
-    home = client.get("/documents", follow_redirects=True)
-    assert home.status_code == 200
+    for address in ("/documents", "/documents/"):
+        home = client.get(address, follow_redirects=True)
+        assert (home.status_code, home.url.path) == (200, "/documents/index.html")
     assert '<a href="architecture.html">Architecture</a>' in home.text
     assert client.get("/documents/images/fly.png").headers["content-type"] == "image/png"
     deep = client.get("/documents/boards/betaflight.html").text
