@@ -113,8 +113,7 @@ class BearingEmulator:
         sigma = math.radians(p.sigma)
         freedom = math.inf if p.distribution == "gaussian" else p.degrees_of_freedom
         spell_ns = round(p.occlusion_spell * SECOND_NS)
-        axis = axis_of(p)
-        lowest = math.cos(math.radians(0.5 * p.field_of_view)) if p.field_of_view < 360.0 else -2.0
+        axis, lowest = axis_of(p), _lowest_cosine(p)
         biased = _bias_of(p)
         own_biases = parse_beacon_bias(p.beacon_bias) if p.beacon_bias else {}
 
@@ -151,9 +150,9 @@ class BearingEmulator:
             along, across = pair(draws, freedom)
             seen_ids.append(claimed_id)
             seen.append(perturbed(bearing_b, sigma * along, sigma * across))
-        own_ns, ids_seen = stamp_ns + round(p.stamp_error * SECOND_NS), np.array(seen_ids, np.int32)
-        bearings_b = np.array(seen, np.float64).reshape(-1, 3)
-        frame = BearingMeasurement(own_ns, ids_seen, bearings_b, sigma, layout.beacons)
+        bearings = np.array(seen_ids, np.int32), np.array(seen, np.float64).reshape(-1, 3)
+        own_ns = stamp_ns + round(p.stamp_error * SECOND_NS)
+        frame = BearingMeasurement(own_ns, *bearings, sigma, layout.beacons)
         self._line.put(stamp_ns + round(late * SECOND_NS), frame)
 
     def _places(self, stamp_ns: int, position_w: Triple) -> list[tuple[int, Triple]]:
@@ -219,6 +218,11 @@ def axis_of(p: BearingParameters) -> Triple:
         -(math.sin(yaw) * away - math.cos(yaw) * math.sin(roll)),
         -math.cos(roll) * math.cos(pitch),
     )
+
+
+def _lowest_cosine(p: BearingParameters) -> float:
+    """Return the cosine of the largest angle to the axis at which a beacon is seen."""
+    return math.cos(math.radians(0.5 * p.field_of_view)) if p.field_of_view < 360.0 else -2.0
 
 
 def _bias_of(p: BearingParameters) -> tuple[Triple, Triple, Triple] | None:

@@ -21,7 +21,7 @@ from console.station_parts import StationOptions
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.defects import end_at_defect
 from vehicle_link.process_instance import new_instance
-from vehicle_link.security.authority import ensure_certificates, readable_keys
+from vehicle_link.security.authority import TlsFiles, ensure_certificates, readable_keys
 from vehicle_link.termination_signal import EndSignal
 from vehicle_link.transport.radio import Radio, is_hanging_up
 from vehicle_link.transport.session import check_station, hub_session, parse_endpoint
@@ -86,19 +86,8 @@ def run_station(
             ),
             follows_process=follows_process,
         )
-        station = BaseStation(hub, catalogue, options)
-        stations.append(station)
-        radio = Radio(
-            endpoint,
-            files,
-            loopback_port,
-            station.link.session_silence,
-            report=station.warn,
-            lane_silence=station.link.lane_silence,
-            probe=station.answers,
-        )
-        station.link.follow(radio)
-        radios.append(radio)
+        stations.append(BaseStation(hub, catalogue, options))
+        radios.append(_radio(stations[-1], endpoint, files, loopback_port))
     print(
         f"station: connects to {_described(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True
     )
@@ -108,6 +97,21 @@ def run_station(
             os._exit(DEAF)
     _close(stations, radios, catalogue, hub)
     return 0
+
+
+def _radio(station: BaseStation, endpoint: str, files: TlsFiles, loopback_port: int) -> Radio:
+    """Return the radio link of a vehicle, which its base station follows."""
+    radio = Radio(
+        endpoint,
+        files,
+        loopback_port,
+        station.link.session_silence,
+        report=station.warn,
+        lane_silence=station.link.lane_silence,
+        probe=station.answers,
+    )
+    station.link.follow(radio)
+    return radio
 
 
 def _close(

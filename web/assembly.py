@@ -97,20 +97,14 @@ def assemble(
 
     @contextlib.asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        for context in contexts:
-            context.hub.attach(asyncio.get_running_loop())
-            context.station.start()
-        loops = [_start(part, say) for part in (people, people.sockets, fleet)]
-        loops += [_start(part, context.hub.say) for context in contexts for part in context.loops]
+        loops = _start_all(contexts, (people, people.sockets, fleet), say)
         show_link(sign_in_link())
         try:
             yield
         finally:
             await _ended(loops)
-            of_vehicles = [one.stop for one in contexts]
-            of_features = [one.stop for one in features]
-            for stop in (*of_vehicles, fleet.stop, *of_features, people.stop):
-                stop()
+            for part in (*contexts, fleet, *features, people):
+                part.stop()
 
     apps = {  # the first one's runs for all
         context.vehicle: create_app(context, fleet, features, lifespan if k == 0 else None, files)
@@ -123,6 +117,17 @@ def assemble(
         people=people,
         links=links,
     )
+
+
+def _start_all(
+    contexts: Sequence[VehicleContext], shared: Sequence[Runs], say: Callable[[str, str], None]
+) -> list[asyncio.Task[None]]:
+    """Start the vehicles' stations, and the loops of all parts."""
+    for context in contexts:
+        context.hub.attach(asyncio.get_running_loop())
+        context.station.start()
+    loops = [_start(part, say) for part in shared]
+    return loops + [_start(part, one.hub.say) for one in contexts for part in one.loops]
 
 
 async def _ended(tasks: Sequence[asyncio.Task[None]]) -> None:

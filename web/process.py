@@ -11,6 +11,7 @@ import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 from threading import Thread
+from typing import TYPE_CHECKING
 
 import uvicorn
 from starlette.types import ASGIApp
@@ -25,6 +26,9 @@ from web.live.deafness import Deafness
 from web.live.events import EventHub
 from web.live.sockets import LiveWebSocket, listen
 from web.live.station import Reactions, Station
+
+if TYPE_CHECKING:
+    from vehicle_link.transport.session import SharedSession
 
 NICENESS = 5  # while it serves: display comes after flying, and after other programs
 CLOSING_TIME = 2  # s for open downloads and sockets to end at shutdown
@@ -68,26 +72,19 @@ def run_web(
     from vehicle_link.transport.session import SharedSession, loopback_session
 
     end_at_defect()
-    session = SharedSession(lambda: loopback_session(loopback_port))
-
-    stations: list[tuple[Live, Station]] = []
-
-    def connect(vehicle: str, live: Live, hub: EventHub, reactions: Reactions) -> Station:
-        station = Station(session.open, vehicle, live, hub, reactions, lambda _: session.close())
-        stations.append((live, station))
-        return station
+    stations = _Stations(SharedSession(lambda: loopback_session(loopback_port)))
 
     def show_link(url: str, signed_in: str | None = None) -> None:
         if signed_in is None:
             give_way()
-            deafness = Deafness([live for live, _ in stations], loopback_port, end_deaf)
+            deafness = Deafness([live for live, _ in stations.made], loopback_port, end_deaf)
             Thread(target=deafness.run, name="deafness", daemon=True).start()
-        if token is not None and url.endswith(token):  # wait until others have printed
-            Thread(target=print_settled, args=(url, stations), daemon=True).start()
+        is_first = token is not None and url.endswith(token)
+        if is_first:  # wait until others have printed
+            Thread(target=print_settled, args=(url, stations.made), daemon=True).start()
         else:
             print_link(url, signed_in)
-        is_restart = token is not None and not url.endswith(token)
-        if open_browser and signed_in is None and not is_restart:
+        if open_browser and signed_in is None and (is_first or token is None):
             webbrowser.open(url)
 
     listener = listen(host, port)
@@ -98,7 +95,7 @@ def run_web(
             base_url=base_url,
             vehicles=vehicles,
             token=token,
-            connect=connect,
+            connect=stations.connect,
             catalogue=Catalogue(data),
             show_link=show_link,
             names=(*own_names(host), *(tls.names if tls else ())),
@@ -111,6 +108,21 @@ def run_web(
             server(app, tls).run(sockets=[listener])
     finally:
         listener.close()
+
+
+class _Stations:
+    """The clients of the station, one for each vehicle, which share a session."""
+
+    def __init__(self, session: SharedSession) -> None:
+        self.made: list[tuple[Live, Station]] = []
+        self._session = session
+
+    def connect(self, vehicle: str, live: Live, hub: EventHub, reactions: Reactions) -> Station:
+        """Return the client of a vehicle's station."""
+        shared = self._session
+        station = Station(shared.open, vehicle, live, hub, reactions, lambda _: shared.close())
+        self.made.append((live, station))
+        return station
 
 
 def end_deaf() -> None:

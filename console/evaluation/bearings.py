@@ -145,17 +145,9 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
             f"{log.name} has no truth, state and reference at common times between "
             f"{window[0]:.1f} s and {window[1]:.1f} s: too short a stay on bearings"
         )
-    positions, attitudes = np.asarray(truth[:, :3], np.float64), truth[:, 3:7].astype(np.float64)
     frames = _frames(topics["bearings"], begin, end)
-    nearest = np.searchsorted(stamps[:-1], [round(1e9 * frame.time) for frame in frames])
     values = _values(log, topics["parameter_changes"], window[0])
-    noise = _noise(values)
-    bound = posterior_bound(
-        frames, positions[nearest], attitudes[nearest], _places(values), noise, window
-    )
-    if tracked:
-        sigma = math.radians(noise.pose_attitude_sigma)
-        bound = bound.seen_by(noise.pose_position_sigma, sigma)
+    bound = _bound(frames, stamps, truth, values, window, tracked=tracked)
     _, scaling = _rows(topics, "actuators", round(window[0] * 1e9), round(window[1] * 1e9))
     return BearingsFlight(
         time,
@@ -164,14 +156,33 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
         reference_w=wanted_w[rows],
         saturated=float((scaling < 1.0).mean()) if len(scaling) else 0.0,
         window=window,
-        fell_back=tuple(
-            text
-            for _, text in events
-            if text.startswith("fell back") or "no tracker to fall back" in text
-        ),
+        fell_back=tuple(text for _, text in events if _is_fall_back(text)),
         emergencies=_emergencies(topics["status"], begin_ns),
         bound=bound,
     )
+
+
+def _is_fall_back(text: str) -> bool:
+    return text.startswith("fell back") or "no tracker to fall back" in text
+
+
+def _bound(
+    frames: list[Frame],
+    stamps: Stamps,
+    truth: Floats,
+    values: Mapping[str, ParameterValue],
+    window: tuple[float, float],
+    *,
+    tracked: bool,
+) -> PoseBound:
+    """Return the bound of an estimate's error; `tracked`: the truth is the tracker's poses."""
+    noise = _noise(values)
+    nearest = np.searchsorted(stamps[:-1], [round(1e9 * frame.time) for frame in frames])
+    poses = truth[nearest].astype(np.float64)
+    bound = posterior_bound(frames, poses[:, :3], poses[:, 3:7], _places(values), noise, window)
+    if not tracked:
+        return bound
+    return bound.seen_by(noise.pose_position_sigma, math.radians(noise.pose_attitude_sigma))
 
 
 def _payloads(topic: Topic) -> list[tuple[int, bytes]]:
@@ -217,9 +228,7 @@ def _rows(
 
 
 def _state(odometry: npt.NDArray[np.floating]) -> Array:
-    """Return position, velocity (world, NaN if missing) and quaternion, (N, 10), of ODOMETRY's
-    rows.
-    """
+    """Return position, velocity (world, NaN if missing) and quaternion, (N, 10), of odometry."""
     position_w, quaternion, velocity_b = odometry[:, :3], odometry[:, 3:7], odometry[:, 7:]
     if velocity_b.shape[1]:
         velocity_w = rotated_rows(quaternion, velocity_b)

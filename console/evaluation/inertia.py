@@ -206,9 +206,8 @@ def estimate_inertia(
     from estimation.identification.inertia_estimator import InertiaEstimator, InertiaParameters
     from quadrotor.records import ACTUATORS, new_state
 
-    values = parameters.vehicle
     model = {
-        name: float(values[f"model.{name}"])
+        name: float(parameters.vehicle[f"model.{name}"])
         for name in ("arm", "torque_ratio", "motor_time_constant")
     }
     estimator = InertiaEstimator(
@@ -237,18 +236,23 @@ def estimate_inertia(
             torque_b = np.maximum(torque_b, estimator.torque_b)
     moments.append(time[-1])
     found.append(estimator.inertia_b)
-    truth = parameters.truth
     lost = float(np.sum(np.maximum(np.rint(steps / period) - 1.0, 0.0)))
     return InertiaFlight(
         np.array(moments),
         np.array(found),
         torque_b=torque_b,
         missing=lost / (lost + len(time)),
-        truth_b=np.array([float(truth.get(f"inertia_{axis}", math.nan)) for axis in AXES])
-        / float(truth.get("thrust_efficiency", 1.0)),
+        truth_b=_truth_b(parameters),
         ticks=len(time),
         parameters=parameters,
     )
+
+
+def _truth_b(parameters: FlownParameters) -> Array:
+    """Return what the estimate should find, (3,) kg m²; NaN when unknown."""
+    truth = parameters.truth
+    inertia_b = np.array([float(truth.get(f"inertia_{axis}", math.nan)) for axis in AXES])
+    return inertia_b / float(truth.get("thrust_efficiency", 1.0))
 
 
 def _excited(status: Series) -> tuple[float, float]:

@@ -132,12 +132,6 @@ class MassFlight:
                 f"{high:g} kg"
             )
         rows = self.judged
-        pieces = zip(
-            np.array_split(self.time[rows], SLICES),
-            np.array_split(self.mass[rows], SLICES),
-            strict=True,
-        )
-        begin = float(self.time[rows][0])
         warnings = () if self.spread < math.inf else ("not flown around: the mean is of the hover",)
         values = self.parameters.vehicle
         return CalibrationRecord(
@@ -165,11 +159,7 @@ class MassFlight:
                     limit=WITHIN_MAX,
                 ),
             ),
-            residuals=tuple(
-                (f"{t[0] - begin:.0f} to {t[-1] - begin:.0f} s, kg", float(m.mean() - self.found))
-                for t, m in pieces
-                if len(t)
-            ),
+            residuals=self._residuals(),
             warnings=warnings,
             conditions={
                 "meaning": "thrust commanded over thrust needed: the mass over the thrust "
@@ -178,6 +168,17 @@ class MassFlight:
                 "first guess": f"{self.mass[self.time <= self.lift_off][-1:].sum():.3g} kg",
                 "estimator": self.estimator,
             },
+        )
+
+    def _residuals(self) -> tuple[tuple[str, float], ...]:
+        """Return the deviations of the estimate's mean in slices of what is judged, kg."""
+        times = np.array_split(self.time[self.judged], SLICES)
+        masses = np.array_split(self.mass[self.judged], SLICES)
+        begin = float(times[0][0])
+        return tuple(
+            (f"{t[0] - begin:.0f} to {t[-1] - begin:.0f} s, kg", float(m.mean() - self.found))
+            for t, m in zip(times, masses, strict=True)
+            if len(t)
         )
 
 

@@ -11,7 +11,7 @@ from console.catalogue.catalogue import Catalogue, runs_in
 from console.catalogue.marks import find_mark, store_mark
 from console.catalogue.tables import Mark, RunEntry
 from console.runs.trash import finish_moves, is_deleted, is_in_trash
-from flight_log import is_closed, recover, summarize
+from flight_log import LogSummary, is_closed, recover, summarize
 from flight_log.file import is_being_written
 from flight_log.reader import read_topic
 from flight_log.run_folder import STATION, log_of, run_bytes, station_log
@@ -19,6 +19,8 @@ from quadrotor.errors import LogFormatError, StorageError, os_errors
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
 
+EARLIEST_NS = 10**18
+"""Epoch, in ns (2001), before which nothing was recorded: simulated time begins at 0."""
 NO_STATION_LOG = f"{STATION} is missing in its folder; what the vehicle logged is there"
 
 
@@ -103,7 +105,7 @@ def described(path: Path, entry: RunEntry | None) -> RunEntry:
     return RunEntry(
         id=path.stem,
         vehicle=summary.run.get("vehicle", entry.vehicle if entry else ""),
-        start_ns=entry.start_ns if entry else summary.start_ns,
+        start_ns=entry.start_ns if entry else _start_ns(path, summary),
         duration=summary.duration,
         file=path.name,
         bytes=run_bytes(path),
@@ -114,6 +116,14 @@ def described(path: Path, entry: RunEntry | None) -> RunEntry:
         problem="" if station_log(path).is_file() else NO_STATION_LOG,
         notes=entry.notes if entry else "",
     )
+
+
+def _start_ns(path: Path, summary: LogSummary) -> int:
+    """Return when a run began, epoch ns: from the file's time where the log has simulated time."""
+    if summary.start_ns >= EARLIEST_NS:
+        return summary.start_ns
+    with os_errors(lambda why: f"cannot read {path.name}: {why}"):
+        return log_of(path).stat().st_mtime_ns - round(1e9 * summary.duration)
 
 
 def update_entry(catalogue: Catalogue, path: Path) -> None:

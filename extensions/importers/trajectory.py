@@ -13,7 +13,7 @@ from extensions.importers.flights import FEWEST
 from extensions.importers.frames import quaternion_of
 from extensions.importers.track_clock import SURE
 from quadrotor.plain_rotations import product_of
-from quadrotor.records import Array, Record
+from quadrotor.records import Array, Record, Stamps
 
 GAP_NS = 100_000_000
 """Longest gap of the truth, in ns, across which it is compared."""
@@ -74,6 +74,22 @@ def _lateness(velocity_w: Array, seconds: Array, error_w: Array) -> tuple[float,
     return float(late), float(rate)
 
 
+def _set_clock(truth: Track, at_ns: Stamps, error_w: Array) -> float:
+    """Set the clock of the truth by the errors (N, 3) of an estimate at N stamps of its own.
+
+    Return by how much it was moved in the middle, s; 0 where nothing is sure.
+    """
+    stamps = truth.stamps_ns
+    velocity_w = interpolated(at_ns, stamps, truth.states["velocity_w"])
+    seconds = (at_ns - at_ns[0]) * 1e-9
+    late, rate = _lateness(velocity_w, seconds - 0.5 * seconds[-1], error_w)
+    if late == 0.0 and rate == 0.0:
+        return 0.0
+    shift = -(late + rate * ((stamps - at_ns[0]) * 1e-9 - 0.5 * seconds[-1]))
+    truth.stamps_ns = stamps + np.round(1e9 * shift).astype(np.int64)
+    return float(shift[len(shift) // 2])
+
+
 def align(truth: Track, estimate: Track, sweeps: Record | None, notes: list[str]) -> None:
     """Rotate and move the estimate into the truth's world if its world is another one, and with it
     the planes of the sweeps from which it was made.
@@ -102,17 +118,10 @@ def align(truth: Track, estimate: Track, sweeps: Record | None, notes: list[str]
             error = (own - here) @ matrix.T + there - true
             length = np.linalg.norm(error, axis=1)
             near = length <= max(3.0 * float(np.median(length[moving])), 1e-6)
-        if truth.attitude_known:
+        late = 0.0 if truth.attitude_known else _set_clock(truth, at[inside][near], error[near])
+        if late == 0.0:
             break
-        velocity = interpolated(at[inside], stamps, truth.states["velocity_w"])[near]
-        seconds = (at[inside][near] - at[0]) * 1e-9
-        middle = 0.5 * (seconds[0] + seconds[-1])
-        late, rate = _lateness(velocity, seconds - middle, error[near])
-        if late == 0.0 and rate == 0.0:
-            break
-        shift = -(late + rate * ((stamps - at[0]) * 1e-9 - middle))
-        truth.stamps_ns = stamps + np.round(1e9 * shift).astype(np.int64)
-        moved += float(shift[len(shift) // 2])
+        moved += late
     before, after = (
         float(np.sqrt((one[near] ** 2).mean()))
         for one in (np.linalg.norm(own - true, axis=1), length)

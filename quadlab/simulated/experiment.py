@@ -86,12 +86,7 @@ def fly(
     parameters = flight_parameters(experiment, kind, seed, words)
     with errors_with_line(experiment):
         experiment.check()
-    if member is None:
-        alone(experiment)
-        folder = open_data_folder(out or open_data_folder(None) / "flights", "--out")
-        path, vehicle = _new_log(folder, f"{experiment.name}_seed{seed}"), THE_VEHICLE
-    else:
-        path, vehicle = member.log, member.name
+    path, vehicle = _own_log(experiment, seed, out) if member is None else (member.log, member.name)
     simulated = _simulated_vehicle(parameters, board)
     facts = {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board}
     log = FlightLog(path, vehicle, ParameterStore(parameters), facts)
@@ -109,17 +104,9 @@ def fly(
     finally:
         for part in (log, flight.stack, simulated):
             part.close()
-    wall, processor = time.perf_counter() - began, time.process_time() - processor
+    took = {"wall": time.perf_counter() - began, "processor": time.process_time() - processor}
     result, proposal = judged(experiment, path, aborted)
-    return Flown(
-        flight,
-        path,
-        result=result,
-        proposal=proposal,
-        aborted=aborted,
-        wall=wall,
-        processor=processor,
-    )
+    return Flown(flight, path, result, proposal, aborted, **took)
 
 
 def check_seed(seed: int) -> None:
@@ -258,6 +245,13 @@ class InstructionPrinter:
         self._last = progress.instruction
         step = f"{progress.number}/{progress.count}" if progress.count else ""
         print(f"  {self._flight.view().time:7.1f} s {step:>6}  {progress.instruction}", flush=True)
+
+
+def _own_log(experiment: Experiment, seed: int, out: Path | None) -> tuple[Path, str]:
+    """Return the log and the vehicle of a flight for itself. Raises QuadlabError."""
+    alone(experiment)
+    folder = open_data_folder(out or open_data_folder(None) / "flights", "--out")
+    return _new_log(folder, f"{experiment.name}_seed{seed}"), THE_VEHICLE
 
 
 def _new_log(folder: Path, stem: str) -> Path:

@@ -71,8 +71,7 @@ def run(
 
     Raises StorageError when the links cannot be made.
     """
-    if stop is None:
-        stop = _stop_on_signals()
+    stop = stop or _stop_on_signals()
     # Before the devices exist: a device means that the microcontroller is switched on.
     SimulatedVehicle(parameters).warm_up()
     pace = pace_of(len(vehicles))
@@ -98,28 +97,35 @@ def run(
                 )
             )
         refusal = _ask_for_priority()
-        where = f"microcontroller at {robots[0].place}"
-        if len(robots) > 1:
-            where = f"microcontrollers of {', '.join(vehicles)} in {folder}"
         shown = refusal if lockstep is None else ", in lockstep"
-        _say(f"{where}, {parameters.imu_rate} Hz{shown}")
+        _say(f"{_where(robots[0], vehicles, folder)}, {parameters.imu_rate} Hz{shown}")
         gc.collect()
         gc.freeze()
-        statistics = RunStatistics()
-        if lockstep is None:
-            _loop(robots, statistics, stop)
-        else:
-            _loop_in_lockstep(robots, statistics, stop, lockstep)
-        for robot in robots:
-            robot.add_to(statistics)
-        return statistics
+        return _run(robots, stop, lockstep)
     finally:
-        for robot in robots:
-            robot.close()
-        if lockstep is not None:
-            lockstep.close()
-        if served is not None:
-            served.close()
+        for part in (*robots, lockstep, served):
+            if part is not None:
+                part.close()
+
+
+def _run(
+    robots: Sequence[Robot], stop: threading.Event, lockstep: LockstepPace | None
+) -> RunStatistics:
+    statistics = RunStatistics()
+    if lockstep is None:
+        _loop(robots, statistics, stop)
+    else:
+        _loop_in_lockstep(robots, statistics, stop, lockstep)
+    for robot in robots:
+        robot.add_to(statistics)
+    return statistics
+
+
+def _where(first: Robot, vehicles: Sequence[str], folder: Path) -> str:
+    """Return which microcontrollers are where, for the first line."""
+    if len(vehicles) == 1:
+        return f"microcontroller at {first.place}"
+    return f"microcontrollers of {', '.join(vehicles)} in {folder}"
 
 
 def _place(folder: Path, name: str, vehicles: Sequence[str]) -> Path:

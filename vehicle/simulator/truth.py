@@ -141,6 +141,36 @@ def _sure(topic: Topic) -> Topic:
     return topic if clock.page() is None else replace(topic, qos=RELIABLE)
 
 
+def _change_publisher(
+    put: Callable[[bytes, int], object],
+) -> Callable[[str, ParameterValue, ParameterValue, str, int], None]:
+    """Return the function that publishes a change of a parameter: its name, old and new value,
+    requester and revision.
+    """
+    from vehicle_link.parameters.change import ParameterChange
+    from vehicle_link.process_instance import new_instance
+    from vehicle_link.topics import encode_parameter_change
+
+    instance = new_instance()
+
+    def publish_change(
+        name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
+    ) -> None:
+        stamp_ns = clock.time_ns()
+        change = ParameterChange(
+            stamp_ns,
+            name,
+            old=old,
+            new=value,
+            requester=requester,
+            revision=revision,
+            instance=instance,
+        )
+        put(encode_parameter_change(change), stamp_ns)
+
+    return publish_change
+
+
 def connect_to_station(
     shared: SharedSession, vehicle: str, live: LiveParameters, attendant: Attendant
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
@@ -153,32 +183,15 @@ def connect_to_station(
     def connect() -> tuple[Put, Callable[[], None]]:
         from vehicle_link.messages import Message, new
         from vehicle_link.messages.records import ChangeParametersRequest, SimulationRequest
-        from vehicle_link.parameters.change import ParameterChange
         from vehicle_link.parameters.messages import from_parameters, to_parameters
-        from vehicle_link.process_instance import new_instance
-        from vehicle_link.topics import SERVICES, TOPICS, encode_parameter_change
+        from vehicle_link.topics import SERVICES, TOPICS
         from vehicle_link.transport.idempotent import Idempotent
         from vehicle_link.transport.node import Node
         from vehicle_link.transport.parameter_service import serve_parameters
 
         node = Node(shared.open(), f"/{vehicle}", "simulator")
         publishers = {topic: node.advertise(_sure(TOPICS[topic])) for topic in PUBLISHED}
-        changes, instance = node.advertise(TOPICS["parameter_changes"]), new_instance()
-
-        def publish_change(
-            name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
-        ) -> None:
-            stamp_ns = clock.time_ns()
-            change = ParameterChange(
-                stamp_ns,
-                name,
-                old=old,
-                new=value,
-                requester=requester,
-                revision=revision,
-                instance=instance,
-            )
-            changes.put(encode_parameter_change(change), stamp_ns)
+        changes = node.advertise(TOPICS["parameter_changes"])
 
         def change(request: ChangeParametersRequest) -> Message:
             values = from_parameters(request.parameters)
@@ -194,7 +207,7 @@ def connect_to_station(
             attendant.ask(str(request.action))
             return new(f"{SERVICES['simulation']}_Response", accepted=True)
 
-        served = ReportingParameters(live, publish_change)
+        served = ReportingParameters(live, _change_publisher(changes.put))
         serve_parameters(node, served)
         service = SERVICES["change_parameters"]
         node.serve("simulator/change_parameters", service, change)

@@ -12,6 +12,7 @@ h, the height above the centre of mass at which the drag acts.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from flight_log.fields import ATTITUDE, THRUSTS, TURNING_B, VELOCITY_B
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Array
 
 TURNING = TURNING_B[:2]
@@ -202,23 +204,10 @@ def estimate_drag(
     Raises MeasurementError when the flight was too slow.
     """
     values = parameters.vehicle
-    mass, lag = float(values["model.mass"]), float(values["model.motor_time_constant"])
-    root = np.sqrt(np.maximum(thrusts[0], 0.0))  # linear in the speed of a rotor
-    arm = float(values["model.arm"])
-
-    def acting(k: int, f: Array) -> Array:
-        """Return the filters' input at tick k, for rotor thrusts f (N)."""
-        torque_b = arm * (f[1] - f[3]), arm * (f[2] - f[0])
-        return np.concatenate((velocity_w[k, :2], f.sum() * z_b[k, :2], motion_b[k], torque_b))
-
-    slow = acting(0, root**2)
-    filtered = np.empty((len(time), len(slow)))
-    filtered[0] = slow
-    for k, dt in enumerate(np.diff(time).tolist()):
-        before = root**2
-        root += -math.expm1(-dt / lag) * (np.sqrt(np.maximum(thrusts[k], 0.0)) - root)
-        slow += -math.expm1(-POLE * dt) * (acting(k + 1, 0.5 * (before + root**2)) - slow)
-        filtered[k + 1] = slow
+    mass = float(values["model.mass"])
+    filtered = _filtered(
+        time, np.hstack((velocity_w[:, :2], z_b[:, :2], motion_b)), thrusts, values
+    )
     rows = time >= start
     speed = float(np.sqrt(np.mean(np.sum(velocity_w[rows, :2] ** 2, axis=1))))
     if not speed >= SPEED_MIN:
@@ -251,6 +240,33 @@ def estimate_drag(
         truth=truth,
         parameters=parameters,
     )
+
+
+def _filtered(
+    time: Array, motion: Array, thrusts: Array, values: Mapping[str, ParameterValue]
+) -> Array:
+    """Return the low pass (N, 10) of level velocity, thrust force, `motion_b` and torque.
+
+    Args:
+        motion: (N, 8) level velocity and the body's z axis along world x and y, `motion_b`.
+    """
+    lag, arm = float(values["model.motor_time_constant"]), float(values["model.arm"])
+    root = np.sqrt(np.maximum(thrusts[0], 0.0))  # linear in the speed of a rotor
+
+    def acting(k: int, f: Array) -> Array:
+        """Return the filters' input at tick k, for rotor thrusts f (N)."""
+        torque_b = arm * (f[1] - f[3]), arm * (f[2] - f[0])
+        return np.concatenate((motion[k, :2], f.sum() * motion[k, 2:4], motion[k, 4:], torque_b))
+
+    slow = acting(0, root**2)
+    filtered = np.empty((len(time), len(slow)))
+    filtered[0] = slow
+    for k, dt in enumerate(np.diff(time).tolist()):
+        before = root**2
+        root += -math.expm1(-dt / lag) * (np.sqrt(np.maximum(thrusts[k], 0.0)) - root)
+        slow += -math.expm1(-POLE * dt) * (acting(k + 1, 0.5 * (before + root**2)) - slow)
+        filtered[k + 1] = slow
+    return filtered
 
 
 def _solve(force: Array, velocity: Array) -> tuple[float, Array]:

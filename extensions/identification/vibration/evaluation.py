@@ -9,6 +9,7 @@ oscillation of a hundred times a second as noise that grows without bound.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -158,13 +159,7 @@ class Vibration:
                 (f"{name} {axis}, of the noise proposed", float(value / one.noise - 1.0))
                 for axis, value in zip("xyz", one.hover, strict=True)
             ]
-        for name, value in values.items():
-            low, high = BOUNDS[name]
-            if not low <= value <= high:
-                raise MeasurementError(
-                    f"{name.replace('_', ' ')} {value:.3g} is outside what the estimator "
-                    f"accepts: {low:g} to {high:g}; find what is loose, then fly again"
-                )
+        _check_bounds(values)
         proposed: dict[str, ParameterValue] = {
             f"{PARAMETER}{name}": float(f"{value:.3g}") for name, value in values.items()
         }
@@ -186,6 +181,17 @@ class Vibration:
                 "rate": f"{self.rate:.0f} Hz",
             },
         )
+
+
+def _check_bounds(values: Mapping[str, float]) -> None:
+    """Raise MeasurementError for a value beyond the parameter's bounds."""
+    for name, value in values.items():
+        low, high = BOUNDS[name]
+        if not low <= value <= high:
+            raise MeasurementError(
+                f"{name.replace('_', ' ')} {value:.3g} is outside what the estimator "
+                f"accepts: {low:g} to {high:g}; find what is loose, then fly again"
+            )
 
 
 def read_vibration(log: Path, vehicle: str) -> Vibration:

@@ -64,7 +64,6 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
     at = (np.arange(PLACES * cells) + 0.5) / PLACES - 0.5 * cells  # cells, from the middle
     at = at[np.abs(at) < half - RIM]
     u, v = np.meshgrid(at, at)
-    one = np.ones(u.shape)
     whole = np.pad(np.ones((cells - 2, cells - 2)), 1)
     outline = SQUARE * (half - 1.0)
     plane = cv2.undistortPoints(corners[:, None], lens.matrix, lens.distortion)[:, 0]
@@ -95,13 +94,12 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
         moves = [along_u, u * along_u, v * along_u, along_v, u * along_v, v * along_v]
         blurred = wider + surroundings * inside_wider
         moves += [u * both, v * both, *([blurred] if start is None else [])]
-        A = np.stack([*moves, drawn, inside, one]).reshape(len(moves) + 3, -1)
+        A = np.stack([*moves, drawn, inside, np.ones(u.shape)]).reshape(len(moves) + 3, -1)
         *step, contrast, rim, _ = np.linalg.lstsq(A @ A.T, A @ seen[:, 0])[0]
         if contrast * 255.0 < LEAST:
             return None
         a = np.array(step) / contrast
-        off = np.array([[1 + a[1], a[2], a[0]], [a[4], 1 + a[5], a[3]], [a[6], a[7], 1]])
-        H = H @ np.linalg.inv(off)
+        H = H @ np.linalg.inv(_homography(a))
         if start is None:
             surroundings = rim / contrast
             step_of_blur = min(max(a[8], -BLUR_STEP), BLUR_STEP)
@@ -111,6 +109,11 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
     found = _pixels(H, outline, lens)
     near = np.abs(found - corners).max() < 0.5 * np.abs(cell).max() + 1.0
     return found if near else None
+
+
+def _homography(a: Array) -> Array:
+    """Return the homography (3, 3) of a step: 8 differences from the identity."""
+    return np.array([[1 + a[1], a[2], a[0]], [a[4], 1 + a[5], a[3]], [a[6], a[7], 1]])
 
 
 def _pixels(H: Array, places: Array, lens: Intrinsics) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+import os
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -147,6 +148,19 @@ def test_files_the_catalogue_does_not_know_are_entered(
     found = catalogue.get("found")
     assert (found.complete, found.recovered, found.vehicle) == (True, False, "quad1")
     assert found.messages == 50
+
+
+def test_a_run_of_simulated_time_is_listed_at_the_time_of_its_file(
+    tmp_path: Path, catalogue: Catalogue
+) -> None:
+    path = tmp_path / "runs" / "figure_eight_seed1.mcap"
+    write_log(path)  # 50 messages, one each 50 ms from 0 on
+    written = datetime(2026, 5, 4, 13, 40, tzinfo=UTC)
+    os.utime(path, (written.timestamp(), written.timestamp()))
+    tidy_runs(catalogue)
+    found = catalogue.get(path.stem)
+    assert found.duration == pytest.approx(2.45)
+    assert found.start == written - timedelta(seconds=found.duration)
 
 
 def test_what_cannot_be_read_is_said_and_kept(tmp_path: Path, catalogue: Catalogue) -> None:
