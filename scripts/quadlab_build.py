@@ -2,7 +2,8 @@
 
 In a checkout the packages are folders of the repository, and `control` and `console` are names that
 other distributions have too. In a wheel `control` is `quadlab.control`: its folder is moved and the
-imports are rewritten (docs/decisions/0001). Editable installations are setuptools' own.
+imports are rewritten (docs/decisions/0001). Editable installations are setuptools' own, which
+add the checkout to the search path.
 
 With the setting `for=vehicle` the wheel is `quadlab-vehicle`: what runs on the vehicle's computer,
 with the few libraries that it needs (`[tool.quadlab.vehicle]` in pyproject.toml).

@@ -83,6 +83,17 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "env" / "bin" / "python"
 
 
+def test_an_editable_installation_imports_nothing_when_python_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    wheel = zipfile.ZipFile(tmp_path / BACKEND["build_editable"](str(tmp_path)))
+    [path] = [name for name in wheel.namelist() if "/" not in name]
+    assert path.endswith(".pth")
+    [line] = wheel.read(path).decode().splitlines()
+    assert Path(line).resolve() == ROOT  # no import
+
+
 def _run(python: Path, *words: str) -> str:
     done = subprocess.run(
         [python, *words], cwd=python.parents[2], capture_output=True, text=True, check=False
