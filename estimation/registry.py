@@ -1,4 +1,4 @@
-"""Estimators by name: the two built-in ones, and any that is registered.
+"""Estimators by name: the two built-in ones, those of extensions, and any that is registered.
 
     from estimation.registry import register
     register("mine", MyEstimator)
@@ -9,12 +9,12 @@ called with the EstimationParameters and returns an `estimation.estimator.Estima
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 
+from estimation import names as known
 from estimation.estimator import Estimator, TakesReadings
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UnknownParameterError
@@ -31,25 +31,9 @@ from quadrotor.records import (
 Factory = Callable[[EstimationParameters], Estimator]
 
 
-def _complementary(parameters: EstimationParameters) -> Estimator:
-    from estimation.complementary import ComplementaryEstimator
-
-    return ComplementaryEstimator(parameters)
-
-
-def _error_state(parameters: EstimationParameters) -> Estimator:
-    from estimation.error_state.estimator import ErrorStateEstimator
-
-    return ErrorStateEstimator(parameters)
-
-
-_FACTORIES: dict[str, Factory] = {"complementary": _complementary, "error_state": _error_state}
+_registered: dict[str, Factory] = {}
 _ready: set[tuple[str, bool]] = set()
-
-
-def names() -> tuple[str, ...]:
-    """Return all names that can be chosen."""
-    return tuple(_FACTORIES)
+names = known.names
 
 
 def register(name: str, factory: Factory) -> None:
@@ -57,27 +41,22 @@ def register(name: str, factory: Factory) -> None:
 
     Registering a name again replaces it.
     """
-    _FACTORIES[name] = factory
+    _registered[name] = factory
     _ready.difference_update({(name, False), (name, True)})
-    offer(())
-
-
-def offer(plugins: Sequence[str]) -> None:
-    """Make these names, too, values of the parameters, in place of those offered before: of
-    estimators that whoever makes the parameter tree can start.
-    """
-    for field, none in (("estimator", ()), ("shadow", ("none",))):
-        extra: Any = EstimationParameters.model_fields[field].json_schema_extra
-        extra["choices"][:] = [*none, *names(), *plugins]
+    known.register(name)
 
 
 def create(name: str, parameters: EstimationParameters) -> Estimator:
-    """Create an estimator. Raises UnknownParameterError."""
-    if name not in _FACTORIES:
+    """Create an estimator.
+
+    Raises UnknownParameterError, or UsageError if the code of an extension cannot be imported.
+    """
+    if name not in names():
         raise UnknownParameterError(
-            f"no estimator is called {name!r}: there are {', '.join(_FACTORIES)}"
+            f"no estimator is called {name!r}: there are {', '.join(names())}"
         )
-    return _FACTORIES[name](parameters)
+    factory: Factory = _registered.get(name) or known.offered()[name].load()
+    return factory(parameters)
 
 
 def ready(name: str, bearings: bool) -> bool:

@@ -66,7 +66,7 @@ SETS = {
 def offer_plugins(data: Path) -> None:
     """Make what the plugins of the data folder add part of the vehicle's parameters."""
     from vehicle.estimators import offer
-    from vehicle.processes.parent import PLUGINS
+    from vehicle.processes.config import PLUGINS
 
     offer.offer_plugins(data / PLUGINS)
 
@@ -80,11 +80,11 @@ def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
     if "behavior.plugin" in values:
         from control.behaviors.behavior import ExternalReference
         from vehicle.behaviors.behaviors import PARAMETER, OwnBehaviors
-        from vehicle.processes.parent import PLUGINS
+        from vehicle.processes.config import PLUGINS
 
         OwnBehaviors(data / PLUGINS, False, ExternalReference(), str(values[PARAMETER]))
     if "estimation.sensors" in values:
-        from vehicle.processes.parent import PLUGINS
+        from vehicle.processes.config import PLUGINS
         from vehicle.sensors.sensors import PARAMETER as SENSORS
         from vehicle.sensors.sensors import OwnSensors
 
@@ -93,7 +93,7 @@ def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
         return
     from control.parameters import GEOMETRIC, NONE
     from vehicle.laws.laws import LAW, SHADOW_LAW, Laws
-    from vehicle.processes.parent import PLUGINS
+    from vehicle.processes.config import PLUGINS
 
     law, shadow = values.get(LAW, GEOMETRIC), values.get(SHADOW_LAW, NONE)
     Laws(data / PLUGINS).check(str(law), str(shadow))

@@ -262,6 +262,17 @@ class Law(Offer):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Estimator(Offer):
+    """An estimator of the vehicle's state, for `estimation.estimator` and `estimation.shadow`.
+
+    The target is a function of the `estimation.parameters.EstimationParameters` that returns an
+    `estimation.estimator.Estimator`.
+    """
+
+    kind: ClassVar[str] = "estimator"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StationPart(Offer):
     """A part of the base station of each vehicle; the name is the group of its parameters.
 

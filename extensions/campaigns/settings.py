@@ -66,7 +66,7 @@ class Settings:
         from quadlab.simulated.experiment import flight_parameters
         from vehicle.boards.kind import find_kind
         from vehicle.estimators.offer import offer_plugins
-        from vehicle.processes.parent import PLUGINS
+        from vehicle.processes.config import PLUGINS
 
         plan = self.file.plan
         offer_plugins(self.file.plugins or data_folder(None) / PLUGINS)

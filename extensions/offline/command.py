@@ -89,7 +89,7 @@ class Replay:
         from extensions.offline.window import find_window
         from quadlab.recording.log import read_recording
         from vehicle.estimators.estimators import Estimators
-        from vehicle.processes.parent import PLUGINS
+        from vehicle.processes.config import PLUGINS
 
         Estimators(data_folder(None) / PLUGINS).register()
         settings = [*beacon_words(self.beacons), *self.set]

@@ -77,7 +77,7 @@ def fly(
     from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
     from vehicle.estimators.offer import offer_plugins
-    from vehicle.processes.parent import PLUGINS
+    from vehicle.processes.config import PLUGINS
 
     check_seed(seed)
     kind = find_kind(board)

@@ -98,7 +98,7 @@ def fly_together(
     Raises QuadlabError.
     """
     from vehicle.estimators.offer import offer_plugins
-    from vehicle.processes.parent import PLUGINS
+    from vehicle.processes.config import PLUGINS
 
     fleet = SimulatedFleet(count, THE_VEHICLE, 0)
     check_seed(seed)

@@ -13,19 +13,19 @@ import pytest
 
 from console.experiments.user_file import load
 from control.trajectories.library import files_of, load_files
-from estimation import registry
+from estimation import names
 from quadlab.__main__ import main
 from quadrotor.checkout import ROOT
 from tests.support.installed import install
 from tests.support.lab import Lab, flight_parameters
-from vehicle.estimators.estimators import Estimators
+from vehicle.estimators.offer import offer_estimators
 from vehicle.laws.laws import Laws
 
 
 @pytest.fixture
 def no_names_left() -> Iterator[None]:
     yield
-    registry.offer(())
+    names.offer(())
 
 
 def test_a_new_law_estimator_behavior_and_sensor_fly_and_pass_their_own_tests(
@@ -41,7 +41,7 @@ def test_a_new_law_estimator_behavior_and_sensor_fly_and_pass_their_own_tests(
     assert main(["new", "sensor", "height", "--out", str(folder)]) == 0
     assert f"estimation.sensors=height --plugins {folder}" in capsys.readouterr().out
     assert Laws(folder).names() == (*Laws().names(), "mine")
-    Estimators(folder).offer()
+    offer_estimators(folder)
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder)]
     tested = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
     assert "9 passed" in tested.stdout, tested.stdout

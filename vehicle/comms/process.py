@@ -22,8 +22,15 @@ from vehicle.comms.comms_parts import CommsParts
 from vehicle.comms.deferred_events import DeferredEvents
 from vehicle.comms.start_certificates import certificates_in_time
 from vehicle.estimators.offer import offer_plugins
-from vehicle.processes.config import TICK_SLOTS, Rings, VehicleConfig, open_rings
-from vehicle.processes.parent import DEAF, GIVEN_UP, PLUGINS
+from vehicle.processes.config import (
+    DEAF,
+    GIVEN_UP,
+    PLUGINS,
+    TICK_SLOTS,
+    Rings,
+    VehicleConfig,
+    open_rings,
+)
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.defects import end_at_defect

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from estimation import registry
 from estimation.convergence import Difference, difference
 from estimation.estimator import Estimator
+from estimation.names import NONE
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
@@ -26,7 +27,7 @@ AGREEMENT = Difference(position=0.25, velocity=0.4, attitude=math.radians(6.0))
 ESTIMATOR, SHADOW, SOURCE = "estimation.estimator", "estimation.shadow", "estimation.source"
 SHADOW_SOURCE = "estimation.shadow_source"
 RESCUE, BUILT_IN = "estimation.rescue", "estimation.plugin.built_in"
-NONE, SAME = "none", "same"
+SAME = "same"
 
 
 @dataclass(frozen=True, slots=True)

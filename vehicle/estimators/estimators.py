@@ -6,14 +6,14 @@ from functools import partial
 from pathlib import Path
 
 from estimation import registry
+from estimation.names import NONE
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import RefusedError
-from vehicle.estimators.choice import NONE
 from vehicle.estimators.contract import ESTIMATOR as CONTRACT
 from vehicle.estimators.estimator_runner import POSES, Runner
 from vehicle.estimators.external import ExternalEstimator
+from vehicle.estimators.offer import plugins_of
 from vehicle.plugins.links import UDP, udp_link
-from vehicle.plugins.plugins import Plugins
 
 
 class Estimators:
@@ -25,11 +25,7 @@ class Estimators:
     """
 
     def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
-        self._plugins = Plugins(CONTRACT, folder, waits, (*registry.names(), NONE, UDP))
-
-    def offer(self) -> None:
-        """Make the plugins' names values of the parameters, before a tree's store is made."""
-        registry.offer(self._names())
+        self._plugins = plugins_of(folder, waits)
 
     def register(self) -> None:
         """Register the plugins like built-in ones, for programs that run estimators by name."""

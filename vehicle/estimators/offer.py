@@ -4,8 +4,25 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from vehicle.estimators.estimators import Estimators
+from estimation import names
+from vehicle.estimators.contract import ESTIMATOR
 from vehicle.plugins import declared
+from vehicle.plugins.plugins import Plugins
+
+
+def plugins_of(folder: Path | None, waits: bool = True) -> Plugins:
+    """Return the estimators that are plugins.
+
+    Args:
+        folder: of files NAME.py and NAME.fmu; may be missing.
+        waits: whether simulated time waits for the answers of a plugin.
+    """
+    return Plugins(ESTIMATOR, folder, waits, (*names.names(), names.NONE, names.UDP))
+
+
+def offer_estimators(folder: Path | None = None) -> None:
+    """Make the names of plugins values of the parameters, before a tree's store is made."""
+    names.offer((names.UDP, *plugins_of(folder).names()))
 
 
 def offer_plugins(folder: Path | None) -> list[str]:
@@ -14,5 +31,5 @@ def offer_plugins(folder: Path | None) -> list[str]:
 
     Returns a line for each file whose parameters cannot be read.
     """
-    Estimators(folder).offer()
+    offer_estimators(folder)
     return declared.offer(folder)

@@ -109,7 +109,7 @@ class PortPacer:
 
 
 class Robot(Protocol):
-    """The robot stepped in memory: vehicle.simulator.in_process.InProcessRobot."""
+    """A simulated vehicle that is stepped in memory."""
 
     @property
     def stamp_ns(self) -> int:

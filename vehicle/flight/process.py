@@ -9,9 +9,9 @@ from __future__ import annotations
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
@@ -23,9 +23,8 @@ from vehicle.boards.kind import MIKROKOPTER, Check, Kind, find_kind
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.boards.offered import offer
 from vehicle.flight.loop import FlightLoop
-from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
-from vehicle.processes.config import Rings, VehicleConfig, open_rings
-from vehicle.processes.parent import PLUGINS, TRAJECTORIES
+from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer, Robot
+from vehicle.processes.config import PLUGINS, TRAJECTORIES, Rings, VehicleConfig, open_rings
 from vehicle.processes.terminal import say, speak_for
 from vehicle.realtime import become_real_time, freeze_garbage
 from vehicle_link import clock
@@ -37,8 +36,8 @@ from vehicle_link.serial.links import open_port
 from vehicle_link.serial.port import BAUD_RATE, Port, PortError, PortProblem
 
 if TYPE_CHECKING:
+    from quadrotor.records import Record
     from vehicle.flight.stack import FlightStack
-    from vehicle.simulator.in_process import InProcessRobot
 
 PORT_PATIENCE_S = 10.0
 REPORTED_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
@@ -51,8 +50,30 @@ SOON_NS = 20_000_000
 """Delay, in ns, before the first sample in memory."""
 
 
-def fly(config: VehicleConfig) -> None:
-    """Compile, ask for real-time priority, then loop until a signal. Raises QuadlabError."""
+class MemoryRobot(Robot, Protocol):
+    """A simulated vehicle inside this process.
+
+    Attributes:
+        ports: the flight stack's ends of its lines.
+        epoch_ns: the vehicle's time of the first sample, to be set before it.
+    """
+
+    ports: Sequence[Port]
+    epoch_ns: int
+
+
+class Simulate(Protocol):
+    """Function that makes a vehicle of a sample rate (Hz), whose poses `measure` receives."""
+
+    def __call__(self, rate: int, measure: Callable[[Record], None]) -> MemoryRobot: ...
+
+
+def fly(config: VehicleConfig, simulate: Simulate | None = None) -> None:
+    """Compile, ask for real-time priority, then loop until a signal. Raises QuadlabError.
+
+    Args:
+        simulate: makes a vehicle in memory; None for a board at ports.
+    """
     # Imported here: it imports numba and every law, which tests of the loop do not need.
     from vehicle.flight.kernels import prepare
 
@@ -80,7 +101,10 @@ def fly(config: VehicleConfig) -> None:
         load_trajectories(stack, Path(config.data, TRAJECTORIES))
     for refusal in refusals:
         say(f"not compiled before the flight: {refusal}")
-    robot = None if ports else _in_process(config.rate, stack)
+    robot = None
+    if simulate is not None:
+        say(f"a simulated vehicle inside this process, {config.rate} Hz")
+        robot = simulate(config.rate, stack.measure)
     granted = become_real_time()
     progress.is_this_process(FLIGHT_PROCESS)
     if granted.refusal and not progress.in_lockstep:  # in lockstep nothing is late: time waits
@@ -128,13 +152,6 @@ def _discard_old(rings: Rings, ports: Sequence[Port]) -> None:
             pass
 
 
-def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
-    from vehicle.simulator.in_process import InProcessRobot
-
-    say(f"a simulated vehicle inside this process, {rate} Hz")
-    return InProcessRobot(rate, stack.measure)
-
-
 def why_unfit(port: Port, options: Parameters | None, check: Check) -> str:
     """Return why the board must not be armed, "" when its settings match the options.
 
@@ -164,7 +181,7 @@ def why_unfit(port: Port, options: Parameters | None, check: Check) -> str:
 
 def _connect(
     ports: Sequence[Port],
-    robot: InProcessRobot | None,
+    robot: MemoryRobot | None,
     config: VehicleConfig,
     kind: Kind,
     options: Parameters | None,
@@ -234,14 +251,14 @@ def open_ports(
     return ports
 
 
-def main(argument: str) -> int:
+def main(argument: str, simulate: Simulate | None = None) -> int:
     """Run the process; return the exit status, 0 after a signal, 1 after a failure."""
     end_at_defect()
     config = msgspec.json.decode(argument, type=VehicleConfig)
     speak_for(config.name)
     die_with_parent(config.parent)
     try:
-        fly(config)
+        fly(config, simulate)
     except QuadlabError as error:
         say(str(error))
         return 1

@@ -18,7 +18,7 @@ from estimation.outcome import Agreement
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle import mailbox
 from vehicle.boards.board import Command, RawSample, Traits
-from vehicle.boards.mikrokopter.microcontroller import TRAITS
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.estimators.repeated_poses import RepeatedPoses
 from vehicle.flight.microcontroller_commands import command_maker
 from vehicle.flight.stack_parts import StackParts
@@ -49,7 +49,7 @@ class FlightStack:
             parameters name.
         plugins: folder of users' control laws and estimators; may be missing.
         waits: whether simulated time waits for the answers of those.
-        board: traits of the board that receives the commands.
+        board: traits of the board that receives the commands; None for the MikroKopter's.
     """
 
     def __init__(
@@ -58,8 +58,9 @@ class FlightStack:
         estimator: Estimator | None = None,
         plugins: Path | None = None,
         waits: bool = True,
-        board: Traits = TRAITS,
+        board: Traits | None = None,
     ) -> None:
+        board = board or find_kind(MIKROKOPTER).traits
         parts = StackParts(parameters, estimator, plugins, waits, board)
         tick = self._tick = parts.tick
         self.parameters, self.law, self.mass = parameters, parts.law, parts.mass

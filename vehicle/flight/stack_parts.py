@@ -17,7 +17,6 @@ from vehicle import mailbox
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.boards.board import CommandKind, Traits
 from vehicle.boards.imu import ImuCalibrator
-from vehicle.boards.mikrokopter.microcontroller import TRAITS
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.estimators import Estimators
 from vehicle.estimators.navigation import Navigation
@@ -60,10 +59,10 @@ class StackParts:
     """
 
     parameters: VehicleParameters
-    estimator: Estimator | None = None
-    plugins: Path | None = None
-    waits: bool = True
-    board: Traits = TRAITS
+    estimator: Estimator | None
+    plugins: Path | None
+    waits: bool
+    board: Traits
 
     # ------------------------------------------------------------------ what a tick writes
     @cached_property

@@ -36,6 +36,10 @@ class RingDescriptors(msgspec.Struct, frozen=True):
         return self.ticks, self.inbox, self.poses, self.bearings, self.outbox, self.readings
 
 
+GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
+DEAF = 4  # exit status of a comms process that no command can reach any more
+TRAJECTORIES, PLUGINS = "trajectories", "plugins"
+"""Names of the folders, in the data folder, of the user's trajectory files and plugins."""
 PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12
 """Usual and lowest rate of telemetry packets; several vehicles on one computer send fewer."""
 

@@ -24,7 +24,7 @@ from quadrotor.parameter_description import ParameterValue
 from vehicle import mailbox
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.calibration.store import FOLDER, CalibrationStore
-from vehicle.processes.config import PACKETS_A_SECOND, VehicleConfig, create_rings
+from vehicle.processes.config import DEAF, GIVEN_UP, PACKETS_A_SECOND, VehicleConfig, create_rings
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
 from vehicle_link.addresses import EVERYWHERE
@@ -35,19 +35,17 @@ from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.ids import THE_ONE, Identity
 
 PATIENCE_S = 5.0
-GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
-DEAF = 4  # exit status of a comms process that no command can reach any more
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 5.0
 """Pauses before a restart of the comms process: a vehicle in flight outlasts the short one, and
 lands in the long one, which is longer than `safety.link_timeout` and `link_land_after` together."""
 DEATHS_OUTLASTED, DEATHS_WITHIN_S = 3, 30.0
 """Deaths of the comms process within this time that are followed by the short pause."""
-IMPORTED = [
-    f"{PREFIX}vehicle.{name}" for name in ("flight.process", "flight.stack", "comms.process")
-]
+FLIGHT, IN_MEMORY, COMMS = (
+    f"{PREFIX}vehicle.{name}" for name in ("flight.process", "in_memory", "comms.process")
+)
+"""Modules of the flight process, of that without ports, and of the comms process."""
+IMPORTED = [FLIGHT, f"{PREFIX}vehicle.flight.stack", COMMS]
 """Modules that both processes, or one of them, would import at each start."""
-TRAJECTORIES, PLUGINS = "trajectories", "plugins"
-"""Names of the folders, in the data folder, of the user's trajectory files and control laws."""
 
 
 class _Children:
@@ -56,8 +54,8 @@ class _Children:
     def __init__(self, config: VehicleConfig) -> None:
         self._config = config
         self.comms_restarted = False
-        self.flight = self._start("flight")
-        self.comms = self._start("comms")
+        self.flight = self._start(FLIGHT if config.ports else IN_MEMORY)
+        self.comms = self._start(COMMS)
 
     def notice(self, line: str) -> None:
         """Let the next comms process, and no other, tell the station this line."""
@@ -65,7 +63,7 @@ class _Children:
 
     def restart_comms(self) -> None:
         self.comms_restarted = True
-        self.comms = self._start("comms")
+        self.comms = self._start(COMMS)
 
     def stop(self) -> None:
         """Stop the children by SIGTERM, then by SIGKILL after a delay; none is left."""
@@ -81,10 +79,10 @@ class _Children:
                 process.kill()
                 process.wait()
 
-    def _start(self, name: str) -> Process:
+    def _start(self, module: str) -> Process:
         # A separate group: Ctrl-C in the terminal reaches only the parent, which then ends both.
         return start(
-            f"{PREFIX}vehicle.{name}.process",
+            module,
             [msgspec.json.encode(self._config).decode()],
             keep=self._config.rings.all,
             folder=ROOT,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimation import registry
+from estimation import names
 from extensions.fmu.description import write_fmu
 from extensions.fmu.models import Variable
 from extensions.fmu.plugin import FmuPlugin
@@ -18,7 +18,7 @@ from quadrotor.errors import UsageError
 from quadrotor.parameters import ParameterStore
 from tests.support.lab import Lab, flight_parameters
 from vehicle.estimators.contract import ESTIMATOR, INPUT, INPUT_TYPE, OUTPUT, OUTPUT_TYPE
-from vehicle.estimators.estimators import Estimators
+from vehicle.estimators.offer import offer_estimators
 from vehicle.plugins.contract import Field, as_attributes, names_of
 
 pytestmark = pytest.mark.needs("gcc")
@@ -38,9 +38,9 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
     def built(fmi: int) -> Path:
         path = tmp_path_factory.mktemp("fmu") / "own.fmu"
         shown = [Variable("gain", "parameter", "tunable", 0.1, "", "of poses", 0.0, 1.0)]
-        for fields, names, causality in ((INPUT, TAKEN, "input"), (OUTPUT, GIVEN, "output")):
+        for fields, taken, causality in ((INPUT, TAKEN, "input"), (OUTPUT, GIVEN, "output")):
             start = 0.0 if causality == "input" else None
-            for one in (one for one in fields if one.name in names):
+            for one in (one for one in fields if one.name in taken):
                 shown += [
                     Variable(name, causality, "continuous", start, one.unit, "")
                     for name in names_of(one)
@@ -71,11 +71,11 @@ def test_an_fmu_in_c_flies_the_vehicle_as_its_estimator(build: Build) -> None:
     parameters = flight_parameters()
     path = build(2)
     parameters.estimation.estimator, folder = path.stem, path.parent
-    Estimators(folder).offer()
+    offer_estimators(folder)
     try:
         lab = Lab(parameters, plugins=folder).hovering(settling=0.5)
     finally:
-        registry.offer(())
+        names.offer(())
     assert lab.stack.navigation.externals, lab.said
     (external,) = lab.stack.navigation.externals
     assert (external.flown, external.missed, external.failure) == (True, 0, "")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimation import registry
+from estimation import names, registry
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
@@ -25,6 +25,7 @@ from vehicle.estimators.contract import ESTIMATOR, INPUT, OUTPUT, Answer, Input,
 from vehicle.estimators.estimators import Estimators
 from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.navigation import Navigation
+from vehicle.estimators.offer import offer_estimators
 from vehicle.estimators.rescue import Rescue
 from vehicle.plugins.contract import as_attributes
 from vehicle.plugins.external import CONSECUTIVE
@@ -151,7 +152,7 @@ class Bench:
         self.estimators = Estimators(folder)
         if link is not None:
             self.estimators._plugins = Only(link)
-        self.estimators.offer()
+        names.offer((names.UDP, *self.estimators._plugins.names()))
         self.set(values)
         self.state, self.estimate = new_state(), np.zeros(1, ESTIMATE)
         self.navigation = Navigation(
@@ -196,7 +197,7 @@ class Bench:
 @pytest.fixture(autouse=True)
 def no_names_left() -> Iterator[None]:
     yield
-    registry.offer(())
+    names.offer(())
 
 
 @pytest.fixture
@@ -387,7 +388,7 @@ def test_a_law_is_no_estimator_and_a_name_that_is_not_there_is_refused(tmp_path:
     (tmp_path / "own.py").write_text(SIMPLE)
     (tmp_path / "mine.py").write_text("class law: ...\n")
     found = Estimators(tmp_path)
-    found.offer()
+    offer_estimators(tmp_path)
     choices = ParameterStore(EstimationParameters()).description("shadow").choices
     assert choices == ("none", "complementary", "error_state", "udp", "own")
     with pytest.raises(RefusedError, match=r"'mine' is not an estimator; there are .*, own; put"):
@@ -398,7 +399,7 @@ def test_the_vehicle_tells_why_it_goes_on_with_the_built_in_one(
     plugin: Callable[[str], Path],
 ) -> None:
     folder = plugin("if x.time > 0.4: 1 / 0")
-    Estimators(folder).offer()
+    offer_estimators(folder)
     parameters = flight_parameters()
     parameters.estimation.estimator = "own"
     lab = Lab(parameters, plugins=folder)
@@ -415,7 +416,8 @@ def test_the_vehicle_tells_why_it_goes_on_with_the_built_in_one(
 def test_a_program_runs_it_by_name_and_is_told_why_it_fails(
     plugin: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(registry, "_FACTORIES", dict(registry._FACTORIES))
+    monkeypatch.setattr(registry, "_registered", {})
+    monkeypatch.setattr(names, "_registered", [])
     Estimators(plugin("if x.time > 0.05: 1 / 0")).register()
     own, state, imu = (
         registry.create("own", EstimationParameters()),

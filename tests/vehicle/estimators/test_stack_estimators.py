@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimation import registry
+from estimation import names, registry
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import PRESETS, EstimationParameters
 from quadrotor.errors import UnknownParameterError
@@ -158,7 +158,8 @@ class Frozen(ComplementaryEstimator):
 def test_a_registered_plugin_can_be_chosen_and_a_broken_shadow_ends_no_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(registry, "_FACTORIES", dict(registry._FACTORIES))
+    monkeypatch.setattr(registry, "_registered", {})
+    monkeypatch.setattr(names, "_registered", [])
     for field in ("estimator", "shadow"):
         extra: Any = EstimationParameters.model_fields[field].json_schema_extra
         monkeypatch.setitem(extra, "choices", list(extra["choices"]))

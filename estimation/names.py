@@ -1,0 +1,51 @@
+"""The names of the estimators: built-in ones, those of extensions, and those that are registered.
+
+A process that only offers the choice, and runs none of them, imports nothing but this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from estimation.parameters import EstimationParameters
+from quadrotor.extension import Estimator
+from quadrotor.extensions import Offered, registry
+
+BUILT_IN: Mapping[str, str] = {
+    "complementary": ".complementary:ComplementaryEstimator",
+    "error_state": ".error_state.estimator:ErrorStateEstimator",
+}
+"""Where the code of each is."""
+NONE, UDP = "none", "udp"
+"""Values of the parameters that are no estimator of these: no shadow, and a program over UDP."""
+_registered: list[str] = []
+
+
+def offered() -> dict[str, Offered[Estimator]]:
+    """Return the built-in estimators and those of extensions, by name."""
+    found = {
+        name: Offered(Estimator(name=name, target=target), __package__)
+        for name, target in BUILT_IN.items()
+    }
+    return found | registry().offers(Estimator, taken=(*BUILT_IN, NONE, UDP))
+
+
+def names() -> tuple[str, ...]:
+    """Return all names that can be chosen."""
+    return tuple(dict.fromkeys((*offered(), *_registered)))
+
+
+def register(name: str) -> None:
+    """Make this name, too, a value of the parameters; see `estimation.registry.register`."""
+    _registered.append(name)
+    offer(())
+
+
+def offer(plugins: Sequence[str]) -> None:
+    """Make these names, too, values of the parameters, in place of those offered before: of
+    estimators that whoever makes the parameter tree can start.
+    """
+    for field, none in (("estimator", ()), ("shadow", (NONE,))):
+        extra: Any = EstimationParameters.model_fields[field].json_schema_extra
+        extra["choices"][:] = [*none, *names(), *plugins]
