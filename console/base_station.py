@@ -20,7 +20,7 @@ from quadrotor.errors import LinkError
 from vehicle_link.transport import time_sync
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 log = logging.getLogger(__name__)
 
 CLOSE_PATIENCE = 3.0

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from vehicle_link.parameters.messages import to_parameters
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.node import Node
 
 STATION_LAYOUT = "station.bearings.layout"

@@ -16,7 +16,7 @@ from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError
 from vehicle_link.messages import new
 from vehicle_link.messages.records import CalibrateRequest, Message
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.node import Node
 
 SERVICE = SERVICES["calibrate"]

@@ -6,7 +6,8 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from bearing_sim import BearingMeasurement, PoseMeasurement
+from bearing_sim.emulator import BearingMeasurement
+from bearing_sim.pose_measurement import PoseMeasurement
 from quadrotor.parameters import Parameters
 from quadrotor.records import Array
 

@@ -27,7 +27,7 @@ from vehicle_link.transport.radio import Radio, is_hanging_up
 from vehicle_link.transport.session import check_station, hub_session, parse_endpoint
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 
 SWITCH_INTERVAL = 0.0005
 DEAF = 4

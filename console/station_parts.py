@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
-from bearing_sim import BearingMeasurement, PoseMeasurement
+from bearing_sim.emulator import BearingMeasurement
+from bearing_sim.pose_measurement import PoseMeasurement
 from console.alarms import Alarms
 from console.beacon_layout import BeaconLayout, layout_setter, restored_layout
 from console.calibrations import Calibrations
@@ -63,7 +64,7 @@ from vehicle_link.transport.parameter_service import serve_parameters
 from vehicle_link.transport.publisher import OtherPath, Received
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 LOCKSTEP_HEARTBEATS = 5
 """In lockstep so many more heartbeats go over the lane, and the link needs none of them."""
 LOG_TIMEOUT = 1.0

@@ -14,14 +14,9 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 
-from bearing_sim import (
-    BearingEmulator,
-    BearingMeasurement,
-    BearingParameters,
-    PoseMeasurement,
-    SimulatedTracker,
-    TrackerParameters,
-)
+from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
+from bearing_sim.pose_measurement import PoseMeasurement
+from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadrotor.plain_rotations import Array
 from quadrotor.records import has_attitude
 from vehicle_link.clock import monotonic

@@ -5,7 +5,7 @@ A process that only offers the choice, and runs none of them, imports nothing bu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from estimation.parameters import EstimationParameters
@@ -19,7 +19,8 @@ BUILT_IN: Mapping[str, str] = {
 """Where the code of each is."""
 NONE, UDP = "none", "udp"
 """Values of the parameters that are no estimator of these: no shadow, and a program over UDP."""
-_registered: list[str] = []
+registered: dict[str, Callable[[EstimationParameters], Any]] = {}
+"""What `estimation.registry.register` was given in this process, by name."""
 
 
 def offered() -> dict[str, Offered[Estimator]]:
@@ -33,13 +34,7 @@ def offered() -> dict[str, Offered[Estimator]]:
 
 def names() -> tuple[str, ...]:
     """Return all names that can be chosen."""
-    return tuple(dict.fromkeys((*offered(), *_registered)))
-
-
-def register(name: str) -> None:
-    """Make this name, too, a value of the parameters; see `estimation.registry.register`."""
-    _registered.append(name)
-    offer(())
+    return tuple(dict.fromkeys((*offered(), *registered)))
 
 
 def offer(plugins: Sequence[str]) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from estimation import names as known
 from estimation.estimator import Estimator, TakesReadings
 from estimation.parameters import EstimationParameters
-from quadrotor.errors import MeasurementError, UnknownParameterError
+from quadrotor.errors import MeasurementError, QuadlabError, UnknownParameterError, UsageError
 from quadrotor.records import (
     BEARINGS_SAMPLE,
     ESTIMATE,
@@ -31,7 +31,6 @@ from quadrotor.records import (
 Factory = Callable[[EstimationParameters], Estimator]
 
 
-_registered: dict[str, Factory] = {}
 _ready: set[tuple[str, bool]] = set()
 names = known.names
 
@@ -41,9 +40,9 @@ def register(name: str, factory: Factory) -> None:
 
     Registering a name again replaces it.
     """
-    _registered[name] = factory
+    known.registered[name] = factory
     _ready.difference_update({(name, False), (name, True)})
-    known.register(name)
+    known.offer(())
 
 
 def create(name: str, parameters: EstimationParameters) -> Estimator:
@@ -55,7 +54,7 @@ def create(name: str, parameters: EstimationParameters) -> Estimator:
         raise UnknownParameterError(
             f"no estimator is called {name!r}: there are {', '.join(names())}"
         )
-    factory: Factory = _registered.get(name) or known.offered()[name].load()
+    factory: Factory = known.registered.get(name) or known.offered()[name].load()
     return factory(parameters)
 
 
@@ -70,11 +69,20 @@ def prepare(name: str, bearings: bool) -> None:
     """Compile everything that estimator `name` may call, with bearings or with poses alone.
 
     This takes seconds when nothing is cached, milliseconds otherwise, and no time when repeated.
-    Raises UnknownParameterError.
+    Raises UnknownParameterError, or UsageError for code of an extension that cannot run.
     """
     if ready(name, bearings):
         return
-    rehearse(create(name, EstimationParameters()), bearings)
+    try:
+        rehearse(create(name, EstimationParameters()), bearings)
+    except QuadlabError:
+        raise
+    except Exception as error:
+        if name in known.BUILT_IN:
+            raise
+        raise UsageError(
+            f"the estimator {name} fails at rest: {type(error).__name__}: {error}; mend it"
+        ) from error
     _ready.update({(name, bearings), (name, False)})
 
 

@@ -19,16 +19,16 @@ from vehicle_link.lockstep import page_at
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.records import Answer, ExperimentStatus, Message
 from vehicle_link.termination_signal import Ending
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.client import ServiceClient
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient
 from vehicle_link.transport.publisher import Publisher, Received
-from vehicle_link.transport.session import loopback_session
 
 if TYPE_CHECKING:
     from vehicle_link.topics.typed_tables import Ask
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 
 REACH = 3.0
 """Seconds to wait until a station is reached."""

@@ -103,8 +103,10 @@ def assemble(
             yield
         finally:
             await _ended(loops)
-            for part in (*contexts, fleet, *features, people):
-                part.stop()
+            of_vehicles = [one.stop for one in contexts]
+            of_features = [one.stop for one in features]
+            for stop in (*of_vehicles, fleet.stop, *of_features, people.stop):
+                stop()
 
     apps = {  # the first one's runs for all
         context.vehicle: create_app(context, fleet, features, lifespan if k == 0 else None, files)

@@ -15,7 +15,8 @@ from quadrotor.records import Record
 from vehicle_link.clock import monotonic
 from vehicle_link.messages.records import Message
 from vehicle_link.telemetry import unpack
-from vehicle_link.topics import TICK_TOPICS, TOPICS
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 
 if TYPE_CHECKING:
     from vehicle_link.topics.typed_tables import Newest

@@ -28,7 +28,7 @@ from web.live.sockets import LiveWebSocket, listen
 from web.live.station import Reactions, Station
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import SharedSession
+    from vehicle_link.transport.loopback import SharedSession
 
 NICENESS = 5  # while it serves: display comes after flying, and after other programs
 CLOSING_TIME = 2  # s for open downloads and sockets to end at shutdown
@@ -69,7 +69,7 @@ def run_web(
     """
     from console.catalogue.catalogue import Catalogue
     from vehicle_link.defects import end_at_defect
-    from vehicle_link.transport.session import SharedSession, loopback_session
+    from vehicle_link.transport.loopback import SharedSession, loopback_session
 
     end_at_defect()
     stations = _Stations(SharedSession(lambda: loopback_session(loopback_port)))

@@ -8,7 +8,8 @@ import time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bearing_sim import PAPER_BEACONS, BearingMeasurement
+from bearing_sim.beacons import PAPER_BEACONS
+from bearing_sim.emulator import BearingMeasurement
 from benchmarks.estimation.flights import FRAMES, RATE, SIGMA, Flight, flight
 from benchmarks.harness import Report, Row, Size, Target
 from estimation import registry

@@ -18,13 +18,18 @@ import numpy as np
 from benchmarks.harness import free_port
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE
-from vehicle_link import messages, topics
+from vehicle_link import messages
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.security.authority import ensure_certificates
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.measurements import pose_messages
+from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.topics.ticks import decode_odometry
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
-from vehicle_link.transport.session import hub_session, loopback_session
+from vehicle_link.transport.session import hub_session
 
 PATIENCE = 60.0
 BEAT_S = 0.05
@@ -80,12 +85,12 @@ class Ground:
         self._poses: Any = None
         self._relay: Any = None
         self._simulator = self._truth_node.client(
-            "simulator/change_parameters", topics.SERVICES["change_parameters"]
+            "simulator/change_parameters", SERVICES["change_parameters"]
         )
-        self._truth_node.subscribe("truth", topics.TOPICS["truth"].type_name, self._see)
+        self._truth_node.subscribe("truth", TOPICS["truth"].type_name, self._see)
         if self._node is not None:
-            self._poses = self._node.advertise(topics.TOPICS["tracker_pose"])
-            self._beats = self._node.advertise(topics.TOPICS["station_heartbeat"])
+            self._poses = self._node.advertise(TOPICS["tracker_pose"])
+            self._beats = self._node.advertise(TOPICS["station_heartbeat"])
             self._follow(self._node)
             threading.Thread(target=self._beat, daemon=True).start()
 
@@ -99,9 +104,7 @@ class Ground:
                 except LinkError:
                     continue
                 stack.callback(session.close)
-                self._relay = Node(session, f"/{NAME}", "simulator").advertise(
-                    topics.TOPICS["truth"]
-                )
+                self._relay = Node(session, f"/{NAME}", "simulator").advertise(TOPICS["truth"])
                 self._node = Node(session, f"/{NAME}", "ground")
                 self._follow(self._node)
                 return
@@ -109,14 +112,14 @@ class Ground:
         return run
 
     def _follow(self, node: Node) -> None:
-        node.subscribe("status", topics.TOPICS["status"].type_name, self._hear)
+        node.subscribe("status", TOPICS["status"].type_name, self._hear)
 
     def _hear(self, received: Received) -> None:
-        self.status = messages.decode(received.payload, topics.TOPICS["status"].type_name)
+        self.status = messages.decode(received.payload, TOPICS["status"].type_name)
         self.status_at = time.monotonic()
 
     def _see(self, received: Received) -> None:
-        stamp_ns, state = topics.decode_odometry(received.payload)
+        stamp_ns, state = decode_odometry(received.payload)
         self.stamp, self.truth = stamp_ns * 1e-9, state
         if self._relay is not None:
             with suppress(LinkError):
@@ -127,7 +130,7 @@ class Ground:
             sample["position_w"] = state["position_w"]
             sample["quaternion_wb"] = state["quaternion_wb"]
             with suppress(LinkError):
-                self._poses.put(topics.pose_messages(sample).tobytes(), stamp_ns)
+                self._poses.put(pose_messages(sample).tobytes(), stamp_ns)
         self.watch(self.stamp, state)
 
     def _beat(self) -> None:
@@ -136,14 +139,14 @@ class Ground:
             number += 1
             now_ns = time.time_ns()
             with suppress(LinkError):
-                self._beats.put(topics.encode_heartbeat(number, now_ns), now_ns)
+                self._beats.put(encode_heartbeat(number, now_ns), now_ns)
 
     # ------------------------------------------------------------------ asking
     def ask(self, service: str, **fields: Any) -> Any | None:
         """Return the answer; None when there was none."""
         if self._node is None:
             return None
-        kind = topics.SERVICES[service]
+        kind = SERVICES[service]
         request = messages.new(
             f"{kind}_Request", request_id=secrets.token_hex(6), requester=REQUESTER, **fields
         )

@@ -24,7 +24,7 @@ from benchmarks.flights.failing_flights import CORRUPTED, CORRUPTED_FOR, SETTING
 from benchmarks.flights.failing_ground import NAME, Ground, NotFlownError, until
 from benchmarks.flights.touch_down import TOUCHING, Outcome, TouchDown
 from benchmarks.harness import free_port
-from flight_log import is_closed
+from flight_log.index import is_closed
 from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError
 from quadrotor.motor_state import MotorState

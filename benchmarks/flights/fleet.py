@@ -23,7 +23,7 @@ from benchmarks.page.laboratory import TICK, processes, started
 from quadlab.station_client import REACH, StationClient
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.messages.records import Log
-from vehicle_link.transport.session import loopback_session
+from vehicle_link.transport.loopback import loopback_session
 
 PORT, LINK_PORT = 28082, 28450
 COUNT = 8, 3, 2  # of each size

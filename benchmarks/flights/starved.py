@@ -27,9 +27,11 @@ import numpy as np
 
 from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from benchmarks.safety.laboratory import PATIENCE, Laboratory
-from flight_log import is_closed, read_log
+from flight_log.index import is_closed
+from flight_log.reader import read_log
 from vehicle_link.messages import decode
-from vehicle_link.topics import decode_external_reference, decode_odometry
+from vehicle_link.topics.control_inputs import decode_external_reference
+from vehicle_link.topics.ticks import decode_odometry
 
 FLIGHTS, UNLOADED = 20, 4
 LAPS = 1

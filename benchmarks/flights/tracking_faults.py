@@ -16,15 +16,16 @@ from unittest import mock
 
 import numpy as np
 
-from bearing_sim import PoseMeasurement, SimulatedTracker
+from bearing_sim.pose_measurement import PoseMeasurement
+from bearing_sim.tracker import SimulatedTracker
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
 from console.trackers import process, tracked_vehicle
 from console.trackers.source import Body, Frame
 from quadrotor.errors import RefusedError
 from quadrotor.plain_rotations import Array, turned
-from vehicle_link import topics
 from vehicle_link.messages import decode
+from vehicle_link.topics.measurements import decode_pose
 
 FLIGHTS = 20
 SECONDS = 12.0
@@ -155,7 +156,7 @@ class System:
             if self.fault and decode(payload, "quadlab_msgs/TrackerStatus").problem:
                 self.reported = min(self.reported, 1e-9 * (now_ns - self.failed_ns))
         _Node.sent["tracker_status"].clear()
-        found = [topics.decode_pose(payload)[0] for payload in _Node.sent["tracker_body"]]
+        found = [decode_pose(payload)[0] for payload in _Node.sent["tracker_body"]]
         _Node.sent["tracker_body"].clear()
         return [
             PoseMeasurement(int(one["stamp_ns"]), one["position_w"], one["quaternion_wb"])

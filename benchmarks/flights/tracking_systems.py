@@ -22,10 +22,10 @@ from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Array
 from vehicle_link.messages import decode
 from vehicle_link.messages.records import PoseStamped
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.session import loopback_session
 
 PORT, LINK_PORT, SERVER_PORT = 18300, 18310, 18320
 POSES = 1000, 1000, 50  # of each size

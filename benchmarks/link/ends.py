@@ -44,13 +44,15 @@ from vehicle.comms.inbound import STATION_LOST_S
 from vehicle.comms.lane import CommsLane
 from vehicle.comms.publish import PROBE_NS, LinkRadio
 from vehicle.safety.parameters import SafetyParameters
-from vehicle_link import telemetry, topics
+from vehicle_link import telemetry
 from vehicle_link.lane.datagram import LARGEST, LARGEST_PAYLOAD
 from vehicle_link.messages import new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.termination_signal import EndSignal
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.measurements import pose_messages
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LinkState
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import OtherPath, Received
@@ -67,7 +69,7 @@ COMMAND, PART = SERVICES["arm"], SERVICES["onboard_part"]
 STATES = (LinkState.GOOD, LinkState.DEGRADED, LinkState.LOST)
 _STAMP = struct.Struct("<qq")  # number, ns
 _TELEMETRY = telemetry.pack(np.zeros(telemetry.SAMPLES_A_PACKET, TICK), 0)
-_POSE = topics.pose_messages(np.zeros(1, POSE_SAMPLE)).tobytes()
+_POSE = pose_messages(np.zeros(1, POSE_SAMPLE)).tobytes()
 _FRAMING = LARGEST - LARGEST_PAYLOAD
 
 
@@ -179,7 +181,7 @@ def vehicle(folder: Path, plan: Plan) -> None:
 
     def beat(k: int) -> None:
         now_ns = time.time_ns()
-        radio.put("vehicle_heartbeat", topics.encode_heartbeat(k, now_ns, instance), now_ns)
+        radio.put("vehicle_heartbeat", encode_heartbeat(k, now_ns, instance), now_ns)
 
     def look(k: int) -> None:
         if (silence() > timeout) != missing[0]:
@@ -266,7 +268,7 @@ def station(folder: Path, plan: Plan) -> None:
         calls.add(began, -1)
 
     def say_beat(k: int) -> None:
-        beat.put(topics.encode_heartbeat(k, time.time_ns(), instance))
+        beat.put(encode_heartbeat(k, time.time_ns(), instance))
 
     def look(k: int) -> None:
         now = STATES.index(link.state())

@@ -27,7 +27,7 @@ from benchmarks.impairment.link import A, B, ImpairedLink
 from benchmarks.link.outages import BETWEEN, COUNT, LONGEST, SHORTEST, Outage
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, completeness_of
-from flight_log import read_log
+from flight_log.reader import read_log
 from quadlab.station_client import StationClient, station
 from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError, QuadlabError, RefusedError

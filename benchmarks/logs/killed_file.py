@@ -18,9 +18,9 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from benchmarks.harness import Row, Target
-from flight_log import is_closed, read_log, read_metadata
 from flight_log.check import check_log
-from flight_log.index import RECOVERED_METADATA
+from flight_log.index import RECOVERED_METADATA, is_closed
+from flight_log.reader import read_log, read_metadata
 
 MOST_LOST_MS = 50.0
 _FIELDS = struct.Struct("<qq")

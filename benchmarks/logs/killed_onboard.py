@@ -27,7 +27,8 @@ import numpy as np
 from benchmarks.harness import free_port
 from benchmarks.logs.killed_file import Kill, problems_of
 from benchmarks.onboard.flight_under_test import NICENESS
-from flight_log import is_closed, read_log
+from flight_log.index import is_closed
+from flight_log.reader import read_log
 from flight_log.tick_columns import TICK_TOPICS
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore

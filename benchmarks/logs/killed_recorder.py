@@ -26,7 +26,7 @@ from console.catalogue.tables import RunEntry
 from console.runs.adoption import tidy_runs
 from console.runs.recorder import Recorder
 from console.runs.run import Run, RunEnd
-from flight_log import read_log
+from flight_log.reader import read_log
 from flight_log.run_folder import STATION
 from quadrotor.checkout import ROOT
 from vehicle_link import messages

@@ -17,13 +17,12 @@ import numpy as np
 
 from bearing_sim.bearing_parameters import BearingParameters
 from control.behaviors.parameters import BehaviorParameters
-from flight_log import LogWriter
-from flight_log.writer import Batch
+from flight_log.writer import Batch, LogWriter
 from quadrotor.records import TICK
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import to_value
-from vehicle_link.topics import PICTURE
 from vehicle_link.topics import ticks as topic_ticks
+from vehicle_link.topics.measurements import PICTURE
 
 RATE = 500  # Hz
 STEP_NS = 1_000_000_000 // RATE

@@ -20,11 +20,11 @@ import numpy.typing as npt
 
 from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.onboard.flight_under_test import FlightUnderTest
-from flight_log import summarize
+from flight_log.summary import summarize
 from quadrotor.errors import QuadlabError
 from quadrotor.records import Record
 from vehicle.onboard_log.onboard_log import OnboardLog
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 RATE = 500
 SECONDS = 60.0, 6.0, 1.5  # of each size

@@ -21,10 +21,11 @@ from typing import Any
 
 from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from quadrotor.checkout import ROOT
-from vehicle_link.topics import TOPICS, decode_joy, encode_heartbeat
+from vehicle_link.topics.control_inputs import decode_joy, encode_heartbeat
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.session import loopback_session
 
 FLAGS = [
     "--no-sandbox",

@@ -23,7 +23,7 @@ from websockets.typing import Origin
 
 from benchmarks.link.hostile_bytes import chunk
 from quadrotor.errors import LinkError
-from vehicle_link.transport.session import loopback_session
+from vehicle_link.transport.loopback import loopback_session
 
 WAIT = 2.0
 """Longest time, in s, to wait for an answer or a place to send to."""

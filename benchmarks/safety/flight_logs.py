@@ -7,8 +7,8 @@ from itertools import islice
 from pathlib import Path
 
 from benchmarks.flights.touch_down import Outcome, TouchDown
-from flight_log import read_log
-from vehicle_link.topics import decode_odometry
+from flight_log.reader import read_log
+from vehicle_link.topics.ticks import decode_odometry
 
 AIRBORNE = 0.1
 """Height, in m, above which the vehicle has taken off."""

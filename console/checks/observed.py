@@ -14,7 +14,7 @@ from quadrotor.records import Array, Record
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode
 from vehicle_link.messages.records import Message, VehicleStatus
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 if TYPE_CHECKING:
     from vehicle_link.topics.typed_tables import Newest

@@ -26,7 +26,7 @@ from vehicle_link.machine_checks import ClockWatch, clock_check, disk_check, gov
 from vehicle_link.messages import new
 from vehicle_link.messages.records import ChecksRequest, Message
 from vehicle_link.security.certificate_checks import certificate_check
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 
 log = logging.getLogger(__name__)

@@ -31,7 +31,7 @@ from vehicle_link.messages.records import (
 )
 from vehicle_link.parameters.change import SIMULATOR, authority_of
 from vehicle_link.parameters.messages import from_parameters, to_parameters
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.client import ServiceClient
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node

@@ -15,7 +15,7 @@ from console.link.outbox import INFO
 from quadrotor.errors import UsageError
 from vehicle_link.messages import decode, header, new
 from vehicle_link.messages.records import ControlRequest, Message
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.publisher import Received
 

@@ -21,7 +21,7 @@ from quadrotor.errors import RefusedError
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode, header, new
 from vehicle_link.messages.records import MarkRequest, Message
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
 
 ID = re.compile(r"[A-Za-z0-9_-]{8,64}")

@@ -13,9 +13,9 @@ from collections.abc import Callable
 
 from console.commands.stick_watchdog import StickOrder, StickWatchdog
 from console.link.outbox import Outbox
-from vehicle_link import topics
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import Message, decode, encode, header, new
+from vehicle_link.topics.control_inputs import Sticks, decode_joy
 from vehicle_link.transport.publisher import Received
 
 log = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ class StickHandler:
         self._timeout = timeout
         self._watchdog = StickWatchdog()
         self._changed = threading.Condition()
-        self._last = topics.Sticks(0, (0.0, 0.0, 0.0, 0.0), enabled=False)
+        self._last = Sticks(0, (0.0, 0.0, 0.0, 0.0), enabled=False)
         self._refused: set[str] = set()
         """Requesters whose held sticks were refused: they must release the button first."""
         self._closing = False
@@ -82,7 +82,7 @@ class StickHandler:
         timeout = self._timeout()
         if message.received_ns - message.source_ns > timeout * 1e9:
             return  # from a process that was stopped; the watchdog has noticed
-        sticks = topics.decode_joy(message.payload)
+        sticks = decode_joy(message.payload)
         if sticks.enabled and sticks.requester in self._refused:
             self._answer(sticks, False, "release the dead-man button and press it again")
             return
@@ -109,7 +109,7 @@ class StickHandler:
             reason = "an experiment is flying; deflect a stick to take over"
         self._answer(sticks, order.enabled, reason)
 
-    def _let_go(self, sticks: topics.Sticks, timeout: float) -> None:
+    def _let_go(self, sticks: Sticks, timeout: float) -> None:
         """Release the sticks of a person who lost control; otherwise their drop would stay for
         ever.
         """
@@ -142,7 +142,7 @@ class StickHandler:
         with self._changed:
             self._changed.wait(REPEAT)
 
-    def _answer(self, sticks: topics.Sticks, enabled: bool, reason: str) -> None:
+    def _answer(self, sticks: Sticks, enabled: bool, reason: str) -> None:
         stamp_ns = sticks.stamp_ns
         answer: Message = new(
             STATUS, header=header(stamp_ns, sticks.requester), enabled=enabled, reason=reason

@@ -29,7 +29,7 @@ from quadrotor.plain_rotations import make_continuous, rotation_vectors_between
 from quadrotor.records import Array, Stamps, beacon_ids_of
 from vehicle_link.messages import decode
 from vehicle_link.messages.records import Log, ParameterChange
-from vehicle_link.topics import decode_bearings
+from vehicle_link.topics.measurements import decode_bearings
 
 Floats = npt.NDArray[np.float32]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from bearing_sim import BearingMeasurement, PoseMeasurement
+from bearing_sim.emulator import BearingMeasurement
+from bearing_sim.pose_measurement import PoseMeasurement
 from console.calibrations import Calibrations
 from console.checks.observed import Observed
 from console.commands.stick_control import StickHandler
@@ -18,14 +19,16 @@ from console.part import Part
 from console.runs.event_book import EventWriter, KeptEvent
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
-from vehicle_link import topics
 from vehicle_link.clock import host_time_ns
 from vehicle_link.commands import BRAKING, EventKind
 from vehicle_link.lockstep import ProcessProgress
 from vehicle_link.messages import decode
 from vehicle_link.parameters.change import VEHICLE, authority_of
 from vehicle_link.parameters.messages import decode_change
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.measurements import decode_bearings, decode_pose
+from vehicle_link.topics.status import DELAYED_PREFIX, event_kinds
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import decode_odometry_pose
 from vehicle_link.transport.publisher import Received
 
 BEAT_NS = 18_000_000
@@ -124,7 +127,7 @@ class MessageHandlers:
         station; end an experiment when the vehicle brakes by itself.
         """
         event = decode(received.payload, TOPICS["events"].type_name)
-        kinds = topics.event_kinds(event)
+        kinds = event_kinds(event)
         sent_ns = event.stamp.sec * 1_000_000_000 + event.stamp.nanosec
         self._events.put(
             KeptEvent(
@@ -139,11 +142,11 @@ class MessageHandlers:
         if EventKind.DELAYED in kinds:
             print(f"station: {self._vehicle}: {event.msg}", flush=True)
         if EventKind.BRAKING in kinds:
-            why = event.msg.removeprefix(topics.DELAYED_PREFIX).removeprefix(BRAKING)
+            why = event.msg.removeprefix(DELAYED_PREFIX).removeprefix(BRAKING)
             self._experiments.braked(why)
 
     def _tracked(self, received: Received) -> None:
-        sample, link = topics.decode_pose(received.payload, or_position=True)[0], self._link
+        sample, link = decode_pose(received.payload, or_position=True)[0], self._link
         pose = PoseMeasurement(
             link.vehicle_ns(int(sample["stamp_ns"])),
             sample["position_w"].copy(),
@@ -152,7 +155,7 @@ class MessageHandlers:
         self._tracker.tracked(pose, link.vehicle_ns())
 
     def _seen(self, received: Received) -> None:
-        sample = topics.decode_bearings(received.payload)
+        sample = decode_bearings(received.payload)
         count = int(sample["count"][0])
         frame = BearingMeasurement(
             self._link.vehicle_ns(int(sample["stamp_ns"][0])),
@@ -163,7 +166,7 @@ class MessageHandlers:
         self._tracker.seen(frame)
 
     def _truth(self, received: Received) -> None:
-        stamp_ns, *pose = topics.decode_odometry_pose(received.payload, self._vehicle)
+        stamp_ns, *pose = decode_odometry_pose(received.payload, self._vehicle)
         at_ns = self._link.stamp_of_simulator(stamp_ns)
         self._parts.truth(at_ns, *pose)
         self._tracker.truth(at_ns, *pose)

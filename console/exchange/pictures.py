@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from console.context import StationContext
-from vehicle_link.topics import PICTURE, TOPICS
+from vehicle_link.topics.measurements import PICTURE
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 

@@ -10,8 +10,7 @@ from console.checks.observed import Observed
 from console.context import StationContext
 from console.link.lane import VehicleLane
 from quadrotor.errors import LinkError, MeasurementError
-from vehicle_link.topics import TOPICS
-from vehicle_link.topics.table import SHARED
+from vehicle_link.topics.table import SHARED, TOPICS
 from vehicle_link.transport.publisher import Received
 
 RECORDED_AS_RECEIVED = tuple(

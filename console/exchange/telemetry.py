@@ -16,8 +16,10 @@ from quadrotor.records import Record
 from vehicle_link.clock import time_ns
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.telemetry import unpack
-from vehicle_link.topics import SCENE_TOPICS, TICK_TOPICS, TOPICS, SceneMessages
 from vehicle_link.topics.rmw_keys import full_name
+from vehicle_link.topics.scene import SCENE_TOPICS, SceneMessages
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 from vehicle_link.transport.publisher import Received
 
 

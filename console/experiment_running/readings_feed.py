@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bearing_sim import PoseMeasurement
+from bearing_sim.pose_measurement import PoseMeasurement
 from console.experiments.readings import BenchReadings, ImuReadings, TrackedAttitude
 from quadrotor.records import Array, Record
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 KEPT_TICKS = 60_000
 """Two minutes at 500 Hz, 7 MB; a slower reader loses the oldest, counted as a gap."""

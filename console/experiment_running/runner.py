@@ -37,7 +37,7 @@ from console.parameters.vehicle import VehicleParameters
 from console.runs.runs import RunManager
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.clock import monotonic
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 
 log = logging.getLogger(__name__)

@@ -16,7 +16,7 @@ from quadrotor.parameters import ParameterStore
 from vehicle_link.messages import new
 from vehicle_link.messages.records import ExperimentRequest, Message
 from vehicle_link.parameters.messages import from_parameters, to_descriptor
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 

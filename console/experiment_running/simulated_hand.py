@@ -17,7 +17,7 @@ from quadrotor.parameter_description import ParameterValue
 from quadrotor.plain_rotations import roll_pitch_yaw
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_value, to_parameters
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.node import Node
 
 HELD, FREE = "simulator.held", "free"

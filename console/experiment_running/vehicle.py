@@ -17,7 +17,7 @@ from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.messages.records import VehicleStatus
 from vehicle_link.parameters.replica import MISSED
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 OLD = 1.0
 """Age in s beyond which a status is too old to use."""

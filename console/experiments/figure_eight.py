@@ -13,7 +13,7 @@ from console.evaluation.verdict import judged
 from console.evaluation.world import read_world
 from console.experiments.client import Client, Result
 from console.experiments.manoeuvres import arm, brake, land, take_off, wait_ready
-from flight_log import summarize
+from flight_log.summary import summarize
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, parameter
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages.records import Answer, PersonalRequest
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
 

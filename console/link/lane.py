@@ -14,14 +14,14 @@ from functools import partial
 
 from console.link.monitor import LinkMonitor
 from console.link.permission import OBSERVER
-from vehicle_link import topics
 from vehicle_link.lane.datagram import HELLO, TO_VEHICLE
 from vehicle_link.lane.replay_window import ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.messages import new
 from vehicle_link.messages.records import LaneResponse
 from vehicle_link.security.access import LANE, PILOT_LANE
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.control_inputs import decode_heartbeat
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.whoami import DISCOVERY_TIMEOUT
@@ -118,7 +118,7 @@ class VehicleLane:
     def _by_zenoh(self, name: str, received: Received) -> None:
         self._link.note_session_message()
         if name == "vehicle_heartbeat" and self._lane is not None:
-            self._lane.note_vehicle(topics.decode_heartbeat(received.payload).instance)
+            self._lane.note_vehicle(decode_heartbeat(received.payload).instance)
         self._receive(name, QUIC, received)
 
     def _receive(self, name: str, path: str, received: Received) -> None:

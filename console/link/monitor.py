@@ -12,7 +12,7 @@ from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.lane.lane_alone import LaneAlone
 from vehicle_link.messages import header, new
 from vehicle_link.messages.records import LinkStatus
-from vehicle_link.topics import decode_heartbeat
+from vehicle_link.topics.control_inputs import decode_heartbeat
 from vehicle_link.transport.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.time_sync import ClockOffset, Exchange

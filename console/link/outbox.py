@@ -5,17 +5,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from bearing_sim import BearingMeasurement, PoseMeasurement
+from bearing_sim.emulator import BearingMeasurement
+from bearing_sim.pose_measurement import PoseMeasurement
 from console.link.permission import CommandPermission
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import has_attitude, pose_sample
-from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
 from vehicle_link.messages.records import Message
 from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.topics import SCENE_TOPICS, TICK_TOPICS, TOPICS
-from vehicle_link.topics.table import SHARED
+from vehicle_link.topics.control_inputs import encode_heartbeat, encode_joy
+from vehicle_link.topics.measurements import encode_bearings, pose_messages, position_messages
+from vehicle_link.topics.scene import SCENE_TOPICS
+from vehicle_link.topics.status import encode_event, encode_parameter_change
+from vehicle_link.topics.table import SHARED, TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import OtherPath
 
@@ -104,12 +108,12 @@ class Outbox:
         """Send a tracked pose, or the position of a marker when it has no attitude."""
         sample = pose_sample(*pose)
         if has_attitude(pose.quaternion_wb):
-            self.put("tracker_pose", topics.pose_messages(sample).tobytes(), pose.stamp_ns)
+            self.put("tracker_pose", pose_messages(sample).tobytes(), pose.stamp_ns)
         else:
-            self.put("tracker_position", topics.position_messages(sample).tobytes(), pose.stamp_ns)
+            self.put("tracker_position", position_messages(sample).tobytes(), pose.stamp_ns)
 
     def bearings(self, frame: BearingMeasurement) -> None:
-        payload = topics.encode_bearings(
+        payload = encode_bearings(
             frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma, self._vehicle
         )
         self.put("bearings", payload, frame.stamp_ns)
@@ -117,13 +121,13 @@ class Outbox:
     def joy(self, axes: Sequence[float], enabled: bool) -> None:
         """Send sticks (forward, left, up, yaw) in -1..1 to the vehicle."""
         stamp_ns = self._vehicle_ns()
-        self.put("joy", topics.encode_joy(stamp_ns, axes, enabled), stamp_ns)
+        self.put("joy", encode_joy(stamp_ns, axes, enabled), stamp_ns)
 
     def heartbeat(self, count: int) -> None:
         stamp_ns = self._vehicle_ns()
         self.put(
             "station_heartbeat",
-            topics.encode_heartbeat(count, stamp_ns, self._permission.instance),
+            encode_heartbeat(count, stamp_ns, self._permission.instance),
             stamp_ns,
         )
 
@@ -131,7 +135,7 @@ class Outbox:
         """Publish an event: one line for the terminal, the page and the log."""
         print(f"{self._speaker}: {line}", flush=True)
         stamp_ns = self._vehicle_ns()
-        self.put("events", topics.encode_event(stamp_ns, level, line, "station"), stamp_ns)
+        self.put("events", encode_event(stamp_ns, level, line, "station"), stamp_ns)
 
     def parameter_changed(
         self, name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
@@ -148,4 +152,4 @@ class Outbox:
             revision=revision,
             instance=instance,
         )
-        self.put("parameter_changes", topics.encode_parameter_change(change), stamp_ns)
+        self.put("parameter_changes", encode_parameter_change(change), stamp_ns)

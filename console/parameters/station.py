@@ -6,7 +6,8 @@ from contextlib import suppress
 
 from pydantic import Field, create_model
 
-from bearing_sim import BearingParameters, TrackerParameters
+from bearing_sim.emulator import BearingParameters
+from bearing_sim.tracker import TrackerParameters
 from console.parameters.preflight import PreflightParameters
 from quadrotor.errors import UsageError
 from quadrotor.extension import StationPart

@@ -11,13 +11,15 @@ from console.catalogue.catalogue import Catalogue, runs_in
 from console.catalogue.marks import find_mark, store_mark
 from console.catalogue.tables import Mark, RunEntry
 from console.runs.trash import finish_moves, is_deleted, is_in_trash
-from flight_log import LogSummary, is_closed, recover, summarize
 from flight_log.file import is_being_written
+from flight_log.index import is_closed
 from flight_log.reader import read_topic
+from flight_log.recovery import recover
 from flight_log.run_folder import STATION, log_of, run_bytes, station_log
+from flight_log.summary import LogSummary, summarize
 from quadrotor.errors import LogFormatError, StorageError, os_errors
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 EARLIEST_NS = 10**18
 """Epoch, in ns (2001), before which nothing was recorded: simulated time begins at 0."""

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from console.runs.run import RESTART_RESERVE, Run, RunEnd
-from flight_log import LogWriter
+from flight_log.writer import LogWriter
 from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic
 

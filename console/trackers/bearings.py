@@ -10,7 +10,7 @@ import numpy as np
 from console.trackers.process import Tracker, to_epoch
 from console.trackers.source import Frame
 from console.trackers.tracked_vehicle import TopicNames, TrackedVehicle
-from vehicle_link import topics
+from vehicle_link.topics.measurements import encode_bearings
 
 
 class BearingsTracker(Tracker):
@@ -29,9 +29,7 @@ class BearingsTracker(Tracker):
         one.seen, one.is_missing = now, False
         if taken_ns is not None:
             stamp_ns, ids = to_epoch(taken_ns), np.array(seen.beacon_ids, np.int32)
-            payload = topics.encode_bearings(
-                stamp_ns, ids, seen.bearings_b, seen.sigma, one.vehicle
-            )
+            payload = encode_bearings(stamp_ns, ids, seen.bearings_b, seen.sigma, one.vehicle)
             one.measurements.put(payload, stamp_ns)
 
     def _unseen(self, one: TrackedVehicle) -> str:

@@ -25,15 +25,15 @@ from console.trackers.tracked_vehicle import TopicNames, TrackedVehicle, check_a
 from quadrotor.errors import MeasurementError
 from quadrotor.plain_rotations import Array
 from quadrotor.records import NO_ATTITUDE, pose_sample
-from vehicle_link import topics
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.messages import encode, header, new
 from vehicle_link.messages.records import TrackerStatus
 from vehicle_link.termination_signal import Ending
-from vehicle_link.topics import TRACKER_PICTURES
+from vehicle_link.topics.measurements import encode_picture, pose_messages
+from vehicle_link.topics.table import TRACKER_PICTURES
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
@@ -85,7 +85,7 @@ class Tracker:
         self._session, self._views = session, views
         self._shown: list[CameraPicture | None] = [None] * len(views)
         if views:
-            topics.encode_picture(0, b"", "")  # generates its serialiser now, which takes a second
+            encode_picture(0, b"", "")  # generates its serialiser now, which takes a second
         self._clock = SystemClock()
         self._items: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
         self._frames: deque[float] = deque()
@@ -184,7 +184,7 @@ class Tracker:
         stamp_ns = to_epoch(taken_ns)
         turn = NO_ATTITUDE if body.quaternion_wb is None else body.quaternion_wb
         sample = pose_sample(stamp_ns, body.position_w, turn)
-        one.measurements.put(topics.pose_messages(sample).tobytes(), stamp_ns)
+        one.measurements.put(pose_messages(sample).tobytes(), stamp_ns)
 
     # ------------------------------------------------------------------ statuses
     def _publish_statuses(self) -> None:
@@ -227,7 +227,7 @@ class Tracker:
                 continue
             self._shown[k], stamp_ns = newest, to_epoch(newest.taken_ns)
             for one in watched:
-                payload = topics.encode_picture(stamp_ns, newest.jpeg, one.vehicle)
+                payload = encode_picture(stamp_ns, newest.jpeg, one.vehicle)
                 one.pictures[k].put(payload, stamp_ns)
 
     def _problem(self, one: TrackedVehicle, now: float) -> str:

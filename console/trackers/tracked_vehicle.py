@@ -11,12 +11,12 @@ from quadrotor.errors import RefusedError
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode
 from vehicle_link.termination_signal import Ending
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 LISTENING = 0.5
 """Seconds of listening before the start: another process with the same poses sends five statuses in
 this time."""

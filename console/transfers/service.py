@@ -11,7 +11,7 @@ from console.transfers.vehicle_files import TIMEOUT, VehicleFiles
 from quadrotor.errors import RefusedError
 from vehicle_link.messages import new
 from vehicle_link.messages.records import Message, TransferRequest
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
 
 BEATS = 10

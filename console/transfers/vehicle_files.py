@@ -9,7 +9,7 @@ from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages.records import OnboardFile
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.node import Node
 
 PIECE = 2800

@@ -19,7 +19,8 @@ from contextlib import suppress
 from functools import partial
 from typing import IO, Any
 
-from bearing_sim import BearingMeasurement, PoseMeasurement
+from bearing_sim.emulator import BearingMeasurement
+from bearing_sim.pose_measurement import PoseMeasurement
 from console.part import Part, PartContext
 from extensions.comparison.parameters import ComparisonParameters
 from quadrotor.errors import JobError, LinkError, QuadlabError

@@ -8,7 +8,8 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from bearing_sim import PAPER_BEACONS, BearingMeasurement
+from bearing_sim.beacons import PAPER_BEACONS
+from bearing_sim.emulator import BearingMeasurement
 from extensions.comparison.comparison import EstimatorComparison
 from extensions.comparison.kernels import CompiledEstimators
 from extensions.comparison.parameters import EstimatorChoice, parse_estimators

@@ -22,7 +22,7 @@ from extensions.formations.suspicion import Suspicion
 from extensions.formations.view import COUNTED, View
 from quadrotor.plain_rotations import Triple, rows_of
 from quadrotor.records import Array
-from vehicle_link.topics import encode_bearings
+from vehicle_link.topics.measurements import encode_bearings
 
 FRESH, SILENT = 0.5, 1.0
 """Ages, s, up to which bearings and messages are used, and above which a vehicle is silent."""

@@ -15,7 +15,10 @@ from flight_log.provenance import provenance
 from flight_log.run_folder import IMPORTED
 from flight_log.writer import Batch, LogWriter
 from quadrotor.records import POSE_SAMPLE, TICK, Stamps
-from vehicle_link import topics
+from vehicle_link.topics.measurements import pose_messages, position_messages, sweep_messages
+from vehicle_link.topics.status import encode_batteries, encode_event
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import imu_messages, odometry_messages
 
 SLICE_NS = 10_000_000_000
 """Duration, in ns, of flight that is encoded at once."""
@@ -45,11 +48,11 @@ def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
         ticks["imu"]["stamp_ns"] = imu.stamps_ns[rows]
         ticks["imu"]["specific_force_b"] = imu.specific_force_b[rows]
         ticks["imu"]["angular_velocity_b"] = imu.angular_velocity_b[rows]
-        yield _batch(flight, "imu", topics.imu_messages(ticks, name), imu.stamps_ns[rows])
+        yield _batch(flight, "imu", imu_messages(ticks, name), imu.stamps_ns[rows])
     for topic, track in (("state", flight.estimate), ("truth", flight.truth)):
         if track is not None and len(rows := _rows(track.stamps_ns, start, end)):
             stamps = track.stamps_ns[rows]
-            made = topics.odometry_messages(stamps, track.states[rows], name)
+            made = odometry_messages(stamps, track.states[rows], name)
             yield _batch(flight, topic, made, stamps)
     if flight.truth is not None:
         rows = _rows(flight.truth.stamps_ns, start, end)
@@ -60,28 +63,28 @@ def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
             poses["position_w"] = flight.truth.states["position_w"][rows]
             if flight.truth.attitude_known:
                 poses["quaternion_wb"] = flight.truth.states["quaternion_wb"][rows]
-                made = topics.pose_messages(poses)
+                made = pose_messages(poses)
                 yield _batch(flight, "tracker_pose", made, poses["stamp_ns"])
             else:
-                made = topics.position_messages(poses)
+                made = position_messages(poses)
                 yield _batch(flight, "tracker_position", made, poses["stamp_ns"])
     if flight.sweeps is not None:
         sweeps = flight.sweeps[_rows(flight.sweeps["stamp_ns"], start, end)]
         for count in np.unique(sweeps["count"]):
             alike = sweeps[sweeps["count"] == count]
-            yield _batch(flight, "sweeps", topics.sweep_messages(alike, name), alike["stamp_ns"])
+            yield _batch(flight, "sweeps", sweep_messages(alike, name), alike["stamp_ns"])
     if flight.battery is not None:
         stamps, voltage = flight.battery
         if len(rows := _rows(stamps, start, end)):
             ticks = np.zeros(len(rows), TICK)
             ticks["imu"]["stamp_ns"] = stamps[rows]
             ticks["status"]["battery_voltage"] = voltage[rows]
-            payloads = topics.encode_batteries(ticks, name)
+            payloads = encode_batteries(ticks, name)
             raw = np.frombuffer(b"".join(payloads), f"V{len(payloads[0])}")
             yield _batch(flight, "battery", raw, stamps[rows])
     for stamp, level, text in flight.events:
         if start <= stamp < end:
-            payload = topics.encode_event(stamp, level, text, f"{name}.vehicle")
+            payload = encode_event(stamp, level, text, f"{name}.vehicle")
             raw = np.frombuffer(payload, f"V{len(payload)}")
             yield _batch(flight, "events", raw, np.array([stamp]))
 
@@ -106,5 +109,5 @@ def _thinned(stamps: Stamps) -> npt.NDArray[np.intp]:
 def _batch(
     flight: ImportedFlight, topic: str, payloads: npt.NDArray[np.void], stamps: Stamps
 ) -> Batch:
-    kind = topics.TOPICS[topic].type_name
+    kind = TOPICS[topic].type_name
     return Batch(f"/{flight.vehicle}/{topic}", kind, payloads, stamps, stamps)

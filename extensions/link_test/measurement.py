@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 import zenoh
 
 from quadrotor.errors import LinkError
-from vehicle_link import topics
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import TlsFiles
 from vehicle_link.telemetry import unpack
-from vehicle_link.topics import TOPICS, decode_heartbeat
+from vehicle_link.topics.control_inputs import decode_heartbeat, encode_heartbeat
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.protocol import disagreement
 from vehicle_link.transport.publisher import Received
@@ -252,7 +252,7 @@ class _Test:
             if self._holder in (0, self._instance) and not self._found.armed:
                 count += 1
                 stamp_ns = time.time_ns()
-                self._heartbeats.put(topics.encode_heartbeat(count, stamp_ns, self._instance))
+                self._heartbeats.put(encode_heartbeat(count, stamp_ns, self._instance))
 
     def _telemetry(self, received: Received) -> None:
         try:

@@ -30,7 +30,7 @@ from quadrotor.parameters import section_of
 from quadrotor.records import Record, new_reference
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.messages import encode, header, new
-from vehicle_link.topics import decode_external_reference
+from vehicle_link.topics.control_inputs import decode_external_reference
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient

@@ -10,7 +10,7 @@ from quadrotor.plain_rotations import roll_pitch_yaw, rotate
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.messages.records import Message, Odometry, VehicleStatus
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 if TYPE_CHECKING:
     from vehicle_link.topics.typed_tables import Newest

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 from console.trackers.source import Body, Connection, Frame
 from quadrotor.errors import UsageError
-from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
+from vehicle_link.topics.measurements import decode_pose
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 KEPT = 64
 TYPE = "geometry_msgs/PoseStamped"
 
@@ -42,7 +42,7 @@ class Ros2Source:
         """Yield one frame of one body per message. Raises LinkError, MeasurementError."""
         while item := self._items.get():
             name, payload, received_ns = item
-            sample = topics.decode_pose(payload)[0]
+            sample = decode_pose(payload)[0]
             body = Body(name, sample["position_w"].copy(), sample["quaternion_wb"].copy())
             yield Frame(int(sample["stamp_ns"]) or None, received_ns, (body,))
 

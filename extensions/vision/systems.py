@@ -16,7 +16,7 @@ from extensions.vision.tracker.camera_view import CameraView
 from extensions.vision.tracker.onboard_camera import OnboardCameraSource, StationBeacons
 from extensions.vision.tracker.several_cameras import open_cameras
 from quadrotor.errors import UsageError
-from vehicle_link.topics import TRACKER_PICTURES
+from vehicle_link.topics.table import TRACKER_PICTURES
 
 
 class _Cameras:

@@ -82,7 +82,7 @@ class Simulator:
         of_tracker = [word for word in words if word.startswith(prefix) and self.serve]
         parse_settings(parameters, [word for word in words if word not in of_tracker])
         if self.serve:
-            from bearing_sim import TrackerParameters
+            from bearing_sim.tracker import TrackerParameters
             from vehicle.simulator.tracking_systems.served import ServedSystems, parse_systems
 
             tracker, systems = TrackerParameters(), parse_systems(self.serve)

@@ -20,7 +20,7 @@ from quadlab.up import serial_ports
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
 from vehicle.boards.kind import MIKROKOPTER
-from vehicle_link.serial.ids import THE_ONE, Identity
+from vehicle_link.identity import THE_ONE, Identity
 
 
 @dataclass

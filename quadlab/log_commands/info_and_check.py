@@ -14,7 +14,7 @@ from quadrotor.errors import LogFormatError
 
 if TYPE_CHECKING:
     from console.evaluation.findings import Finding
-    from flight_log import LogSummary
+    from flight_log.summary import LogSummary
 
 
 @dataclass

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from estimation import registry
+from estimation import names
+from estimation.names import NONE
 from flight_log.attached import PARAMETERS, json_value, logged_value
 from flight_log.columns.log_columns import LogColumns, read_columns
 from flight_log.columns.topic import Topic
@@ -28,10 +29,15 @@ from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record, Stamps
-from vehicle.estimators.choice import ESTIMATOR, NONE, SHADOW
+from vehicle.estimators.choice import ESTIMATOR, SHADOW
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.messages.records import ParameterChange
-from vehicle_link.topics import decode_bearings, decode_pose, decode_position, decode_sweeps
+from vehicle_link.topics.measurements import (
+    decode_bearings,
+    decode_pose,
+    decode_position,
+    decode_sweeps,
+)
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
 
 Floats = npt.NDArray[np.float64]
@@ -203,7 +209,7 @@ def _parameters(path: Path, attachments: Mapping[str, bytes]) -> FlightParameter
         if not isinstance(values, dict):
             raise ValueError("they are not names with values")
         chosen = {str(values[name]) for name in (ESTIMATOR, SHADOW) if name in values}
-        registry.offer(sorted(chosen - {*registry.names(), NONE}))  # plugins of that vehicle
+        names.offer(sorted(chosen - {*names.names(), NONE}))  # plugins of that vehicle
         store = ParameterStore(parameters)
         store.preset({name: values[name] for name in store.names if name in values})
     except (ValueError, TypeError, ParameterError) as error:

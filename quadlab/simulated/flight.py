@@ -11,10 +11,9 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from bearing_sim import BearingMeasurement
 from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import parse_layout
-from bearing_sim.emulator import BearingEmulator
+from bearing_sim.emulator import BearingEmulator, BearingMeasurement
 from bearing_sim.pose_measurement import PoseMeasurement
 from bearing_sim.tracker import SimulatedTracker
 from console.experiments.client import VehicleView
@@ -38,7 +37,7 @@ from vehicle.flight.microcontroller_commands import CommandSender
 from vehicle.flight.stack import FlightStack
 from vehicle.modes import MOTORS_ON
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.topics import encode_joy
+from vehicle_link.topics.control_inputs import encode_joy
 
 HEARTBEAT_NS = 50_000_000
 TRUTH_NS = 10_000_000

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from bearing_sim.emulator import BearingMeasurement
-from flight_log import LogWriter
 from flight_log.provenance import provenance
-from flight_log.writer import Batch
+from flight_log.writer import Batch, LogWriter
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import (
     POSE_SAMPLE,
@@ -24,10 +23,24 @@ from quadrotor.records import (
 )
 from vehicle import mailbox
 from vehicle.comms.publish import FLOWN_ON, Publisher
-from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.topics.measurements import (
+    encode_bearings,
+    encode_picture,
+    pose_messages,
+    position_messages,
+)
 from vehicle_link.topics.rmw_keys import full_name
+from vehicle_link.topics.scene import SceneMessages
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import (
+    actuator_messages,
+    imu_messages,
+    odometry_messages,
+    reference_messages,
+    state_messages,
+)
 
 GROUP = 5
 """Number of ticks passed at once to the publisher of the slow topics, as in the comms process."""
@@ -74,7 +87,7 @@ class FlightLog:
         self._now_ns = 0
         # The comms process's publisher decides which slow topic is due; nothing is sent.
         self._publisher = Publisher(None, self, self, vehicle, estimator=lambda: self._estimator)
-        self._scene = topics.SceneMessages(vehicle)
+        self._scene = SceneMessages(vehicle)
         self._estimator = str(store.values()[FLOWN_ON])
 
     def now_ns(self) -> int:
@@ -120,7 +133,7 @@ class FlightLog:
         """Log a tracker pose, or the position of a marker, that arrived at `log_ns`."""
         if not has_attitude(quaternion_wb):
             sample = pose_sample(stamp_ns, position_w, quaternion_wb)
-            payload = topics.position_messages(sample).tobytes()
+            payload = position_messages(sample).tobytes()
             self.put("tracker_position", payload, stamp_ns, log_ns)
             return
         self._poses.append((stamp_ns, position_w, quaternion_wb))
@@ -128,19 +141,19 @@ class FlightLog:
 
     def bearings(self, frame: BearingMeasurement, log_ns: int) -> None:
         """Log a frame of emulated bearings that arrived at `log_ns`."""
-        payload = topics.encode_bearings(
+        payload = encode_bearings(
             frame.stamp_ns, frame.beacon_ids.tolist(), frame.bearings_b, frame.sigma, self._vehicle
         )
         self.put("bearings", payload, frame.stamp_ns, log_ns)
 
     def picture(self, topic: str, stamp_ns: int, jpeg: bytes, log_ns: int) -> None:
         """Log a picture of a camera that was read at `log_ns`."""
-        payload = topics.encode_picture(stamp_ns, jpeg, self._vehicle)
+        payload = encode_picture(stamp_ns, jpeg, self._vehicle)
         self.put(topic, payload, stamp_ns, log_ns)
 
     def put(self, topic: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
         """Log an encoded message of a topic of the table."""
-        self.message(topic, topics.TOPICS[topic].type_name, payload, stamp_ns, log_ns)
+        self.message(topic, TOPICS[topic].type_name, payload, stamp_ns, log_ns)
 
     def close(self) -> None:
         """Write the remaining messages and close the file. Raises StorageError."""
@@ -163,10 +176,10 @@ class FlightLog:
                 self.put(topic, payload, stamp, stamp)
             stamps = ticks["imu"]["stamp_ns"]
             batches += [
-                self._batch("state", topics.state_messages(ticks, self._vehicle), stamps),
-                self._batch("reference", topics.reference_messages(ticks), stamps),
-                self._batch("imu", topics.imu_messages(ticks, self._vehicle), stamps),
-                self._batch("actuators", topics.actuator_messages(ticks, self._vehicle), stamps),
+                self._batch("state", state_messages(ticks, self._vehicle), stamps),
+                self._batch("reference", reference_messages(ticks), stamps),
+                self._batch("imu", imu_messages(ticks, self._vehicle), stamps),
+                self._batch("actuators", actuator_messages(ticks, self._vehicle), stamps),
             ]
         for (topic, type_name, size), messages in self._others.items():
             payloads, log_ns, source_ns = zip(*messages, strict=True)
@@ -176,12 +189,12 @@ class FlightLog:
         if self._truths:
             truths = np.frombuffer(b"".join(self._truths), STATE)
             stamps = np.array(self._truth_stamps)
-            odometries = topics.odometry_messages(stamps, truths, self._vehicle)
+            odometries = odometry_messages(stamps, truths, self._vehicle)
             batches.append(self._batch("truth", odometries, stamps))
         if self._poses:
             samples = np.array(self._poses, POSE_SAMPLE)
             arrivals = np.array(self._pose_arrivals)
-            poses = topics.pose_messages(samples)
+            poses = pose_messages(samples)
             batches.append(self._batch("tracker_pose", poses, samples["stamp_ns"], arrivals))
         if batches:
             self._writer.write_batches(batches)
@@ -212,7 +225,7 @@ class FlightLog:
         type_name: str = "",
     ) -> Batch:
         """Return messages with their source stamps, logged at `log_ns`, by default at these."""
-        type_name = type_name or topics.TOPICS[topic].type_name
+        type_name = type_name or TOPICS[topic].type_name
         arrivals = stamps if log_ns is None else log_ns
         name = full_name(f"/{self._vehicle}", topic)
         return Batch(name, type_name, payloads, arrivals, stamps)

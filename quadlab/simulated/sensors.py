@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, TypeVar
 
-from bearing_sim import BearingMeasurement
+from bearing_sim.emulator import BearingMeasurement
 from bearing_sim.pose_measurement import PoseMeasurement
 from quadlab.simulated.parameters import FlightParameters, with_groups
 from quadrotor.errors import UsageError

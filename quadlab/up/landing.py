@@ -15,8 +15,8 @@ from vehicle_link.termination_signal import EndSignal
 
 if TYPE_CHECKING:
     from vehicle_link.messages.records import VehicleStatus
+    from vehicle_link.transport.loopback import Session
     from vehicle_link.transport.publisher import Received
-    from vehicle_link.transport.session import Session
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
 """Seconds to wait for the vehicles' statuses."""
@@ -71,7 +71,7 @@ class _Landing:
 
     def _ask(self) -> None:
         """Ask for the next step towards motors off; a refusal is told once."""
-        from vehicle_link.topics import SERVICES
+        from vehicle_link.topics.table import SERVICES
 
         status = self._status
         if (
@@ -114,7 +114,7 @@ class _Landing:
 
 def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSignal) -> None:
     """Land all through the station and wait for motors off; give up when asked twice or late."""
-    from vehicle_link.transport.session import loopback_session
+    from vehicle_link.transport.loopback import loopback_session
 
     try:
         session = loopback_session(loopback_port)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from quadrotor.errors import LinkError, UsageError
 from vehicle.boards.kind import find_kind
 from vehicle.processes.terminal import say
+from vehicle_link.identity import THE_ONE, Identity
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
-from vehicle_link.serial.ids import THE_ONE, Identity
 from vehicle_link.serial.links import is_link, open_port
 from vehicle_link.serial.port import NO_DEVICE
 

@@ -32,11 +32,12 @@ from vehicle_link.messages import new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.radio import Radio
-from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
+from vehicle_link.transport.session import hub_session, vehicle_session
 
 WAKE_NS = 50_000_000
 

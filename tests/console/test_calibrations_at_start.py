@@ -12,7 +12,7 @@ from console.calibrations import Calibrations
 from tests.support.clients import FakeClient
 from tests.support.narrowing import now as as_it_is
 from vehicle_link.messages import new
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 
 
 class Silent:

@@ -20,16 +20,17 @@ from console.station_parts import StationOptions
 from flight_log import is_closed, summarize
 from quadrotor.records import TICK
 from tests.waiting import free_port, until
-from vehicle_link import topics
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.telemetry import pack
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.radio import Radio
-from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
+from vehicle_link.transport.session import hub_session, vehicle_session
 from vehicle_link.transport.time_sync import serve_time_sync
 
 NAMES = ("quad1", "quad2")
@@ -70,7 +71,7 @@ class FakeVehicle:
         while not self._closing.wait(0.05):
             count += 1
             now_ns = time.time_ns()
-            beat = topics.encode_heartbeat(count, now_ns, self._instance)
+            beat = encode_heartbeat(count, now_ns, self._instance)
             self._out["vehicle_heartbeat"].put(beat, now_ns)
             status = new("quadlab_msgs/VehicleStatus", armed=self.armed)
             self._out["status"].put(encode(status), now_ns)

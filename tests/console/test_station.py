@@ -27,17 +27,25 @@ from quadrotor.parameter_description import ParameterDescription, ParameterValue
 from quadrotor.records import TICK, Record, beacon_ids_of
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, until
-from vehicle_link import topics
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
 from vehicle_link.telemetry import pack, unpack
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.control_inputs import (
+    decode_heartbeat,
+    decode_joy,
+    encode_heartbeat,
+    encode_joy,
+)
+from vehicle_link.topics.measurements import decode_bearings, decode_pose
+from vehicle_link.topics.status import encode_event
+from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.topics.ticks import odometry_messages
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient, serve_parameters
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.session import loopback_session
 from vehicle_link.transport.time_sync import serve_time_sync
 
 LIMIT = 15.0
@@ -154,7 +162,7 @@ class FakeVehicle:
         while not self._closing.wait(0.05):
             count += 1
             now_ns = vehicle_now()
-            self.put("vehicle_heartbeat", topics.encode_heartbeat(count, now_ns), now_ns)
+            self.put("vehicle_heartbeat", encode_heartbeat(count, now_ns), now_ns)
             self.send_telemetry()
             if count % 2 == 0:
                 self.send_status()
@@ -203,7 +211,7 @@ class Bench(LinkedStation):
     def send_truth(self, position: tuple[float, float, float], stamp_ns: int) -> None:
         state = np.zeros(1, TICK)["state"]
         state["position_w"], state["quaternion_wb"] = position, (1, 0, 0, 0)
-        [payload] = payloads_of(topics.odometry_messages(np.array([stamp_ns]), state))
+        [payload] = payloads_of(odometry_messages(np.array([stamp_ns]), state))
         self.truth.put(payload, stamp_ns)
 
 
@@ -244,7 +252,7 @@ def test_the_newest_sample_of_each_packet_is_published_as_state(bench: Bench) ->
 def test_a_problem_of_the_link_refuses_commands_and_is_an_alarm(bench: Bench) -> None:
     def told() -> bool:
         # A second process under the vehicle's name.
-        beat = topics.encode_heartbeat(1, vehicle_now(), 5, 0)
+        beat = encode_heartbeat(1, vehicle_now(), 5, 0)
         bench.vehicle.put("vehicle_heartbeat", beat, vehicle_now())
         return (
             "two vehicles"
@@ -307,7 +315,7 @@ def test_heartbeats_reach_the_vehicle_in_its_own_time(bench: Bench) -> None:
     have = len(bench.vehicle.inbox.got["station_heartbeat"])
     assert until(lambda: len(bench.vehicle.inbox.got["station_heartbeat"]) > have)
     newest = bench.vehicle.inbox.got["station_heartbeat"][-1]
-    stamp_ns = topics.decode_heartbeat(newest.payload).stamp_ns
+    stamp_ns = decode_heartbeat(newest.payload).stamp_ns
     assert abs(stamp_ns - AHEAD_NS - newest.received_ns) < 1_000_000_000
 
 
@@ -389,7 +397,7 @@ def test_sticks_of_one_without_control_do_not_reach_the_vehicle(bench: Bench) ->
 
     def came() -> list[float]:
         got = bench.vehicle.inbox.got["joy"][before:]
-        return [topics.decode_joy(one.payload).axes[0] for one in got]
+        return [decode_joy(one.payload).axes[0] for one in got]
 
     assert until(lambda: 0.5 in came())
     assert 0.25 not in came()
@@ -486,7 +494,7 @@ def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Ben
         assert until(partial(has_come, sent[-1]))
     assert until(lambda: bench.inbox.decoded("station_status")[-1].recording)
     event_ns = vehicle_now()
-    bench.vehicle.put("events", topics.encode_event(event_ns, 20, "hello", "vehicle"), event_ns)
+    bench.vehicle.put("events", encode_event(event_ns, 20, "hello", "vehicle"), event_ns)
     assert until(lambda: any(e.msg == "hello" for e in bench.inbox.decoded("events")))
     assert bench.call("disarm", requester="grace").accepted
     assert until(lambda: not bench.recording())
@@ -605,39 +613,39 @@ def test_the_truth_becomes_tracker_poses_and_bearings_at_the_vehicle(bench: Benc
         return bool(poses and frames)
 
     assert until(stream)
-    pose = topics.decode_pose(poses[0].payload)
+    pose = decode_pose(poses[0].payload)
     np.testing.assert_allclose(pose["position_w"][0], (0.5, -0.5, 1.0), atol=0.01)
     assert int(pose["stamp_ns"][0]) >= start_ns
-    assert beacon_ids_of(topics.decode_bearings(frames[0].payload)) == [1, 2, 3, 4]
+    assert beacon_ids_of(decode_bearings(frames[0].payload)) == [1, 2, 3, 4]
 
 
 def test_sticks_reach_the_vehicle_and_silence_drops_them(bench: Bench) -> None:
     joys, have = bench.vehicle.inbox.got["joy"], len(bench.vehicle.inbox.got["joy"])
     axes = (0.5, 0.0, 0.0, -0.5)
-    bench.stick.put(topics.encode_joy(time.time_ns(), axes, True))
+    bench.stick.put(encode_joy(time.time_ns(), axes, True))
     assert until(lambda: len(joys) > have)
-    first = topics.decode_joy(joys[have].payload)
+    first = decode_joy(joys[have].payload)
     assert (first.axes, first.enabled) == (axes, True)
     assert abs(first.stamp_ns - AHEAD_NS - joys[have].received_ns) < 1_000_000_000
-    assert until(lambda: not topics.decode_joy(joys[-1].payload).enabled)
+    assert until(lambda: not decode_joy(joys[-1].payload).enabled)
 
     def is_alarm() -> bool:
         alarms = bench.inbox.decoded("station_status")[-1].alarms
         return any("dead-man" in alarm for alarm in alarms)
 
     assert until(is_alarm)
-    bench.stick.put(topics.encode_joy(time.time_ns(), axes, False))
+    bench.stick.put(encode_joy(time.time_ns(), axes, False))
     assert until(lambda: not is_alarm())
 
 
 def test_sticks_of_a_page_that_stood_still_are_ignored(bench: Bench) -> None:
     have = len(bench.vehicle.inbox.got["joy"])
     old_ns = time.time_ns() - 2_000_000_000
-    bench.stick.put(topics.encode_joy(old_ns, (1, 0, 0, 0), True), old_ns)
-    bench.stick.put(topics.encode_joy(time.time_ns(), (0, 0, 0, 0), False))
+    bench.stick.put(encode_joy(old_ns, (1, 0, 0, 0), True), old_ns)
+    bench.stick.put(encode_joy(time.time_ns(), (0, 0, 0, 0), False))
     assert until(lambda: len(bench.vehicle.inbox.got["joy"]) > have)
     later = bench.vehicle.inbox.got["joy"][have:]
-    assert not any(topics.decode_joy(r.payload).enabled for r in later)
+    assert not any(decode_joy(r.payload).enabled for r in later)
 
 
 def test_a_torn_run_was_recovered_at_the_start(bench: Bench) -> None:

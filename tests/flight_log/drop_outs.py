@@ -10,10 +10,16 @@ import numpy.typing as npt
 
 from flight_log import LogWriter
 from quadrotor.records import TICK, Record
-from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.telemetry import SAMPLES_A_PACKET, pack, unpack
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import (
+    actuator_messages,
+    imu_messages,
+    reference_messages,
+    state_messages,
+)
 
 START_NS = 1_800_000_000_000_000_000  # the vehicle's clock
 OFFSET_NS = -3_600_000_000_000  # the vehicle's clock minus the station's: an hour off
@@ -93,7 +99,7 @@ class Flight:
                 messages.append((stamp - OFFSET_NS + WAY_NS, topic, payload, stamp))
         last = int(self.stamps[-1]) + 1_000_000_000  # a run ends a second after disarming
         for stamp in range(int(self.stamps[0]), last, 50_000_000):
-            payload = topics.encode_heartbeat(1, stamp)
+            payload = encode_heartbeat(1, stamp)
             messages.append((stamp - OFFSET_NS, "station_heartbeat", payload, stamp))
         run = {"vehicle": VEHICLE, "operator": "ada", "run_id": path.stem}
         with LogWriter(path, run, {"parameters.json": b"{}"}) as writer:
@@ -106,10 +112,10 @@ class Flight:
 
 def encoded(ticks: Record) -> dict[str, list[bytes]]:
     return {
-        "state": payloads_of(topics.state_messages(ticks, VEHICLE)),
-        "reference": payloads_of(topics.reference_messages(ticks)),
-        "imu": payloads_of(topics.imu_messages(ticks, VEHICLE)),
-        "actuators": payloads_of(topics.actuator_messages(ticks, VEHICLE)),
+        "state": payloads_of(state_messages(ticks, VEHICLE)),
+        "reference": payloads_of(reference_messages(ticks)),
+        "imu": payloads_of(imu_messages(ticks, VEHICLE)),
+        "actuators": payloads_of(actuator_messages(ticks, VEHICLE)),
     }
 
 

@@ -15,7 +15,7 @@ from flight_log.merge import merge
 from flight_log.run_folder import MERGED, STATION, VEHICLE
 from tests.flight_log.drop_outs import Flight, flown, with_holes
 from vehicle_link.messages import decode, encode, new, stored_name, typestore
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 ROOT = Path(__file__).parents[2]
 READER = Path(__file__).with_name("foxglove_reader.js")

@@ -21,8 +21,8 @@ from flight_log.tick_columns import TICK_TOPICS
 from flight_log.vehicle_messages import Comparison
 from flight_log.writer import FILLED_METADATA, LogWriter
 from tests.flight_log.drop_outs import OFFSET_NS, START_NS, Flight, flown, with_holes
-from vehicle_link import topics
 from vehicle_link.messages import definition
+from vehicle_link.topics.status import encode_batteries, encode_event
 
 
 def run_of(folder: Path, flight: Flight, heard: frozenset[int] = frozenset()) -> Path:
@@ -41,8 +41,8 @@ def events(count: int) -> list[tuple[str, bytes, int]]:
     found = []
     for k in range(count):
         stamp = START_NS + 37_000_000 * k
-        found.append(("events", topics.encode_event(stamp, 20, f"event {k}", "quad1"), stamp))
-        found.append(("battery", topics.encode_batteries(flown(1, k, stamp), "quad1")[0], stamp))
+        found.append(("events", encode_event(stamp, 20, f"event {k}", "quad1"), stamp))
+        found.append(("battery", encode_batteries(flown(1, k, stamp), "quad1")[0], stamp))
     return found
 
 

@@ -14,7 +14,7 @@ from quadrotor.errors import RefusedError
 from tests.waiting import LIMIT, free_port
 from vehicle_link.messages import encode, header, new
 from vehicle_link.termination_signal import EndSignal
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.session import hub_session
 

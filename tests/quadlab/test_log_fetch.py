@@ -18,8 +18,9 @@ from tests.flight_log.drop_outs import Flight, flown
 from tests.support.transfers import new_transfers
 from tests.waiting import free_port
 from vehicle.onboard_log.files import OnboardFiles
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.session import hub_session, loopback_session
+from vehicle_link.transport.session import hub_session
 
 NAME = "quad1_20260131T093042_120Z"
 

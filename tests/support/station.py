@@ -13,10 +13,11 @@ from console.station_parts import StationOptions
 from tests.waiting import free_port
 from vehicle_link.messages import new
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.radio import Radio
-from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
+from vehicle_link.transport.session import hub_session, vehicle_session
 
 PATIENCE = 10.0  # s: a bound, not an expectation
 

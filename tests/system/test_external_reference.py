@@ -15,10 +15,11 @@ import pytest
 
 from flight_log import is_closed, read_log
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.topics import TOPICS, decode_external_reference
+from vehicle_link.topics.control_inputs import decode_external_reference
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.session import loopback_session
 
 pytestmark = pytest.mark.timeout(180)
 SPEED, WAY = 0.3, 0.6  # m/s, m

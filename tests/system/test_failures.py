@@ -12,7 +12,7 @@ import pytest
 
 from flight_log import is_closed, read_log
 from vehicle_link.messages import decode
-from vehicle_link.topics import decode_odometry
+from vehicle_link.topics.ticks import decode_odometry
 
 pytestmark = pytest.mark.timeout(240)
 Lab = Any

@@ -18,12 +18,13 @@ from extensions.vision.simulated.onboard_camera import OnboardCamera
 from extensions.vision.simulated.parameters import CameraParameters
 from quadrotor.records import beacon_ids_of
 from tests.system.conftest import PATIENCE, Laboratory
-from vehicle_link import clock, topics
+from vehicle_link import clock
 from vehicle_link.lockstep import page_at
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.measurements import decode_bearings
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.session import loopback_session
 
 pytestmark = pytest.mark.timeout(300)
 PLACE = np.array([0.3, -0.2, 1.1])
@@ -72,7 +73,7 @@ def test_its_bearings_reach_the_vehicle_in_time_while_simulated_time_waits_for_o
     ages: list[float] = []
 
     def received(message: Received) -> None:
-        frame = topics.decode_bearings(message.payload)
+        frame = decode_bearings(message.payload)
         ids = beacon_ids_of(frame)
         if not ids:
             return

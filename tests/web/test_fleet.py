@@ -14,7 +14,7 @@ import websockets.exceptions
 
 from benchmarks.page.live_frames import read
 from console.catalogue.catalogue import Catalogue
-from vehicle_link.topics import TICK_TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 from web.fleet.fleet import SEEN
 from web.latest import TICKS
 

@@ -7,7 +7,7 @@ from estimation.poses.beacon_plane import require_distinct
 from estimation.poses.planar_pose import planar_pose
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Record, beacon_ids_of
-from vehicle_link import topics
+from vehicle_link.topics.measurements import encode_bearing_pose
 
 
 def bearing_pose(seen: Record, beacons: KnownBeacons, state: Record | None) -> bytes:
@@ -34,6 +34,6 @@ def bearing_pose(seen: Record, beacons: KnownBeacons, state: Record | None) -> b
     pose = planar_pose(
         item["beacon_w"][:count], item["bearing_b"][:count], float(item["sigma"]), start
     )
-    return topics.encode_bearing_pose(
+    return encode_bearing_pose(
         int(item["stamp_ns"]), pose.position_w, pose.quaternion_wb, pose.covariance
     )

@@ -20,7 +20,7 @@ from vehicle.calibration.store import AT_START, ON_REQUEST, CalibrationStore, en
 from vehicle.comms.commands import FlightMailbox
 from vehicle_link.messages import new
 from vehicle_link.messages.records import CalibrateRequest, CalibrateResponse
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 
 TYPE = SERVICES["calibrate"]
 ANSWER_BYTES = 64_000

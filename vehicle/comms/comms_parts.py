@@ -28,8 +28,9 @@ from vehicle.onboard_log.reader import OnboardReader
 from vehicle.onboard_log.ring import Fetched
 from vehicle.processes.config import Rings, VehicleConfig
 from vehicle.processes.terminal import say
-from vehicle_link import topics
 from vehicle_link.lockstep import COMMS_PROCESS, ProcessProgress
+from vehicle_link.topics.control_inputs import decode_heartbeat
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LINK_HEARTBEAT_EVERY
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
@@ -147,7 +148,7 @@ class CommsParts:
         )
 
     def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
-        type_name = topics.TOPICS[topic].type_name
+        type_name = TOPICS[topic].type_name
         self.log.message(topic, type_name, payload, stamp_ns, self.clock.now_ns())
 
     @cached_property
@@ -160,7 +161,7 @@ class CommsParts:
         flight, and need not be sent over Zenoh.
         """
         if topic == "station_heartbeat":
-            beat = topics.decode_heartbeat(received.payload)
+            beat = decode_heartbeat(received.payload)
             if beat.instance == self.inbound.holder:
                 self.lane.note_received(received.gid)
                 self.progress.station_received(beat.stamp_ns)
@@ -175,9 +176,9 @@ class CommsParts:
         node, config = self.node, self.config
         serve(node, self.flight, self.parameters, self.calibrations, self.clock, self.say)
         serve_whoami(node, config.name, config.instance, config.identity)
-        node.serve("checks", topics.SERVICES["checks"], self.checks.answer)
+        node.serve("checks", SERVICES["checks"], self.checks.answer)
         reader = OnboardReader(self.log, config.name)
-        node.serve("onboard_log", topics.SERVICES["onboard_log"], reader.answer)
+        node.serve("onboard_log", SERVICES["onboard_log"], reader.answer)
         self.files.serve(node)
 
     def receive(self) -> None:

@@ -11,7 +11,7 @@ from collections import deque
 
 from vehicle import mailbox
 from vehicle_link.commands import EventKind
-from vehicle_link.topics import DELAYED_PREFIX
+from vehicle_link.topics.status import DELAYED_PREFIX
 
 CAPACITY = 8
 """Largest number of warnings that are published; the newest are kept."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import threading
 
 from vehicle_link.clock import monotonic_ns
-from vehicle_link.topics import Sticks
+from vehicle_link.topics.control_inputs import Sticks
 
 SILENT_NS = 500_000_000
 """Silence after which held sticks no longer count; they stop the vehicle earlier, by

@@ -29,9 +29,15 @@ from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.comms.commands import FlightMailbox
 from vehicle.comms.held_sticks import AGAIN, HeldSticks
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.process_instance import short_id
+from vehicle_link.topics.control_inputs import (
+    decode_external_reference,
+    decode_heartbeat,
+    decode_joy,
+)
+from vehicle_link.topics.measurements import decode_bearings, decode_pose, decode_position
+from vehicle_link.topics.table import TOPICS
 
 Key = TypeVar("Key")
 SILENT_NS = 1_000_000_000
@@ -124,12 +130,12 @@ class Inbound:
         self._station = PreferredSource[int]()
         self._sticks = HeldSticks()
         self._sources = {
-            name: PreferredSource[bytes]() for name, row in topics.TOPICS.items() if row.one_source
+            name: PreferredSource[bytes]() for name, row in TOPICS.items() if row.one_source
         }
         self._newest_state: Record | None = None
         self.handlers: dict[str, Callable[[bytes], None]] = {
-            "tracker_pose": partial(self._tracked, "tracker_pose", topics.decode_pose),
-            "tracker_position": partial(self._tracked, "tracker_position", topics.decode_position),
+            "tracker_pose": partial(self._tracked, "tracker_pose", decode_pose),
+            "tracker_position": partial(self._tracked, "tracker_position", decode_position),
             "bearings": self._bearings,
             "joy": self._joy,
             "external_reference": self._external_reference,
@@ -216,7 +222,7 @@ class Inbound:
             self._warn("joy", f"silent for 0.5 s while held; {AGAIN}")
 
     def _joy(self, payload: bytes, sender: bytes = b"") -> None:
-        sticks = topics.decode_joy(payload)
+        sticks = decode_joy(payload)
         if not self._fresh("joy", sticks.stamp_ns):
             return
         if self._sticks.count(sender, sticks):
@@ -228,14 +234,14 @@ class Inbound:
             )
 
     def _external_reference(self, payload: bytes) -> None:
-        stamp_ns, reference = topics.decode_external_reference(payload)
+        stamp_ns, reference = decode_external_reference(payload)
         if self._fresh("external_reference", stamp_ns):
             numbers = tuple(reference.view("f8").tolist())
             self._send(mailbox.ExternalReference(stamp_ns, numbers))
             self._log("external_reference", payload, stamp_ns)
 
     def _heartbeat(self, payload: bytes) -> None:
-        instance = topics.decode_heartbeat(payload).instance
+        instance = decode_heartbeat(payload).instance
         now_ns = monotonic_ns()
         before = self._station.current(now_ns)
         if not self._station.accepts(instance, now_ns):
@@ -254,7 +260,7 @@ class Inbound:
         self._send(mailbox.Heartbeat(self._clock.now_ns()))
 
     def _bearings(self, payload: bytes) -> None:
-        seen = topics.decode_bearings(payload)
+        seen = decode_bearings(payload)
         stamp_ns = int(seen["stamp_ns"][0])
         if not self._fresh("bearings", stamp_ns, LATEST_NS):
             return

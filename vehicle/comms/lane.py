@@ -24,7 +24,7 @@ from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
 from vehicle_link.messages.records import LaneRequest
 from vehicle_link.security.access import LANE, PILOT_LANE
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import OtherPath, Received
 

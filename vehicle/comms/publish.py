@@ -22,9 +22,19 @@ from quadrotor.records import TICK, Record, offset_of
 from vehicle import mailbox
 from vehicle.modes import ControlMode, Flag, Mode
 from vehicle.processes.config import PACKETS_A_SECOND
-from vehicle_link import telemetry, topics
+from vehicle_link import telemetry
 from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.measurements import encode_reading
+from vehicle_link.topics.status import (
+    encode_batteries,
+    encode_estimators,
+    encode_event,
+    encode_parameter_change,
+    encode_pressures,
+    encode_status,
+)
+from vehicle_link.topics.table import TOPICS
 
 if TYPE_CHECKING:
     from vehicle_link.transport.node import Node
@@ -41,7 +51,7 @@ _STABLE = ~int(
 )  # the others may change every tick: no reason to publish
 # Plain numbers, as an IntFlag costs half a microsecond per operation.
 _FLAGS = [(int(flag), str(flag.name).lower()) for flag in Flag]
-_PERIOD_NS = {name: round(1e9 / topic.rate) for name, topic in topics.TOPICS.items() if topic.rate}
+_PERIOD_NS = {name: round(1e9 / topic.rate) for name, topic in TOPICS.items() if topic.rate}
 # mode, behavior, armed, airborne, flags, parameter_revision: unpacked at once, because reading a
 # structured record field by field takes 2 µs.
 _STATUS = struct.Struct("<5B3x2I")
@@ -142,11 +152,11 @@ class Publisher:
             self._status_key = key
             self._send("status", self._status(last), newest)
         if self._due("estimator", newest):
-            self._send("estimator", topics.encode_estimators(last, self._estimator())[0], newest)
+            self._send("estimator", encode_estimators(last, self._estimator())[0], newest)
         if self._due("battery", newest):
-            self._send("battery", topics.encode_batteries(last, self._vehicle)[0], newest)
+            self._send("battery", encode_batteries(last, self._vehicle)[0], newest)
         if self._due("pressure", newest):
-            self._send("pressure", topics.encode_pressures(last, self._vehicle)[0], newest)
+            self._send("pressure", encode_pressures(last, self._vehicle)[0], newest)
 
     @property
     def next_packet_s(self) -> float:
@@ -163,23 +173,23 @@ class Publisher:
         if self._radio is not None and self._due("vehicle_heartbeat", time.monotonic_ns()):
             self._heartbeat += 1
             holder = self._station.holder if self._station is not None else 0
-            payload = topics.encode_heartbeat(self._heartbeat, now_ns, self._instance, holder)
+            payload = encode_heartbeat(self._heartbeat, now_ns, self._instance, holder)
             self._radio.put("vehicle_heartbeat", payload, now_ns)
 
     def event(self, event: mailbox.Event) -> None:
-        payload = topics.encode_event(
+        payload = encode_event(
             event.stamp_ns, event.level, event.text, f"{self._vehicle}.vehicle", event.kinds
         )
         self._send("events", payload, event.stamp_ns, always=True)
 
     def parameter_change(self, change: ParameterChange) -> None:
         change = msgspec.structs.replace(change, instance=self._instance)
-        payload = topics.encode_parameter_change(change)
+        payload = encode_parameter_change(change)
         self._send("parameter_changes", payload, change.stamp_ns, always=True)
 
     def reading(self, judged: Record) -> None:
         """Log a JUDGED_READING (1,), and send it if its sensor's last one is a period ago."""
-        topic, payload = topics.encode_reading(judged)
+        topic, payload = encode_reading(judged)
         stamp_ns = int(judged["stamp_ns"][0])
         self._send(topic, payload, stamp_ns, by_radio=self._due(topic, stamp_ns))
 
@@ -211,7 +221,7 @@ class Publisher:
 
     def _status(self, tick: Record) -> bytes:
         status = tick["status"][0]
-        return topics.encode_status(
+        return encode_status(
             tick,
             Mode(status["mode"]).name.lower(),
             BehaviorName(status["behavior"]).name.lower(),
@@ -251,7 +261,7 @@ class Publisher:
     ) -> None:
         if by_radio and self._radio is not None and (always or self._may_send(topic, stamp_ns)):
             self._radio.put(topic, payload, stamp_ns)
-        type_name = topics.TOPICS[topic].type_name
+        type_name = TOPICS[topic].type_name
         self._log.message(topic, type_name, payload, stamp_ns, self._clock.now_ns())
 
 

@@ -17,6 +17,7 @@ from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.repair import FOLDER
 from vehicle.realtime import PRIORITY
 from vehicle_link.checks import Check, Place, to_messages
+from vehicle_link.identity import THE_ONE, Identity
 from vehicle_link.machine_checks import (
     clock_check,
     disk_check,
@@ -27,7 +28,6 @@ from vehicle_link.machine_checks import (
 from vehicle_link.messages import new
 from vehicle_link.messages.records import ChecksRequest, ChecksResponse
 from vehicle_link.security.certificate_checks import certificate_check
-from vehicle_link.serial.ids import THE_ONE, Identity
 
 PLACE: Place = "vehicle"
 VERSION = "version"

@@ -21,7 +21,7 @@ from vehicle_link.commands import COMMANDS, Command
 from vehicle_link.messages import Message, new
 from vehicle_link.messages.records import ChangeParametersRequest, CommandRequest
 from vehicle_link.parameters.messages import from_parameters, to_parameters
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.idempotent import Idempotent, prepare
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters

@@ -17,7 +17,7 @@ from estimation.convergence import Difference, difference
 from estimation.estimator import Estimator
 from estimation.names import NONE
 from estimation.parameters import EstimationParameters
-from quadrotor.errors import RefusedError
+from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.estimators.estimator_runner import BEARINGS, BOTH, POSES, Runner
@@ -254,7 +254,7 @@ def _compile(estimators: EstimatorSet, choice: Choice, built_in: str, armed: boo
         if name not in registry.names():
             if armed:
                 raise RefusedError(f"estimator {name} is started on the ground: disarm first")
-            registry.prepare(built_in, bearings)
+            _prepare(built_in, bearings)
             continue
         if not registry.ready(name, bearings):
             if armed:
@@ -262,7 +262,15 @@ def _compile(estimators: EstimatorSet, choice: Choice, built_in: str, armed: boo
                     f"estimator {name} is not compiled for these measurements, which takes "
                     "seconds; disarm, or choose it before arming"
                 )
-            registry.prepare(name, bearings)
+            _prepare(name, bearings)
+
+
+def _prepare(name: str, bearings: bool) -> None:
+    """Prepare an estimator. Raises RefusedError if an extension's cannot run."""
+    try:
+        registry.prepare(name, bearings)
+    except UsageError as error:
+        raise RefusedError(str(error)) from error
 
 
 def hands_over(active_source: str, values: Mapping[str, ParameterValue]) -> bool:

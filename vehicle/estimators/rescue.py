@@ -10,19 +10,12 @@ not given the flight again.
 from __future__ import annotations
 
 from estimation.convergence import difference
+from estimation.names import NONE
 from estimation.parameters import EstimationParameters
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle import mailbox
-from vehicle.estimators.choice import (
-    AGREEMENT,
-    ESTIMATOR,
-    NONE,
-    SAME,
-    SHADOW,
-    SHADOW_SOURCE,
-    Change,
-)
+from vehicle.estimators.choice import AGREEMENT, ESTIMATOR, SAME, SHADOW, SHADOW_SOURCE, Change
 from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.navigation import Navigation
 from vehicle.modes import Flag

@@ -54,12 +54,14 @@ class MemoryRobot(Robot, Protocol):
     """A simulated vehicle inside this process.
 
     Attributes:
-        ports: the flight stack's ends of its lines.
         epoch_ns: the vehicle's time of the first sample, to be set before it.
     """
 
-    ports: Sequence[Port]
     epoch_ns: int
+
+    @property
+    def ports(self) -> Sequence[Port]:
+        """Return the flight stack's ends of its lines."""
 
 
 class Simulate(Protocol):

@@ -14,15 +14,21 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flight_log import LogWriter
 from flight_log.file import sync_folder
 from flight_log.provenance import provenance
 from flight_log.writer import Batch as TopicBatch
+from flight_log.writer import LogWriter
 from flight_log.writer import Message as LogMessage
 from quadrotor.errors import StorageError
 from quadrotor.records import TICK, Record
-from vehicle_link import topics
 from vehicle_link.messages import definition, type_hash
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import (
+    actuator_messages,
+    imu_messages,
+    reference_messages,
+    state_messages,
+)
 
 PERIOD_S = 1.0
 
@@ -128,7 +134,7 @@ def prepare(vehicle: str) -> None:
     """Compute cached values in advance: 0.3 s of the interpreter, better spent on the ground."""
     provenance()
     list(_tick_messages(np.zeros(1, TICK), vehicle))
-    for topic in topics.TOPICS.values():
+    for topic in TOPICS.values():
         definition(topic.type_name)
         type_hash(topic.type_name)
 
@@ -229,11 +235,7 @@ class OnboardFile:
         self._writer.write_batches(
             [
                 TopicBatch(
-                    f"/{self._vehicle}/{topic}",
-                    topics.TOPICS[topic].type_name,
-                    payloads,
-                    received,
-                    stamps,
+                    f"/{self._vehicle}/{topic}", TOPICS[topic].type_name, payloads, received, stamps
                 )
                 for topic, payloads in _tick_messages(ticks, self._vehicle)
             ]
@@ -250,7 +252,7 @@ class OnboardFile:
 
 def _tick_messages(ticks: Record, vehicle: str) -> Iterator[tuple[str, npt.NDArray[np.void]]]:
     """Yield (topic, messages (N,))."""
-    yield "state", topics.state_messages(ticks, vehicle)
-    yield "reference", topics.reference_messages(ticks)
-    yield "imu", topics.imu_messages(ticks, vehicle)
-    yield "actuators", topics.actuator_messages(ticks, vehicle)
+    yield "state", state_messages(ticks, vehicle)
+    yield "reference", reference_messages(ticks)
+    yield "imu", imu_messages(ticks, vehicle)
+    yield "actuators", actuator_messages(ticks, vehicle)

@@ -21,8 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flight_log import is_closed
-from flight_log.index import begins_as_log, read_index
+from flight_log.index import begins_as_log, is_closed, read_index
 from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError, os_errors
 from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.file_identity import identity_of
@@ -30,7 +29,7 @@ from vehicle.onboard_log.repair import LATER
 from vehicle.onboard_log.ring import Fetched, free_bytes
 from vehicle_link.messages import Message, new
 from vehicle_link.messages.records import OnboardFilesRequest, OnboardPartRequest
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.idempotent import prepare
 from vehicle_link.transport.node import Node
 

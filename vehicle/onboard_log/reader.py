@@ -15,7 +15,7 @@ from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle_link.messages import Message, new
 from vehicle_link.messages.records import OnboardLogRequest
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.idempotent import prepare
 
 TYPE = SERVICES["onboard_log"]

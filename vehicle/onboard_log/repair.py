@@ -15,9 +15,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from flight_log import is_closed, recover
 from flight_log.file import is_being_written
-from flight_log.index import holds_nothing
+from flight_log.index import holds_nothing, is_closed
+from flight_log.recovery import recover
 from quadrotor.errors import JobError, QuadlabError, StorageError
 from vehicle.mailbox import INFO, WARN
 from vehicle_link.jobs import IDLE, Job

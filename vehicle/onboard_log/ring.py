@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from flight_log import is_closed
+from flight_log.index import is_closed
 from quadrotor.errors import StorageError, os_errors
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle_link.machine_checks import kernel_clock

@@ -11,8 +11,8 @@ from quadrotor.records import BEARINGS_SAMPLE, JUDGED_READING, POSE_SAMPLE, TICK
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle.processes.rings import ByteRing, RecordRing, create
 from vehicle_link.addresses import EVERYWHERE
+from vehicle_link.identity import THE_ONE, Identity
 from vehicle_link.serial.capacity import DEFAULT_RATE
-from vehicle_link.serial.ids import THE_ONE, Identity
 
 TICK_SLOTS = 4096  # 8 s at 500 Hz, 4 s at 1000 Hz: longer than a restart of comms
 INBOX_SLOTS, INBOX_SLOT_SIZE = 256, 8192

@@ -29,10 +29,10 @@ from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
 from vehicle_link.addresses import EVERYWHERE
 from vehicle_link.forked import Process, share, start
+from vehicle_link.identity import THE_ONE, Identity
 from vehicle_link.jobs import how_it_ended
 from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
-from vehicle_link.serial.ids import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 5.0

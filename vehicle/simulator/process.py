@@ -29,11 +29,11 @@ from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.robot import SECOND_NS, Pace, Robot, RunStatistics, pace_of
 from vehicle.simulator.simulated_vehicle import PERIOD_MAX_US, SimulatedVehicle
 from vehicle_link import clock
-from vehicle_link.transport.session import SharedSession
+from vehicle_link.transport.loopback import SharedSession
 
 if TYPE_CHECKING:
     from vehicle.simulator.tracking_systems.served import ServedSystems
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 
 PRIORITY = 40
 """SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
@@ -209,7 +209,7 @@ def side_by_side(parameters: SimulatorParameters, count: int) -> list[SimulatorP
 
 def _open(loopback_port: int) -> Session:
     # Imported here: importing Zenoh takes a while, which the plant need not wait for.
-    from vehicle_link.transport.session import loopback_session
+    from vehicle_link.transport.loopback import loopback_session
 
     return loopback_session(loopback_port)
 

@@ -15,7 +15,7 @@ from vehicle.simulator.pseudo_terminal import PseudoTerminal, ServedPort
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
-from vehicle_link.transport.session import SharedSession
+from vehicle_link.transport.loopback import SharedSession
 
 if TYPE_CHECKING:
     from vehicle.simulator.tracking_systems.served import ServedSystems

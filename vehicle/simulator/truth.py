@@ -22,7 +22,7 @@ from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters, ReportingParameters
 from vehicle_link import clock
-from vehicle_link.transport.session import SharedSession
+from vehicle_link.transport.loopback import SharedSession
 
 if TYPE_CHECKING:
     from vehicle_link.topics.table import Topic
@@ -149,7 +149,7 @@ def _change_publisher(
     """
     from vehicle_link.parameters.change import ParameterChange
     from vehicle_link.process_instance import new_instance
-    from vehicle_link.topics import encode_parameter_change
+    from vehicle_link.topics.status import encode_parameter_change
 
     instance = new_instance()
 
@@ -184,7 +184,7 @@ def connect_to_station(
         from vehicle_link.messages import Message, new
         from vehicle_link.messages.records import ChangeParametersRequest, SimulationRequest
         from vehicle_link.parameters.messages import from_parameters, to_parameters
-        from vehicle_link.topics import SERVICES, TOPICS
+        from vehicle_link.topics.table import SERVICES, TOPICS
         from vehicle_link.transport.idempotent import Idempotent
         from vehicle_link.transport.node import Node
         from vehicle_link.transport.parameter_service import serve_parameters

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 Access = Literal["pilot", "observer"]
 COMMON_NAMES: dict[Access, str] = {"pilot": "quadlab station", "observer": "quadlab observer"}

@@ -16,7 +16,7 @@ from quadrotor.checkout import DISTRIBUTION
 from quadrotor.records import TICK
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import type_hash
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 
 AT_STATION = {"mark", "experiment", "control", "transfer"} | {
     name for name, command in COMMANDS.items() if command.at != "vehicle"

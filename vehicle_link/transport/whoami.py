@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from quadrotor.errors import LinkError
+from vehicle_link.identity import Identity
 from vehicle_link.messages import Message, new
 from vehicle_link.messages.records import WhoAmIRequest, WhoAmIResponse
 from vehicle_link.security.access import PILOT_WHOAMI, WHOAMI, Access
-from vehicle_link.serial.ids import Identity
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.protocol import protocol, version
 

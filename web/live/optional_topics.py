@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from vehicle_link.topics.table import TOPICS
 
 if TYPE_CHECKING:
+    from vehicle_link.transport.loopback import Session
     from vehicle_link.transport.node import Node
     from vehicle_link.transport.publisher import Received
-    from vehicle_link.transport.session import Session
 
 
 class OptionalTopics:

@@ -15,7 +15,7 @@ from fastapi import FastAPI, WebSocket
 
 from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.parameter_description import ParameterValue
-from vehicle_link.topics import decode_picture
+from vehicle_link.topics.measurements import decode_picture
 from web.live.conversation import converse
 from web.live.forwarding import Forwarding
 

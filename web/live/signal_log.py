@@ -19,7 +19,7 @@ from quadrotor.errors import LinkError, LogFormatError, OutOfBoundsError
 from quadrotor.records import Stamps
 from vehicle_link.clock import monotonic
 from vehicle_link.telemetry import Samples, unpack_samples
-from vehicle_link.topics import TICK_TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 from web.latest import STALE, TICKS, Stored
 from web.live.growing import Growing
 from web.live.topic_logs import MessageLog, TickLog, TickTopic

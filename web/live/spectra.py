@@ -14,7 +14,7 @@ from fastapi import FastAPI, Query
 from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram_of
 from quadrotor.constants import MOTORS
 from quadrotor.errors import MeasurementError, OutOfBoundsError
-from vehicle_link.topics import TICK_TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 from web.live.signal_log import SignalLog
 from web.live.telemetry import topic_of
 from web.signals import INDEX

@@ -22,17 +22,19 @@ from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.messages.records import Answer
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change, from_parameters, to_parameters
-from vehicle_link.topics import SERVICES, TICK_TOPICS, TOPICS, event_kinds
+from vehicle_link.topics.status import event_kinds
+from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 from web.latest import FAST, STALE, TICKS, Live
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.optional_topics import OptionalTopics, subscribe_directly
 
 if TYPE_CHECKING:
     from vehicle_link.transport.client import ServiceClient
+    from vehicle_link.transport.loopback import Session
     from vehicle_link.transport.node import Node
     from vehicle_link.transport.parameter_service import ParameterClient
     from vehicle_link.transport.publisher import Publisher, Received
-    from vehicle_link.transport.session import Session
 
 CALL_TIMEOUT = 1.5  # s
 PATIENCE = {

@@ -14,8 +14,8 @@ from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import Stamps
 from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.telemetry import FLOATS, Samples, ticks_of
-from vehicle_link.topics import TICK_TOPICS
 from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 from web.latest import STALE
 from web.live.growing import Growing
 from web.signals.evaluator import count_before

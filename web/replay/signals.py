@@ -10,7 +10,8 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from flight_log.run import Series
-from web.signals import NAMED_SOURCES, Signal, Source
+from web.signals import NAMED_SOURCES
+from web.signals.signal import Signal, Source
 
 Derived = dict[str, tuple[Source, list[str], int]]
 """Derived columns by their names `@…`.

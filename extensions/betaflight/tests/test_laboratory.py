@@ -12,7 +12,7 @@ import pytest
 
 from flight_log import read_log
 from tests.system.conftest import Laboratory
-from vehicle_link.topics import decode_odometry
+from vehicle_link.topics.ticks import decode_odometry
 
 pytestmark = [pytest.mark.timeout(300), pytest.mark.needs("betaflight")]
 LANDING_SPEED = 0.8

@@ -14,7 +14,7 @@ from estimation.parameters import PRESETS as GAINS
 from extensions.comparison.routes import RATE, as_json
 from tests.support.live_signals import Received
 from vehicle_link.messages import decode, encode, new
-from web.signals import COMPARED
+from web.signals.estimates import COMPARED
 
 
 @pytest.fixture

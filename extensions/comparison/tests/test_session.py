@@ -16,7 +16,7 @@ import pytest
 
 from bearing_sim import BearingEmulator, BearingMeasurement, BearingParameters, PoseMeasurement
 from console.parameters.store import StationStore
-from estimation import registry
+from estimation import names, registry
 from extensions.comparison import feed as comparison_feed
 from extensions.comparison.feed import ComparisonFeed
 from extensions.comparison.kernels import CompiledEstimators
@@ -28,7 +28,7 @@ from quadrotor.records import TICK
 from tests.waiting import until
 from vehicle_link.messages import decode
 from vehicle_link.telemetry import pack
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
@@ -245,7 +245,7 @@ def test_an_estimator_that_cannot_be_prepared_is_said_once(monkeypatch: Any) -> 
     def broken(parameters: Any) -> Any:
         raise RuntimeError("no such sensor")
 
-    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+    monkeypatch.setitem(names.registered, "broken", broken)
     kernels = CompiledEstimators(say)
     assert not kernels.ready("broken")
     assert told.wait(LIMIT)

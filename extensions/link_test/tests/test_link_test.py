@@ -20,11 +20,11 @@ from quadlab.__main__ import main
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK
 from tests.waiting import free_port
-from vehicle_link import topics
+from vehicle_link.identity import THE_ONE
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
-from vehicle_link.serial.ids import THE_ONE
 from vehicle_link.telemetry import pack
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.control_inputs import decode_heartbeat, encode_heartbeat
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.session import vehicle_session
 from vehicle_link.transport.time_sync import serve_time_sync
@@ -50,7 +50,7 @@ def vehicle(tls: TlsFiles) -> Iterator[int]:
     node.subscribe(
         "station_heartbeat",
         TOPICS["station_heartbeat"].type_name,
-        lambda received: holders.append(topics.decode_heartbeat(received.payload).instance),
+        lambda received: holders.append(decode_heartbeat(received.payload).instance),
     )
 
     def run() -> None:
@@ -60,7 +60,7 @@ def vehicle(tls: TlsFiles) -> Iterator[int]:
             ticks["imu"]["stamp_ns"] = time.time_ns()
             if k % 10:
                 telemetry.put(pack(ticks, k))
-            beats.put(topics.encode_heartbeat(k, time.time_ns(), 3, holders[-1]))
+            beats.put(encode_heartbeat(k, time.time_ns(), 3, holders[-1]))
 
     thread = threading.Thread(target=run)
     thread.start()

@@ -18,7 +18,7 @@ from extensions.mavlink.tests.wired import Wired
 from quadrotor.errors import UsageError
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_parameters, to_value
-from vehicle_link.topics import decode_joy
+from vehicle_link.topics.control_inputs import decode_joy
 
 ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 ARM, TAKE_OFF = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_NAV_TAKEOFF

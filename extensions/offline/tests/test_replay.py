@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from bearing_sim.beacons import parse_layout
-from estimation import registry
+from estimation import names, registry
 from estimation.complementary import ComplementaryEstimator
 from extensions.offline.lines import flown_choices, plan_runs
 from extensions.offline.measurements import MeasurementStore, emulated
@@ -32,8 +32,8 @@ from quadrotor.plain_rotations import rotate
 from quadrotor.records import STATE
 from vehicle.flight.kernels import prepare
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import payloads_of
+from vehicle_link.topics.ticks import odometry_messages
 
 ON_BEARINGS = 9.0
 """Duration of the flight on bearings, s."""
@@ -140,7 +140,7 @@ def as_flown(recording: Recording, truth: Truth) -> list[bool]:
     """Return whether each replayed state is the message in the log, byte for byte."""
     [run] = plan_runs(recording, (), (), (), None)
     replayed = replay(recording, run, MeasurementStore(recording, truth).of(run))
-    again = payloads_of(topics.odometry_messages(recording.imu["stamp_ns"], replayed.states))
+    again = payloads_of(odometry_messages(recording.imu["stamp_ns"], replayed.states))
     logged = [message.payload for message in read_log(recording.path, {"/quad1/state"})]
     return [one == other for one, other in zip(again, logged, strict=True)]
 
@@ -349,7 +349,7 @@ class Refusing(ComplementaryEstimator):
 def test_an_estimator_of_ones_own_is_replayed_and_its_refusals_counted(
     capsys: pytest.CaptureFixture[str], log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(registry._FACTORIES, "refusing", Refusing)
+    monkeypatch.setitem(names.registered, "refusing", Refusing)
     rows, _ = table(capsys, log, "--estimator", "refusing", "--on", "poses")
     assert rows["refusing"]["rejected_share"] == pytest.approx(0.5, abs=0.01)
     assert rows["refusing"]["position_rms_m"] < 0.01
@@ -367,7 +367,7 @@ class Diverging(ComplementaryEstimator):
 def test_an_estimate_that_is_not_finite_is_told_not_left_out(
     capsys: pytest.CaptureFixture[str], log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(registry._FACTORIES, "diverging", Diverging)
+    monkeypatch.setitem(names.registered, "diverging", Diverging)
     rows, _ = table(capsys, log, "--estimator", "diverging", "--on", "poses")
     assert rows["diverging"]["position_rms_m"] is None
     assert "estimates are not finite" in rows["diverging"]["note"]

@@ -28,7 +28,8 @@ from quadlab.simulated.sensors import new_defaults
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 from vehicle_link.messages import encode, new
-from vehicle_link.topics import decode_external_reference, decode_odometry
+from vehicle_link.topics.control_inputs import decode_external_reference
+from vehicle_link.topics.ticks import decode_odometry
 
 
 @pytest.fixture(scope="module")

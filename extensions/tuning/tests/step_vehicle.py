@@ -15,7 +15,7 @@ from extensions.tuning.evaluation import COLUMNS, Plan
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import header, new
 from vehicle_link.parameters.messages import from_parameters
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 
 FASTER = 10.0
 STEP_NS = 2_000_000

@@ -13,7 +13,7 @@ from extensions.tuning.collection import EMPTY_ANSWERS_MAX, Collection
 from quadrotor.errors import StorageError
 from tests.support.narrowing import now
 from vehicle_link.messages import new
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.idempotent import answering
 

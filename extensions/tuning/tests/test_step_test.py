@@ -18,7 +18,7 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError, StorageError
 from quadrotor.records import TICK, Record
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link import topics
+from vehicle_link.topics.ticks import actuator_messages, reference_messages, state_messages
 
 KP = "control.position.kp_xy"
 
@@ -82,9 +82,9 @@ class Lab:
 def samples_of(ticks: Record) -> Samples:
     """Return the samples as the onboard log would: through its messages, as float32."""
     messages = {
-        "state": topics.state_messages(ticks),
-        "reference": topics.reference_messages(ticks),
-        "actuators": topics.actuator_messages(ticks),
+        "state": state_messages(ticks),
+        "reference": reference_messages(ticks),
+        "actuators": actuator_messages(ticks),
     }
     layouts, values = layouts_of("quad1"), {}
     for name in COLUMNS:

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from bearing_sim import Beacons, BearingMeasurement, BearingParameters, parse_layout
+from bearing_sim.beacons import Beacons, parse_layout
 from bearing_sim.bearing_parameters import parse_lost
+from bearing_sim.emulator import BearingMeasurement, BearingParameters
 from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
 from extensions.vision.simulated.camera_motion import CameraMotion
 from extensions.vision.simulated.parameters import CameraParameters

@@ -18,7 +18,7 @@ from quadlab.simulated.parameters import FlightParameters
 from quadlab.simulated.sensors import Replacements
 from quadrotor.errors import MeasurementError
 from quadrotor.plain_rotations import Array
-from vehicle_link.topics import TRACKER_PICTURES
+from vehicle_link.topics.table import TRACKER_PICTURES
 
 BODY = "quad1"
 IN_TIME = 0.9

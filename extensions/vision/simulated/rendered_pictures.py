@@ -18,12 +18,13 @@ from extensions.vision.tracker.several_cameras import open_cameras
 from quadrotor.errors import UnreachableError
 from quadrotor.rotations import quaternion_to_matrix
 from vehicle_link.clock import monotonic_ns, time_ns
-from vehicle_link.topics import TOPICS, decode_odometry
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import decode_odometry
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 PERIOD = 0.066
 """Seconds between two pictures of a camera, if the computer is quick enough."""
 SILENT = 2.0

@@ -16,7 +16,7 @@ import numpy as np
 from console.trackers.camera_figures import CameraPicture, Figures
 from extensions.vision.tags.detector import Picture, Tags, marked_picture
 from vehicle_link.clock import monotonic_ns
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 RECENT_NS = 1_000_000_000
 """Time in ns over which the figures are computed."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from bearing_sim import parse_layout
+from bearing_sim.beacons import parse_layout
 from console.beacon_layout import STATION_LAYOUT
 from console.trackers.source import Frame
 from extensions.vision.tags.beacon_markers import load_beacon_markers
@@ -27,13 +27,13 @@ from quadrotor.plain_rotations import Array
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import decode
 from vehicle_link.parameters.messages import decode_change
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient
 from vehicle_link.transport.publisher import Received
 
 if TYPE_CHECKING:
-    from vehicle_link.transport.session import Session
+    from vehicle_link.transport.loopback import Session
 FAR_OFF = 3.0
 """Largest deviation of beacons from their positions, pixels rms."""
 RECENT_NS = 1_000_000_000

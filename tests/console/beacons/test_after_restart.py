@@ -21,10 +21,10 @@ from quadrotor.errors import LinkError
 from tests.waiting import free_port, until, wait_for
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient
-from vehicle_link.transport.session import loopback_session
 
 STATION = """
 import json, sys

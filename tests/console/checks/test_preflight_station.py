@@ -21,12 +21,13 @@ from quadrotor.parameter_description import ParameterDescription
 from quadrotor.records import TICK
 from tests.support.station import LinkedStation
 from tests.waiting import until
-from vehicle_link import topics
 from vehicle_link.checks import Check, from_messages, to_messages
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.telemetry import pack
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.control_inputs import encode_heartbeat, encode_joy
+from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.topics.ticks import odometry_messages
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
 from vehicle_link.transport.time_sync import serve_time_sync
@@ -141,7 +142,7 @@ class FitVehicle:
             ticks["imu"]["specific_force_b"] = (0.0, 9.8 * math.sin(up), 9.8 * math.cos(up))
             if state["telemetry"]:
                 self._out["telemetry"].put(pack(ticks, count), now_ns)
-            self._out["vehicle_heartbeat"].put(topics.encode_heartbeat(count, now_ns), now_ns)
+            self._out["vehicle_heartbeat"].put(encode_heartbeat(count, now_ns), now_ns)
             if count % 5 == 0:
                 estimator = new(
                     "quadlab_msgs/EstimatorStatus",
@@ -190,12 +191,10 @@ class Bench(LinkedStation):
             state = np.zeros(1, TICK)["state"]
             state["quaternion_wb"] = (1, 0, 0, 0)
             if self.tracked:
-                self._truth.put(
-                    topics.odometry_messages(np.array([now_ns]), state).tobytes(), now_ns
-                )
+                self._truth.put(odometry_messages(np.array([now_ns]), state).tobytes(), now_ns)
             if self._deflection:
                 axes = (self._deflection, 0.0, 0.0, 0.0)
-                self.stick.put(topics.encode_joy(now_ns, axes, False), now_ns)
+                self.stick.put(encode_joy(now_ns, axes, False), now_ns)
 
     @property
     def newest(self) -> Any:

@@ -15,7 +15,7 @@ from console.catalogue.marks import marks_of
 from console.runs.adoption import marks_in_log, tidy_runs
 from tests.waiting import wait_for
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 
 AHEAD_NS = 40_000_000_000
 SECOND = 1_000_000_000

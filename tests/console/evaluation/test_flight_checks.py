@@ -13,10 +13,10 @@ from console.evaluation.flight_checks import LIMITS, flight_checks, with_checks
 from console.experiments.client import Result
 from flight_log import LogWriter
 from quadrotor.records import STATE
-from vehicle_link import topics
 from vehicle_link.messages import encode, header, new
 from vehicle_link.messages.cdr_layout import payloads_of
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import odometry_messages
 
 MS, RATE = 1_000_000, 100
 
@@ -50,7 +50,7 @@ def write(
     )
     with LogWriter(path, {"vehicle": "quad1"}, {}) as log:
         for payload, ns in zip(
-            payloads_of(topics.odometry_messages(stamps, states)), stamps.tolist(), strict=True
+            payloads_of(odometry_messages(stamps, states)), stamps.tolist(), strict=True
         ):
             log.write("/quad1/truth", TOPICS["truth"].type_name, payload, ns, ns)
         for k, (position, attitude) in enumerate(zip(*poses, strict=True), 1):

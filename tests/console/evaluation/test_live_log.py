@@ -14,11 +14,13 @@ from console.evaluation.tracking import tracking_errors
 from console.experiments.bearings import BearingsExperiment
 from flight_log import LogWriter
 from quadrotor.records import POSE_SAMPLE, STATE, TICK
-from vehicle_link import topics
 from vehicle_link.messages import encode, header, new
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.measurements import encode_bearings, pose_messages, position_messages
+from vehicle_link.topics.status import encode_parameter_change
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import odometry_messages, reference_messages, state_messages
 
 MS = 1_000_000
 OFF = 0.01  # m, between truth and reference, and between truth and estimate
@@ -64,30 +66,24 @@ def write(
     if outliers:
         poses["position_w"][::outliers, 0] += 2.0
     true = {
-        "truth": lambda: payloads_of(topics.odometry_messages(true_ns, states)),
-        "tracker_pose": lambda: payloads_of(topics.pose_messages(poses)),
-        "tracker_position": lambda: payloads_of(topics.position_messages(poses)),
+        "truth": lambda: payloads_of(odometry_messages(true_ns, states)),
+        "tracker_pose": lambda: payloads_of(pose_messages(poses)),
+        "tracker_position": lambda: payloads_of(position_messages(poses)),
     }[truth]()
     messages: list[tuple[str, bytes, int]] = [
         *(
             ("state", p, ns)
-            for p, ns in zip(
-                payloads_of(topics.state_messages(ticks)), stamps.tolist(), strict=True
-            )
+            for p, ns in zip(payloads_of(state_messages(ticks)), stamps.tolist(), strict=True)
         ),
         *(
             ("reference", p, s)
-            for p, s in zip(
-                payloads_of(topics.reference_messages(ticks)), stamps.tolist(), strict=True
-            )
+            for p, s in zip(payloads_of(reference_messages(ticks)), stamps.tolist(), strict=True)
         ),
         *((truth, p, ns) for p, ns in zip(true, true_ns.tolist(), strict=True)),
     ]
 
     def change(name: str, old: str, value: str, ms: int) -> None:
-        payload = topics.encode_parameter_change(
-            ParameterChange(ms * MS, name, old, value, "ada", 1)
-        )
+        payload = encode_parameter_change(ParameterChange(ms * MS, name, old, value, "ada", 1))
         messages.append(("parameter_changes", payload, ms * MS))
 
     def status(mode: str, ms: int) -> None:
@@ -98,7 +94,7 @@ def write(
     change("estimation.source", "bearings", "poses", 9_500)
     ids, ahead = (1, 2, 3, 4), ((1.0, 0.0, 0.0),) * 4
     for ms in range(0, 10_000, 33) if seen else ():
-        payload = topics.encode_bearings(ms * MS, ids, ahead, np.radians(sigma), "quad1")
+        payload = encode_bearings(ms * MS, ids, ahead, np.radians(sigma), "quad1")
         messages.append(("bearings", payload, ms * MS))
     status("armed", 100)
     status("cut" if cut else "armed", 9_000)

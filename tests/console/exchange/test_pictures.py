@@ -10,7 +10,8 @@ import pytest
 from flight_log import read_log
 from tests.support.station import LinkedStation
 from tests.waiting import wait_for
-from vehicle_link.topics import PICTURE, TOPICS, decode_picture, encode_picture
+from vehicle_link.topics.measurements import PICTURE, decode_picture, encode_picture
+from vehicle_link.topics.table import TOPICS
 
 JPEG = b"\xff\xd8"
 START_NS, PERIOD_NS = 5_000_000_000, 100_000_000

@@ -30,7 +30,7 @@ from quadrotor.errors import JobError, LinkError, MeasurementError, RefusedError
 from tests.support.clients import FakeClient
 from vehicle_link.messages import header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.idempotent import answering
 

@@ -24,13 +24,14 @@ from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import TICK
 from tests.support.station import LinkedStation
 from tests.waiting import LIMIT, until
-from vehicle_link import topics
 from vehicle_link.commands import EventKind
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import from_descriptor, from_parameters, to_parameters
 from vehicle_link.telemetry import pack
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.control_inputs import decode_joy, encode_heartbeat, encode_joy
+from vehicle_link.topics.status import DELAYED_PREFIX, encode_event, encode_parameter_change
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
 from vehicle_link.transport.publisher import Received
@@ -112,7 +113,7 @@ class ScriptedVehicle:
         self._out["status"].put(encode(status))
 
     def say(self, text: str, *kinds: EventKind) -> None:
-        self._out["events"].put(topics.encode_event(0, 30, text, "vehicle", kinds))
+        self._out["events"].put(encode_event(0, 30, text, "vehicle", kinds))
 
     def falls_back(self) -> None:
         """Let the vehicle change a parameter by itself."""
@@ -124,10 +125,10 @@ class ScriptedVehicle:
             now_ns, old = time.time_ns(), self.values_[name]
             change = ParameterChange(now_ns, name, old, value, requester, self.revision)
             self.values_[name] = value
-            self._out["parameter_changes"].put(topics.encode_parameter_change(change))
+            self._out["parameter_changes"].put(encode_parameter_change(change))
 
     def _on_joy(self, received: Received) -> None:
-        self.joys.append(topics.decode_joy(received.payload))
+        self.joys.append(decode_joy(received.payload))
 
     def _do(self, name: str, request: Any) -> Any:
         what = str(getattr(request, "name", getattr(request, "action", "")))
@@ -169,7 +170,7 @@ class ScriptedVehicle:
             ticks["imu"]["stamp_ns"] = now_ns + 2_000_000 * np.arange(-4, 1)
             ticks["state"]["quaternion_wb"][:, 0] = 1
             self._out["telemetry"].put(pack(ticks, count), now_ns)
-            self._out["vehicle_heartbeat"].put(topics.encode_heartbeat(count, now_ns), now_ns)
+            self._out["vehicle_heartbeat"].put(encode_heartbeat(count, now_ns), now_ns)
             if count % 5 == 0:
                 self.status()
 
@@ -286,7 +287,7 @@ class Bench(LinkedStation):
 
     def deflect(self, forward: float, enabled: bool = True) -> None:
         stamp_ns = time.time_ns()
-        self.stick.put(topics.encode_joy(stamp_ns, (forward, 0.0, 0.0, 0.0), enabled), stamp_ns)
+        self.stick.put(encode_joy(stamp_ns, (forward, 0.0, 0.0, 0.0), enabled), stamp_ns)
 
     def take_over(self) -> Any:
         """Return the status after sticks were released and deflected.
@@ -640,7 +641,7 @@ def test_a_lost_link_ends_it_and_nothing_is_sent_when_it_is_back(bench: Bench) -
 
 @pytest.mark.parametrize(
     ("prefix", "kinds"),
-    [("", {EventKind.BRAKING}), (topics.DELAYED_PREFIX, {EventKind.BRAKING, EventKind.DELAYED})],
+    [("", {EventKind.BRAKING}), (DELAYED_PREFIX, {EventKind.BRAKING, EventKind.DELAYED})],
 )
 def test_a_vehicle_that_brakes_by_itself_ends_it_and_is_held(
     bench: Bench, prefix: str, kinds: set[EventKind]

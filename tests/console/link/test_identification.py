@@ -20,9 +20,9 @@ from console.link import identification
 from console.link.identification import VehicleIdentification
 from console.link.monitor import LinkMonitor
 from tests.waiting import free_port
+from vehicle_link.identity import THE_ONE
 from vehicle_link.security.authority import Role, TlsFiles, ensure_certificates
 from vehicle_link.security.enrolment import issue_station
-from vehicle_link.serial.ids import THE_ONE
 from vehicle_link.transport import radio, whoami
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.radio import Radio

@@ -19,10 +19,12 @@ from tests.waiting import free_port
 from vehicle.comms.lane import CommsLane
 from vehicle.comms.publish import LinkRadio
 from vehicle_link.security.authority import ensure_certificates
-from vehicle_link.topics import TOPICS, encode_heartbeat
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import OtherPath, Received
-from vehicle_link.transport.session import loopback_session, vehicle_session
+from vehicle_link.transport.session import vehicle_session
 
 WAIT = 15.0  # s: a bound, not an expectation
 

@@ -10,7 +10,8 @@ from console.link.telemetry_quality import TelemetryWindow
 from quadrotor.records import TICK, Record
 from vehicle_link.messages import decode
 from vehicle_link.telemetry import pack, unpack
-from vehicle_link.topics import TICK_TOPICS, decode_external_reference, decode_imu, decode_odometry
+from vehicle_link.topics.control_inputs import decode_external_reference
+from vehicle_link.topics.ticks import TICK_TOPICS, decode_imu, decode_odometry
 
 MS = 1_000_000
 

@@ -39,10 +39,12 @@ from tests.support.transfers import new_transfers
 from tests.waiting import free_port, until
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle_link.messages import decode, new
-from vehicle_link.topics import SERVICES, TOPICS, encode_estimators, encode_status
+from vehicle_link.topics.status import encode_estimators, encode_status
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.session import hub_session, loopback_session
+from vehicle_link.transport.session import hub_session
 
 PATIENCE = 60.0  # s, for a broken program only
 

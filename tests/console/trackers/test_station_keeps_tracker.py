@@ -12,9 +12,9 @@ from typing import Any
 
 from quadrotor.errors import LinkError
 from tests.waiting import free_port, until, wait_for
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.session import loopback_session
 
 
 def trackers(parent: int) -> list[int]:

@@ -19,9 +19,15 @@ from extensions.mocap.ros2 import Ros2Source
 from quadrotor.records import beacon_ids_of, pose_sample
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, wait_for
-from vehicle_link import topics
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.measurements import (
+    decode_bearings,
+    decode_pose,
+    decode_position,
+    pose_messages,
+)
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.time_sync import serve_time_sync
@@ -116,7 +122,7 @@ class Bench(LinkedStation):
         beats = self.at_vehicle.advertise(TOPICS["vehicle_heartbeat"])
         while not self._closing.wait(0.05):
             now_ns = time.time_ns() + AHEAD_NS
-            beats.put(topics.encode_heartbeat(1, now_ns), now_ns)
+            beats.put(encode_heartbeat(1, now_ns), now_ns)
 
     def _event(self, received: Received) -> None:
         self.events.append(str(decode(received.payload, TOPICS["events"].type_name).msg))
@@ -147,11 +153,11 @@ def test_lines_over_udp_become_poses_and_bearings_on_the_vehicles_clock(
 ) -> None:
     wait_for(lambda: len(bench.poses) > 50 and len(bench.frames) > 5)
     newest = bench.poses[-1]
-    pose = topics.decode_pose(newest.payload)[0]
+    pose = decode_pose(newest.payload)[0]
     np.testing.assert_allclose(pose["position_w"], PLACE)
     age = 1e-9 * (newest.received_ns + AHEAD_NS - int(pose["stamp_ns"]))
     assert -0.005 < age < 1.0  # right by the jitter; a busy machine may deliver late
-    assert beacon_ids_of(topics.decode_bearings(bench.frames[-1].payload)) == [1, 2, 3, 4]
+    assert beacon_ids_of(decode_bearings(bench.frames[-1].payload)) == [1, 2, 3, 4]
     wait_for(lambda: bench.statuses[-1].frame_rate > 10)
     status = bench.statuses[-1]
     assert (list(status.seen), status.body, status.problem) == (["cf7"], "cf7", "")
@@ -171,7 +177,7 @@ def test_the_simulated_tracker_is_off_beside_a_tracker_process(
         truth.put(encode(odometry), stamp_ns)
     after = len(bench.poses)
     wait_for(lambda: len(bench.poses) > after + 10)
-    xs = {float(topics.decode_pose(one.payload)["position_w"][0, 0]) for one in list(bench.poses)}
+    xs = {float(decode_pose(one.payload)["position_w"][0, 0]) for one in list(bench.poses)}
     assert xs == {0.5}
 
 
@@ -204,7 +210,7 @@ def test_poses_that_must_not_be_flown_on_are_kept_from_the_vehicle_and_told(
 def test_a_single_marker_is_sent_as_positions(bench: Bench, laboratory: Laboratory) -> None:
     good, laboratory.lines = laboratory.lines, ["{stamp},cf7,0.5,-0.5,1.0"]
     wait_for(lambda: len(bench.places) > 5)
-    place = topics.decode_position(bench.places[-1].payload)[0]
+    place = decode_position(bench.places[-1].payload)[0]
     np.testing.assert_allclose(place["position_w"], PLACE)
     laboratory.lines, before = good, len(bench.poses)
     wait_for(lambda: len(bench.poses) > before + 5)
@@ -218,7 +224,7 @@ def test_a_clock_that_is_set_by_a_second_is_told_and_followed(
     before = len(bench.poses)
     wait_for(lambda: len(bench.poses) > before + 10)
     newest = bench.poses[-1]
-    stamp_ns = int(topics.decode_pose(newest.payload)["stamp_ns"][0])
+    stamp_ns = int(decode_pose(newest.payload)["stamp_ns"][0])
     assert abs(newest.received_ns + AHEAD_NS - stamp_ns) < 500_000_000
     assert bench.statuses[-1].clock_jumps == 1
 
@@ -273,7 +279,7 @@ def test_poses_of_a_ros_2_node_are_frames_of_their_topic(bench: Bench) -> None:
     poses = node.publisher("cf7/pose", "geometry_msgs/PoseStamped")
     assert poses.wait(10)
     sample = pose_sample(5_000_000_123, PLACE, (0.6, 0.0, 0.0, 0.8))
-    poses.put(topics.pose_messages(sample).tobytes())
+    poses.put(pose_messages(sample).tobytes())
     frame = next(source.frames())
     source.close()
     node.close()

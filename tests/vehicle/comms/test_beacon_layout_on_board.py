@@ -14,8 +14,8 @@ from quadrotor.records import bearings_sample, new_state
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle_link import topics
 from vehicle_link.messages import decode
+from vehicle_link.topics.table import TOPICS
 
 PLACE = np.array([0.2, -0.3, 1.1])
 
@@ -28,7 +28,7 @@ def solved(known: KnownBeacons, layout: str) -> Any:
     state = new_state()
     state["position_w"][0] = PLACE
     payload = bearing_pose(bearings_sample(5, beacons.ids, away, 0.02), known, state)
-    found = decode(payload, topics.TOPICS["bearing_pose"].type_name).pose.pose.position
+    found = decode(payload, TOPICS["bearing_pose"].type_name).pose.pose.position
     return np.array([found.x, found.y, found.z])
 
 

@@ -7,7 +7,7 @@ import math
 from vehicle.comms.deferred_events import CAPACITY, CONNECTED_FOR, SILENT_AFTER, DeferredEvents
 from vehicle.mailbox import ERROR, INFO, WARN, Event
 from vehicle_link.commands import EventKind
-from vehicle_link.topics import DELAYED_PREFIX
+from vehicle_link.topics.status import DELAYED_PREFIX
 
 BRAKING = Event(1, WARN, "braking: a", frozenset({EventKind.BRAKING}))
 LANDING = Event(2, ERROR, "emergency land: b")

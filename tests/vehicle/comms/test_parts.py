@@ -27,8 +27,11 @@ from vehicle.comms.services import check_in_time
 from vehicle.comms.vehicle_clock import WINDOW_NS, VehicleClock
 from vehicle.modes import Flag, Mode
 from vehicle.processes.config import create_rings, open_rings
-from vehicle_link import clock, messages, telemetry, topics
+from vehicle_link import clock, messages, telemetry
 from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.topics.control_inputs import encode_heartbeat, encode_joy
+from vehicle_link.topics.measurements import encode_bearings, pose_messages, position_messages
+from vehicle_link.topics.table import TOPICS
 
 MS = 1_000_000
 SECOND = 1000 * MS
@@ -237,7 +240,7 @@ class FakeLog:
     def message(
         self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
     ) -> None:
-        assert type_name == topics.TOPICS[topic].type_name
+        assert type_name == TOPICS[topic].type_name
         messages.decode(payload, type_name)
         self.kept[topic] += 1
 
@@ -255,7 +258,7 @@ class FakeRadio:
         return sum(name == topic for name, _, _ in self.sent)
 
     def decoded(self, topic: str) -> list[Any]:
-        type_name = topics.TOPICS[topic].type_name
+        type_name = TOPICS[topic].type_name
         return [messages.decode(p, type_name) for name, p, _ in self.sent if name == topic]
 
 
@@ -321,7 +324,7 @@ def test_samples_a_packet_make_about_100_packets_a_second(rate: float, samples: 
 def test_rates_are_those_of_the_table(sender: Sender) -> None:
     sender.run(4.0)
     for topic in ("status", "estimator", "battery", "pressure", "telemetry"):
-        rate = topics.TOPICS[topic].rate
+        rate = TOPICS[topic].rate
         assert sender.radio.count(topic) == pytest.approx(4.0 * rate, abs=2), topic
     assert sender.log.kept["telemetry"] == 0
 
@@ -434,13 +437,13 @@ class Receiver:
         sample["stamp_ns"] = self.clock.now_ns() - age_ns
         sample["position_w"] = (1.0, 2.0, 3.0)
         sample["quaternion_wb"] = (0.0, 1.0, 0.0, 0.0)
-        self.inbound.handle("tracker_pose", topics.pose_messages(sample).tobytes())
+        self.inbound.handle("tracker_pose", pose_messages(sample).tobytes())
 
     def bearings(self, position_w: np.ndarray, ids: list[int], age_ns: int = 0) -> None:
         places = dict(zip(PAPER_BEACONS.ids.tolist(), PAPER_BEACONS.positions_w, strict=True))
         lines = np.array([places.get(i, np.zeros(3)) - position_w for i in ids])
         lines /= np.linalg.norm(lines, axis=1)[:, None]
-        payload = topics.encode_bearings(self.clock.now_ns() - age_ns, ids, lines, 0.02)
+        payload = encode_bearings(self.clock.now_ns() - age_ns, ids, lines, 0.02)
         self.inbound.handle("bearings", payload)
 
 
@@ -459,7 +462,7 @@ def test_a_fresh_pose_reaches_flight_and_log(receiver: Receiver) -> None:
 
 def test_the_position_of_a_marker_reaches_flight_and_log(receiver: Receiver) -> None:
     sent = pose_sample(START_NS - 30 * MS, (1.0, 2.0, 3.0), NO_ATTITUDE)
-    receiver.inbound.handle("tracker_position", topics.position_messages(sent).tobytes())
+    receiver.inbound.handle("tracker_position", position_messages(sent).tobytes())
     (taken,) = receiver.flight.measured()
     assert taken.tobytes() == sent.tobytes()
     assert receiver.logged == ["tracker_position"]
@@ -492,7 +495,7 @@ def test_complaints_come_once_in_five_seconds_with_their_number(receiver: Receiv
 
 
 def test_sticks_reach_flight(receiver: Receiver) -> None:
-    payload = topics.encode_joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)
+    payload = encode_joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)
     receiver.inbound.handle("joy", payload)
     assert receiver.flight.received() == [mailbox.Joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)]
 
@@ -504,7 +507,7 @@ def sticks(
     receiver: Receiver, axes: tuple[float, ...] = HALF, held: bool = True, by: bytes = b"node"
 ) -> bool:
     """Send sticks; return whether they reached flight."""
-    payload = topics.encode_joy(receiver.clock.now_ns(), axes, held)
+    payload = encode_joy(receiver.clock.now_ns(), axes, held)
     receiver.inbound.handle("joy", payload, by)
     return bool(receiver.flight.received())
 
@@ -603,10 +606,10 @@ def test_a_second_station_is_reported_and_one_that_was_started_anew_is_not(
     receiver: Receiver,
 ) -> None:
     for instance in (1 << 40, 2 << 40, 2 << 40):  # the first one has ended
-        receiver.inbound.handle("station_heartbeat", topics.encode_heartbeat(1, 0, instance))
+        receiver.inbound.handle("station_heartbeat", encode_heartbeat(1, 0, instance))
     assert receiver.said == ["station 000001 controls this vehicle"]
     for instance in (1 << 40, 2 << 40):  # it has not
-        receiver.inbound.handle("station_heartbeat", topics.encode_heartbeat(1, 0, instance))
+        receiver.inbound.handle("station_heartbeat", encode_heartbeat(1, 0, instance))
     assert receiver.said[1:] == [
         "station_heartbeat: station 000002 is ignored: station 000001 controls this vehicle; stop "
         "one of the two"
@@ -615,7 +618,7 @@ def test_a_second_station_is_reported_and_one_that_was_started_anew_is_not(
 
 def test_a_heartbeat_counts_when_it_comes_whatever_its_stamp(receiver: Receiver) -> None:
     assert receiver.inbound.station_silence == float("inf")
-    receiver.inbound.handle("station_heartbeat", topics.encode_heartbeat(1, 12345))
+    receiver.inbound.handle("station_heartbeat", encode_heartbeat(1, 12345))
     assert receiver.flight.received() == [mailbox.Heartbeat(START_NS)]
     receiver.time.monotonic += SECOND
     assert receiver.inbound.station_silence == 1.0

@@ -35,9 +35,13 @@ from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.repair import torn_logs
 from vehicle.processes.config import TICK_SLOTS
 from vehicle.processes.parent import DEATHS_OUTLASTED
-from vehicle_link import messages, telemetry, topics
+from vehicle_link import messages, telemetry
 from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.security.authority import ensure_certificates
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.measurements import encode_bearings, pose_messages
+from vehicle_link.topics.table import SERVICES, TOPICS, Topic
+from vehicle_link.topics.ticks import decode_odometry
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient
 from vehicle_link.transport.publisher import Received
@@ -122,19 +126,19 @@ class FakeStation:
         self.events: list[str] = []
         self.changes: list[str] = []
         self.ticks: Record | None = None
-        for topic in topics.TOPICS.values():
+        for topic in TOPICS.values():
             if topic.sender == "vehicle":
                 self.node.subscribe(topic.name, topic.type_name, self._receiver(topic))
-        self._poses = self.node.advertise(topics.TOPICS["tracker_pose"])
-        self._beats = self.node.advertise(topics.TOPICS["station_heartbeat"])
-        self._bearings = self.node.advertise(topics.TOPICS["bearings"])
-        self.node.subscribe("truth", topics.TOPICS["truth"].type_name, self._truth)
+        self._poses = self.node.advertise(TOPICS["tracker_pose"])
+        self._beats = self.node.advertise(TOPICS["station_heartbeat"])
+        self._bearings = self.node.advertise(TOPICS["bearings"])
+        self.node.subscribe("truth", TOPICS["truth"].type_name, self._truth)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._beat)
         self._thread.start()
 
     def call(self, service: str, **fields: object) -> Any:
-        srv_type = topics.SERVICES[service]
+        srv_type = SERVICES[service]
         client = self.node.client(service, srv_type)
         return client.call(messages.new(f"{srv_type}_Request", **fields), 3.0)
 
@@ -144,7 +148,7 @@ class FakeStation:
     def send_bearings(self, stamp_ns: int) -> None:
         lines = np.array([[1.0, 1.0, -0.9], [-1.0, 1.0, -0.9], [-1.0, -1.0, -0.9], [1, -1, -0.9]])
         lines /= np.linalg.norm(lines, axis=1)[:, None]
-        self._bearings.put(topics.encode_bearings(stamp_ns, (1, 2, 3, 4), lines, 0.02), stamp_ns)
+        self._bearings.put(encode_bearings(stamp_ns, (1, 2, 3, 4), lines, 0.02), stamp_ns)
 
     @property
     def mode(self) -> str:
@@ -159,7 +163,7 @@ class FakeStation:
         self._thread.join()
         self._link.close()
 
-    def _receiver(self, topic: topics.Topic) -> Callable[[Received], None]:
+    def _receiver(self, topic: Topic) -> Callable[[Received], None]:
         def receive(received: Received) -> None:
             self.counts[topic.name] += 1
             if topic.name == "telemetry":
@@ -176,19 +180,19 @@ class FakeStation:
         return receive
 
     def _truth(self, received: Received) -> None:
-        stamp_ns, state = topics.decode_odometry(received.payload)
+        stamp_ns, state = decode_odometry(received.payload)
         sample = np.zeros(1, POSE_SAMPLE)
         sample["stamp_ns"] = stamp_ns
         sample["position_w"] = state["position_w"]
         sample["quaternion_wb"] = state["quaternion_wb"]
-        self._poses.put(topics.pose_messages(sample).tobytes(), stamp_ns)
+        self._poses.put(pose_messages(sample).tobytes(), stamp_ns)
 
     def _beat(self) -> None:
         number = 0
         while not self._closing.wait(0.05):
             number += 1
             now_ns = time.time_ns()
-            self._beats.put(topics.encode_heartbeat(number, now_ns), now_ns)
+            self._beats.put(encode_heartbeat(number, now_ns), now_ns)
 
 
 @contextmanager
@@ -219,7 +223,7 @@ def check_link(station: FakeStation) -> None:
     sync = station.call("time_sync", client_sent_ns=sent)
     # The simulated vehicle uses this host's clock.
     assert sent - 50e6 < sync.server_received_ns <= sync.server_sent_ns < time.time_ns() + 50e6
-    expected = {t.name for t in topics.TOPICS.values() if t.sender == "vehicle" and t.rate > 0}
+    expected = {t.name for t in TOPICS.values() if t.sender == "vehicle" and t.rate > 0}
     expected -= {f"sensor_{place}" for place in range(1, OWN_SENSORS + 1)}  # without plugins
 
     def complete() -> bool:

@@ -416,8 +416,7 @@ def test_the_vehicle_tells_why_it_goes_on_with_the_built_in_one(
 def test_a_program_runs_it_by_name_and_is_told_why_it_fails(
     plugin: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(registry, "_registered", {})
-    monkeypatch.setattr(names, "_registered", [])
+    monkeypatch.setattr(names, "registered", {})
     Estimators(plugin("if x.time > 0.05: 1 / 0")).register()
     own, state, imu = (
         registry.create("own", EstimationParameters()),

@@ -158,8 +158,7 @@ class Frozen(ComplementaryEstimator):
 def test_a_registered_plugin_can_be_chosen_and_a_broken_shadow_ends_no_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(registry, "_registered", {})
-    monkeypatch.setattr(names, "_registered", [])
+    monkeypatch.setattr(names, "registered", {})
     for field in ("estimator", "shadow"):
         extra: Any = EstimationParameters.model_fields[field].json_schema_extra
         monkeypatch.setitem(extra, "choices", list(extra["choices"]))

@@ -21,7 +21,7 @@ from vehicle.onboard_log.files import PART_BYTES, OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.repair import recover_logs, torn_logs
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.idempotent import answering
 
 BATCH = 5

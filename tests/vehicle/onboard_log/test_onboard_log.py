@@ -24,7 +24,8 @@ from vehicle.onboard_log.file import Batch
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.repair import recover_logs, torn_logs
-from vehicle_link import topics
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.ticks import decode_odometry
 
 FREE_BYTES_MIN = OnboardLogParameters().stop_bytes
 MS = 1_000_000
@@ -110,7 +111,7 @@ def test_states_are_those_of_the_ticks(tmp_path: Path) -> None:
     harness.feed(ticks(0, 50, armed=True))
     harness.log.close()
     messages = list(read_log(harness.files()[0], ["/quad1/state"]))
-    heights = [topics.decode_odometry(m.payload)[1]["position_w"][0, 2] for m in messages]
+    heights = [decode_odometry(m.payload)[1]["position_w"][0, 2] for m in messages]
     assert heights == [k * 1e-3 for k in range(50)]
     assert {m.type_name for m in messages} == {"nav_msgs/msg/Odometry"}
     assert all(m.log_ns == START_NS + 98 * MS + MS for m in messages)
@@ -118,7 +119,7 @@ def test_states_are_those_of_the_ticks(tmp_path: Path) -> None:
 
 def test_other_topics_are_kept_only_while_a_file_is_open(tmp_path: Path) -> None:
     harness = Harness(tmp_path)
-    payload = topics.encode_heartbeat(1, START_NS)
+    payload = encode_heartbeat(1, START_NS)
 
     def send(number: int) -> None:
         harness.log.message("station_heartbeat", "quadlab_msgs/Heartbeat", payload, number, number)

@@ -18,7 +18,7 @@ from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.reader import VALUES_MAX, OnboardReader
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.idempotent import answering
 
 TYPE = SERVICES["onboard_log"]

@@ -11,7 +11,8 @@ import pytest
 
 from quadrotor.records import TICK, Record
 from vehicle_link.messages import decode, encode, stamp_of
-from vehicle_link.topics import TOPICS, SceneMessages
+from vehicle_link.topics.scene import SceneMessages
+from vehicle_link.topics.table import TOPICS
 
 START_NS = 7_000_000_000
 TICK_NS = 2_000_000

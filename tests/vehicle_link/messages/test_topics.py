@@ -15,36 +15,41 @@ from vehicle_link.messages import TYPESTORE, decode, encode, header, new, stamp_
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change
-from vehicle_link.topics import (
-    SERVICES,
-    TOPICS,
-    actuator_messages,
-    decode_bearings,
+from vehicle_link.topics.control_inputs import (
     decode_external_reference,
     decode_heartbeat,
-    decode_imu,
     decode_joy,
-    decode_odometry,
-    decode_odometry_pose,
-    decode_pose,
-    decode_position,
-    encode_batteries,
-    encode_bearing_pose,
-    encode_bearings,
-    encode_estimators,
-    encode_event,
     encode_heartbeat,
     encode_joy,
+)
+from vehicle_link.topics.measurements import (
+    decode_bearings,
+    decode_pose,
+    decode_position,
+    encode_bearing_pose,
+    encode_bearings,
+    pose_messages,
+    position_messages,
+)
+from vehicle_link.topics.status import (
+    encode_batteries,
+    encode_estimators,
+    encode_event,
     encode_parameter_change,
     encode_pressures,
     encode_status,
+)
+from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.topics.ticks import (
+    FEW,
+    actuator_messages,
+    decode_imu,
+    decode_odometry,
+    decode_odometry_pose,
     imu_messages,
-    pose_messages,
-    position_messages,
     reference_messages,
     state_messages,
 )
-from vehicle_link.topics.ticks import FEW
 
 SEED = 1977
 STAMP = 1_700_000_000_123_456_789

@@ -16,13 +16,13 @@ import pytest
 
 from quadrotor.errors import LinkError, UnreachableError
 from tests.waiting import free_port, wait_for
+from vehicle_link.identity import THE_ONE
 from vehicle_link.messages import new
 from vehicle_link.security import authority
 from vehicle_link.security.authority import ROLES, TlsFiles, check_certificate, ensure_certificates
 from vehicle_link.security.certificates import certificate_builder, load_certificate
 from vehicle_link.security.enrolment import issue_station, issue_vehicle
-from vehicle_link.serial.ids import THE_ONE
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.protocol import disagreement, protocol, version
 from vehicle_link.transport.publisher import Received

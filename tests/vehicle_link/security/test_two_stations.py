@@ -22,10 +22,11 @@ from console.link.outbox import Outbox
 from tests.waiting import free_port, wait_for
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle_link import topics
 from vehicle_link.process_instance import new_instance, short_id
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.control_inputs import encode_heartbeat
+from vehicle_link.topics.measurements import decode_pose
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
@@ -84,13 +85,13 @@ class Vehicle(_Beating):
         self.inbound.handle(name, received.payload, received.gid)
 
     def _taken(self, topic: str, payload: bytes, stamp_ns: int) -> None:
-        self.poses.append(float(topics.decode_pose(payload)["position_w"][0, 0]))
+        self.poses.append(float(decode_pose(payload)["position_w"][0, 0]))
 
     def beat(self, count: int) -> None:
         holder = self.inbound.holder
         if not self.holders or self.holders[-1] != holder:
             self.holders.append(holder)
-        self._out.put(topics.encode_heartbeat(count, time.time_ns(), self.instance, holder))
+        self._out.put(encode_heartbeat(count, time.time_ns(), self.instance, holder))
 
 
 class Station(_Beating):

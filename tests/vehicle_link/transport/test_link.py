@@ -35,16 +35,17 @@ from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.telemetry import pack, unpack
-from vehicle_link.topics import SERVICES, TOPICS, decode_heartbeat, encode_heartbeat
+from vehicle_link.topics.control_inputs import decode_heartbeat, encode_heartbeat
 from vehicle_link.topics.rmw_keys import RELIABLE
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient, serve_parameters
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import (
     check_station,
     hub_session,
-    loopback_session,
     parse_endpoint,
     vehicle_session,
 )

@@ -18,12 +18,13 @@ from quadrotor.errors import LinkError, UsageError
 from tests.waiting import free_port, wait_for
 from vehicle_link.messages import new
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
-from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport import radio
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
-from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
+from vehicle_link.transport.session import hub_session, vehicle_session
 
 WAIT = 10.0  # s: a bound, not an expectation
 ARM = SERVICES["arm"]

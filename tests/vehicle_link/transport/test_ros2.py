@@ -24,7 +24,9 @@ from vehicle_link import messages
 from vehicle_link.messages import encode, header, new
 from vehicle_link.messages.records import CommandRequest, Message
 from vehicle_link.security.authority import ensure_certificates
-from vehicle_link.topics import SERVICES, TOPICS, decode_external_reference, decode_joy, decode_pose
+from vehicle_link.topics.control_inputs import decode_external_reference, decode_joy
+from vehicle_link.topics.measurements import decode_pose
+from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
 from vehicle_link.transport.publisher import Received

@@ -9,7 +9,7 @@ import pytest
 from quadrotor.errors import NoAnswerError, RefusedError
 from tests.support.clients import FakeClient
 from vehicle_link.messages import new
-from vehicle_link.topics import SERVICES
+from vehicle_link.topics.table import SERVICES
 
 BENCH = SERVICES["bench"]
 

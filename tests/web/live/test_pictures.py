@@ -12,7 +12,8 @@ import websockets.exceptions
 
 from console.trackers.camera_figures import Figures
 from vehicle_link.messages import decode, new
-from vehicle_link.topics import PICTURE, TOPICS, decode_picture, encode_picture
+from vehicle_link.topics.measurements import PICTURE, decode_picture, encode_picture
+from vehicle_link.topics.table import TOPICS
 
 TOPIC = "camera_picture"
 PATIENCE = 20.0

@@ -14,9 +14,11 @@ from tests.support.live_signals import Received, ticks_of
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.records import Message
 from vehicle_link.messages.units import Path, numbers
-from vehicle_link.topics import TICK_TOPICS, TOPICS
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.ticks import TICK_TOPICS
 from web.latest import STALE
-from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described
+from web.signals import INDEX, NAMED, SIGNALS, described
+from web.signals.estimates import COMPARED
 from web.signals.plain import MEMBERS
 
 TEXT = {"events", "parameter_changes"}

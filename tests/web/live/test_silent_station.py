@@ -16,7 +16,8 @@ import pytest
 
 from console.catalogue.catalogue import Catalogue
 from vehicle_link.topics.table import SERVICES
-from vehicle_link.transport.session import hub_session, loopback_session
+from vehicle_link.transport.loopback import loopback_session
+from vehicle_link.transport.session import hub_session
 from web.live import station as web_station
 from web.live.sockets import listen
 from web.live.station import Station

@@ -16,11 +16,12 @@ from tests.support.live_signals import packets_of, ticks_of
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
-from vehicle_link.topics import decode_joy
+from vehicle_link.topics.control_inputs import decode_joy
 from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
-from vehicle_link.transport.session import hub_session, loopback_session
+from vehicle_link.transport.session import hub_session
 from web.latest import FAST, Live
 from web.live.events import SUMMARY_NOW, EventHub
 from web.live.sockets import listen

@@ -14,7 +14,7 @@ from flight_log import LogWriter
 from tests.support.live_signals import START_NS, Received, packets_of, ticks_of
 from vehicle_link.messages import encode, header, new
 from vehicle_link.telemetry import unpack
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import TOPICS
 from web.latest import TICKS
 from web.live.tracking import LiveTracking
 

@@ -16,7 +16,7 @@ from flight_log import LogWriter, read_log
 from flight_log.run import common_stamps, gaps
 from quadrotor.errors import LogFormatError, MeasurementError, OutOfBoundsError
 from vehicle_link.messages import decode, encode, header, new, time_message
-from vehicle_link.topics import PICTURE, encode_bearings, encode_picture
+from vehicle_link.topics.measurements import PICTURE, encode_bearings, encode_picture
 from web.replay import timeline
 from web.replay.build import build_replay
 from web.replay.reader import Replay

@@ -27,6 +27,7 @@ from vehicle.boards.mikrokopter.clock import FRAME_NS, MicrocontrollerClock
 from vehicle.boards.mikrokopter.motor_bus import MotorBus
 from vehicle.boards.mikrokopter.ports import MicrocontrollerPorts
 from vehicle.boards.mikrokopter.sample_stamps import FineStamps
+from vehicle_link.identity import THE_ONE, Identity
 from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.capacity import DEFAULT_RATE, sample_period_us
@@ -40,14 +41,7 @@ from vehicle_link.serial.exchange import (
     set_value,
 )
 from vehicle_link.serial.frames import Frame
-from vehicle_link.serial.ids import (
-    MIRROR,
-    PRESSURE_OFFSET,
-    THE_ONE,
-    FlightControlMode,
-    Id,
-    Identity,
-)
+from vehicle_link.serial.ids import MIRROR, PRESSURE_OFFSET, FlightControlMode, Id
 from vehicle_link.serial.port import Port
 
 REPEAT_COMMAND_S = 0.006

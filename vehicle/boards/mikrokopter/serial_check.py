@@ -18,12 +18,13 @@ from quadrotor.errors import LinkError
 from vehicle.boards.imu import ImuCalibration
 from vehicle.boards.mikrokopter.motor_bus import REFERENCES, MotorBus
 from vehicle.realtime import RealTime, become_real_time
+from vehicle_link.identity import THE_ONE, Identity
 from vehicle_link.serial.commands import decode_data, encode_request
 from vehicle_link.serial.devices import PATIENCE_S, await_devices
 from vehicle_link.serial.discovery import Device, Finding
 from vehicle_link.serial.exchange import Answer, Exchange, ask, decode_reply, mirror
 from vehicle_link.serial.frames import Frame, FrameDecoder
-from vehicle_link.serial.ids import MIRROR, THE_ONE, Id, Identity
+from vehicle_link.serial.ids import MIRROR, Id
 from vehicle_link.serial.port import SerialPort
 from vehicle_link.serial.values import to_si
 

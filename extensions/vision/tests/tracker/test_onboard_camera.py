@@ -30,9 +30,9 @@ from quadrotor.errors import MeasurementError, UsageError
 from quadrotor.records import beacon_ids_of
 from tests.console.trackers.test_tracker_process import AHEAD_NS, Bench
 from tests.waiting import wait_for
-from vehicle_link import topics
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.topics import PICTURE, TOPICS, decode_picture
+from vehicle_link.topics.measurements import PICTURE, decode_bearings, decode_picture
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Node
 
 Array = npt.NDArray[np.float64]
@@ -191,7 +191,7 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_end_frees_the_station(
     thread.start()
     wait_for(lambda: len(bench.frames) > 5)
     newest = bench.frames[-1]
-    frame = topics.decode_bearings(newest.payload)
+    frame = decode_bearings(newest.payload)
     assert beacon_ids_of(frame) == [1, 2, 3, 4]
     np.testing.assert_allclose(frame["bearing_b"][0, :4], true_bearings(), atol=2e-3)
     age = 1e-9 * (newest.received_ns + AHEAD_NS - int(frame["stamp_ns"][0]))

@@ -13,10 +13,11 @@ from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle_link.identity import Identity
 from vehicle_link.serial.commands import encode_data, encode_mirrored, encode_value
 from vehicle_link.serial.exchange import TRIES
 from vehicle_link.serial.frames import FrameDecoder
-from vehicle_link.serial.ids import MIRROR, Id, Identity
+from vehicle_link.serial.ids import MIRROR, Id
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 LEVEL = (512, 512, 768, 512, 512, 512)

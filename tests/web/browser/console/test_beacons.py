@@ -15,7 +15,7 @@ import pytest
 from console.trackers.camera_figures import Figures
 from extensions.vision.tags.detector import marked_picture
 from vehicle_link.messages import decode, new
-from vehicle_link.topics import PICTURE, encode_picture
+from vehicle_link.topics.measurements import PICTURE, encode_picture
 
 COMPARED = "station.comparison.estimators"
 TWICE = "tag 3 is seen twice"

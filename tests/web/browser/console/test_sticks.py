@@ -23,10 +23,11 @@ from control.behaviors.parameters import BehaviorParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from vehicle_link.messages import decode, header, new
 from vehicle_link.parameters.messages import from_parameters
-from vehicle_link.topics import TOPICS, decode_joy, encode_heartbeat
+from vehicle_link.topics.control_inputs import decode_joy, encode_heartbeat
+from vehicle_link.topics.table import TOPICS
+from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.session import loopback_session
 from web.live.station import Station
 
 PAD = """([id, mapping]) => {
