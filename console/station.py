@@ -19,12 +19,13 @@ from console.catalogue.catalogue import Catalogue
 from console.link.known_vehicles import write_station_vehicles
 from console.station_parts import StationOptions
 from quadrotor.parameter_description import ParameterValue
+from vehicle_link.addresses import parse_endpoint
 from vehicle_link.defects import end_at_defect
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import TlsFiles, ensure_certificates, readable_keys
 from vehicle_link.termination_signal import EndSignal
 from vehicle_link.transport.radio import Radio, is_hanging_up
-from vehicle_link.transport.session import check_station, hub_session, parse_endpoint
+from vehicle_link.transport.session import check_station, hub_session
 
 if TYPE_CHECKING:
     from vehicle_link.transport.loopback import Session

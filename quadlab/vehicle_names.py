@@ -34,7 +34,7 @@ def parse_vehicles(words: Sequence[str], name: str = THE_VEHICLE) -> dict[str, s
     """Return `name=host:port` words as {name: endpoint}; a word without a name gets `name`. Raises
     UsageError.
     """
-    from vehicle_link.transport.session import parse_endpoint
+    from vehicle_link.addresses import parse_endpoint
 
     found: dict[str, str] = {}
     for word in words:

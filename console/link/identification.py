@@ -10,10 +10,10 @@ from collections.abc import Callable
 from console.link.monitor import LinkMonitor
 from console.link.permission import OBSERVER
 from quadrotor.errors import LinkError
+from vehicle_link.addresses import parse_endpoint
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.quic_probe import EXPLANATIONS, ProbeResult, probe
-from vehicle_link.transport.session import parse_endpoint
 from vehicle_link.transport.whoami import WhoAmI
 
 log = logging.getLogger(__name__)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from console.atomic_file import replacing
 from quadrotor.errors import StorageError, UsageError, os_errors
-from vehicle_link.transport.session import parse_endpoint
+from vehicle_link.addresses import parse_endpoint
 
 FILE, STATION_FILE = "known_vehicles.toml", "station.json"
 

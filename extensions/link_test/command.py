@@ -51,8 +51,8 @@ class Test:
 
         from extensions.link_test.measurement import measure
         from extensions.link_test.verdict import verdict
+        from vehicle_link.addresses import parse_endpoint
         from vehicle_link.security.authority import ensure_certificates
-        from vehicle_link.transport.session import parse_endpoint
 
         tls = ensure_certificates(data / "certificates", [parse_endpoint(endpoint)[0]])
         figures = measure(endpoint, tls, self.seconds, self.name or name, _say)

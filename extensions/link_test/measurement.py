@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import zenoh
 
 from quadrotor.errors import LinkError
+from vehicle_link.addresses import parse_endpoint
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import TlsFiles
@@ -23,12 +24,7 @@ from vehicle_link.transport.protocol import disagreement
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.quic_probe import EXPLANATIONS, probe
 from vehicle_link.transport.radio import namespaces
-from vehicle_link.transport.session import (
-    check_station,
-    parse_endpoint,
-    radio_session,
-    wait_connected,
-)
+from vehicle_link.transport.session import check_station, radio_session, wait_connected
 from vehicle_link.transport.time_sync import TIME_SYNC, ClockOffset, exchange
 from vehicle_link.transport.whoami import WhoAmI
 

@@ -74,9 +74,9 @@ class Enrol:
     def run(self) -> int:
         check_name(self.name)
         from console.link.known_vehicles import KnownVehicles
+        from vehicle_link.addresses import parse_endpoint
         from vehicle_link.security.authority import ensure_certificates
         from vehicle_link.security.enrolment import issue_vehicle
-        from vehicle_link.transport.session import parse_endpoint
 
         host, port = parse_endpoint(self.address)
         hosts = [host, *(parse_endpoint(other)[0] for other in self.also)]

@@ -29,8 +29,8 @@ class List:
 
     def run(self) -> int:
         from console.link.known_vehicles import KnownVehicles
+        from vehicle_link.addresses import VEHICLE_PORT, parse_endpoint
         from vehicle_link.transport.quic_probe import ProbeResult, own_networks, probe_all
-        from vehicle_link.transport.session import VEHICLE_PORT, parse_endpoint
 
         known = KnownVehicles(open_data_folder(self.data)).all()
         places = {name: parse_endpoint(one.address) for name, one in known.items()}

@@ -26,13 +26,12 @@ from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.robot import SECOND_NS, Pace, Robot, RunStatistics, pace_of
+from vehicle.simulator.robot import SECOND_NS, Pace, Robot, RunStatistics, Served, pace_of
 from vehicle.simulator.simulated_vehicle import PERIOD_MAX_US, SimulatedVehicle
 from vehicle_link import clock
 from vehicle_link.transport.loopback import SharedSession
 
 if TYPE_CHECKING:
-    from vehicle.simulator.tracking_systems.served import ServedSystems
     from vehicle_link.transport.loopback import Session
 
 PRIORITY = 40
@@ -54,7 +53,7 @@ def run(
     *,
     vehicles: Sequence[str] = ("quad1",),
     stop: threading.Event | None = None,
-    served: ServedSystems | None = None,
+    served: Served | None = None,
     board: str = MIKROKOPTER,
     board_options: Mapping[str, ParameterValue] | None = None,
 ) -> RunStatistics:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from quadrotor.plain_rotations import Array
 from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.board_firmware import BoardFirmware
 from vehicle.simulator.live_parameters import LiveParameters
@@ -13,12 +14,10 @@ from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.pseudo_terminal import PseudoTerminal, ServedPort
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle.simulator.tracking_systems.frame import TrackingFaults
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
 from vehicle_link.transport.loopback import SharedSession
-
-if TYPE_CHECKING:
-    from vehicle.simulator.tracking_systems.served import ServedSystems
 
 SECOND_NS = 1_000_000_000
 
@@ -61,6 +60,18 @@ def pace_of(count: int) -> Pace:
     return ALONE if count == 1 else SOME if count <= FEW else MANY
 
 
+class Served(Protocol):
+    """Tracking systems, which measure the vehicles and serve what they have measured."""
+
+    def offer(self, vehicle: str, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        """Measure this true pose: (3,) m, (4,) unit; it is copied."""
+
+    def set_faults(self, vehicle: str, faults: TrackingFaults) -> None:
+        """Set the faults from now on."""
+
+    def close(self) -> None: ...
+
+
 class Robot:
     """One vehicle: its plant, its serial devices and the publisher of its truth."""
 
@@ -72,7 +83,7 @@ class Robot:
         session: SharedSession | None,
         pace: Pace,
         lockstep: LockstepPace | None = None,
-        served: ServedSystems | None = None,
+        served: Served | None = None,
         firmware: BoardFirmware | None = None,
     ) -> None:
         self._pace, self._served = pace, served

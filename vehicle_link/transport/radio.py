@@ -15,8 +15,9 @@ from collections.abc import Callable
 import zenoh
 
 from quadrotor.errors import LinkError
+from vehicle_link.addresses import parse_endpoint
 from vehicle_link.security.authority import TlsFiles
-from vehicle_link.transport.session import check_station, parse_endpoint, radio_session
+from vehicle_link.transport.session import check_station, radio_session
 from vehicle_link.transport.unused_memory import trim_heaps
 
 

@@ -13,8 +13,7 @@ import ipaddress
 import threading
 from typing import TYPE_CHECKING, Any
 
-from quadrotor.errors import UsageError
-from vehicle_link.addresses import EVERYWHERE, LOOPBACK
+from vehicle_link.addresses import EVERYWHERE, LOOPBACK, parse_endpoint
 from vehicle_link.security.access import access_control
 from vehicle_link.security.authority import Role, TlsFiles, check_certificate
 from vehicle_link.transport.loopback import RETRY, open_session
@@ -23,7 +22,6 @@ from vehicle_link.transport.unused_memory import map_large_buffers
 if TYPE_CHECKING:
     import zenoh
 
-VEHICLE_PORT = 7447
 OPEN_S = 0.3
 """Time limit, in s, of one attempt to open a link."""
 VEHICLES = "vehicle"
@@ -124,20 +122,6 @@ def wait_connected(session: zenoh.Session, timeout: float) -> bool:
 
     with session.info.declare_link_events_listener(changed, history=True):
         return stands.wait(timeout)
-
-
-def parse_endpoint(text: str) -> tuple[str, int]:
-    """Return (host, port) of `host`, `host:port`, `[v6]:port` or `quic/…`. Raises UsageError."""
-    place = text.removeprefix("quic/").split("?")[0]
-    host, colon, port = place.rpartition(":")
-    if not colon or place.endswith("]"):
-        host, port = place, str(VEHICLE_PORT)
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise UsageError(
-            f"{text!r} is not the address of a vehicle; write its name or address, "
-            f"with :port unless it is {VEHICLE_PORT}"
-        )
-    return host.strip("[]"), int(port)
 
 
 def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") -> dict[str, Any]:

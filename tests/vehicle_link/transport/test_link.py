@@ -31,6 +31,7 @@ from quadrotor.records import TICK
 from quadrotor.vehicle_model import VehicleModel
 from tests.support.station import StationLink
 from tests.waiting import free_port, wait_for
+from vehicle_link.addresses import parse_endpoint
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
@@ -43,12 +44,7 @@ from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient, serve_parameters
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.session import (
-    check_station,
-    hub_session,
-    parse_endpoint,
-    vehicle_session,
-)
+from vehicle_link.transport.session import check_station, hub_session, vehicle_session
 from vehicle_link.transport.time_sync import exchange, serve_time_sync
 
 WAIT = 10.0  # s: a bound, not an expectation
