@@ -9,6 +9,7 @@ import sys
 import time
 import webbrowser
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
 from web.beacons.survey import SurveyRun
 from web.latest import Live
-from web.live.connections import BoundedConnection
+from web.live.connections import BoundedConnection, BoundedListener
 from web.live.deafness import Deafness
 from web.live.events import EventHub
 from web.live.sockets import LiveWebSocket, listen
@@ -105,7 +106,7 @@ def run_web(
         # uvicorn shuts down in order at SIGTERM and SIGINT and then raises them again.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
         with contextlib.suppress(KeyboardInterrupt):
-            server(app, tls).run(sockets=[listener])
+            server(app, listener, tls).run(sockets=[listener])
     finally:
         listener.close()
 
@@ -146,7 +147,7 @@ def url_of(host: str, port: int, *, has_tls: bool) -> str:
     return f"{'https' if has_tls else 'http'}://{bracketed}:{port}"
 
 
-def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
+def server(app: ASGIApp, listener: BoundedListener, tls: Tls | None = None) -> uvicorn.Server:
     """Return the uvicorn server with its settings: small buffers, no compression, only warnings.
 
     A proxy's headers are not trusted: any process on this computer could name any address in them,
@@ -154,7 +155,7 @@ def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
     """
     config = uvicorn.Config(
         app,
-        http=BoundedConnection,
+        http=partial(BoundedConnection, listener=listener),  # type: ignore[arg-type]
         ws=LiveWebSocket,
         ws_per_message_deflate=False,
         ws_max_size=64 * 1024,

@@ -471,7 +471,7 @@ class serving:  # noqa: N801 - used as `with serving(...)`
             new_view_server=new_view_server,
             survey=survey,
         )
-        self._server: uvicorn.Server = server(_with_view(app), tls)
+        self._server: uvicorn.Server = server(_with_view(app), self._listener, tls)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True
         )

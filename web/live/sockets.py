@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from uvicorn._types import ASGISendEvent
 
 from quadrotor.errors import LinkError, UsageError
+from web.live.connections import BoundedListener
 
 SEND_BUFFER = 16 * 1024  # bytes; the kernel doubles it
 UNSENT = 8 * 1024  # bytes
@@ -107,7 +108,7 @@ def plain_transport(transport: Any) -> Any:
     return getattr(getattr(transport, "_ssl_protocol", None), "_transport", None)
 
 
-def listen(host: str, port: int) -> socket.socket:
+def listen(host: str, port: int) -> BoundedListener:
     """Open a listening socket. Raises LinkError or UsageError, one line each."""
     if not 0 <= port <= 65535:
         raise UsageError(f"port {port} is not a port; allowed 0 (any free one) to 65535")
@@ -129,4 +130,4 @@ def listen(host: str, port: int) -> socket.socket:
     # Connections inherit it. asyncio sets it only if the protocol is named, and without it the
     # second half of each answer waits 40 ms for the acknowledgement of the first.
     made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return made
+    return BoundedListener(made)
