@@ -251,7 +251,15 @@ def observe(
 ) -> None:
     """Run `observe_one` for Python: records of shape (1,)."""
     observe_one(
-        memory[0], state[0], actuators[0], settings[0], model[0], flying, carried, dt, out[0]
+        memory[0],
+        state[0],
+        actuators[0],
+        settings[0],
+        model[0],
+        flying,
+        carried=carried,
+        dt=dt,
+        out=out[0],
     )
 
 

@@ -161,7 +161,9 @@ def step_one(
         if gains.exact_rates == 1:
             f = force
             nominal = acceleration_w, jerk_w, snap_w
-            f_dot, f_ddot = force_rates(e_p, e_v, nominal, gains, mass, axes, omega_b, force)
+            f_dot, f_ddot = force_rates(
+                e_p, e_v, nominal, gains, mass, axes, omega_b=omega_b, force_w=force
+            )
         else:
             f = (acceleration_w[0], acceleration_w[1], acceleration_w[2] + GRAVITY)
             f = scale(mass, f)
@@ -182,7 +184,7 @@ def step_one(
     integral_b = vector(memory.attitude_integral_b)
     J = vector(model.inertia_b)
     x, y, z = attitude_torque(
-        axes, omega_b, desired, omega_d, omega_dot_d, e_R, integral_b, gains, J
+        axes, omega_b, desired, omega_d, omega_dot_d, e_R, integral_b=integral_b, gains=gains, J=J
     )
     x, y, z = x - off[0], y - off[1], z - off[2]
     # Departs from print: yaw has a thirtieth of the others' authority, and by the common scaling an
@@ -240,8 +242,8 @@ def step(
             gains[min(k, gains.shape[0] - 1)],
             model[min(k, model.shape[0] - 1)],
             airborne,
-            dt,
-            actuators[k],
+            dt=dt,
+            actuators=actuators[k],
         )
 
 

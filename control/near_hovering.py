@@ -130,7 +130,16 @@ def step(
 ) -> None:
     """Compute N vehicles, like control.geometric_law.step; gains and model have shape (1,)."""
     for k in range(state.shape[0]):
-        hover_one(memory[k], state[k], reference[k], gains[0], model[0], airborne, dt, actuators[k])
+        hover_one(
+            memory[k],
+            state[k],
+            reference[k],
+            gains[0],
+            model[0],
+            airborne,
+            dt=dt,
+            actuators=actuators[k],
+        )
 
 
 class NearHoveringController(GeometricController):

@@ -190,5 +190,13 @@ def _by_reading(path: Path, problem: str, progress: Callable[[float], None]) -> 
             schema = reader.schemas.get(channel.schema_id)
             described[channel_id] = (channel.topic, schema.name if schema else "")
     size, span = log_of(path).stat().st_size, (min(first, last), last)
-    kept = reader.attachment_bytes, reader.metadata
-    return _summary(path, size, reader.tear or problem, span, described, counts, *kept)
+    return _summary(
+        path,
+        size,
+        reader.tear or problem,
+        span,
+        described,
+        counts,
+        attachments=reader.attachment_bytes,
+        metadata=reader.metadata,
+    )

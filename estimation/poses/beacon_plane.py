@@ -72,7 +72,7 @@ class BeaconPlane:
         axes[2] = np.cross(axes[0], axes[1])
         plane = (beacons - center) @ axes[:2].T / extent
         four, homography, spanned = _homography(plane, axes, extent, None)
-        return cls(beacons, center, axes, extent, four, homography, spanned)
+        return cls(beacons, center, axes, extent, four, homography, spanned=spanned)
 
     def others(self) -> list[BeaconPlane]:
         """Return the same beacons with other fours that span a plane: each without one

@@ -182,7 +182,7 @@ def _see(c: Item, p: Item, v: Item, k: int) -> None:
     read_imu(p, c.sensors, c.gyroscope_bias_b, c.random, c.drawn, v.imu)
     predict_one(e, v.imu, s.estimation, 1e-9 * period_ns, v.state)
     # A pose acts on the next prediction, as it does in the vehicle's tick.
-    track(c.tracker, p, v.imu.stamp_ns, c.random, c.drawn, e, s.estimation, v.estimate)
+    track(c.tracker, p, v.imu.stamp_ns, c.random, c.drawn, e, gains=s.estimation, out=v.estimate)
 
 
 @compiled(inner=True)

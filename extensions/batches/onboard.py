@@ -80,7 +80,15 @@ def look_ahead(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
     if s.observer.force == 1 or s.observer.torque == 1:
         found, carried = v.controller.disturbance, False
         observe_one(
-            v.observer, v.state, v.actuators, s.observer, s.model, airborne, carried, dt, found
+            v.observer,
+            v.state,
+            v.actuators,
+            s.observer,
+            s.model,
+            airborne,
+            carried=carried,
+            dt=dt,
+            out=found,
         )
     figure_eight_at(s.eight, t, v.reference)
 
@@ -89,4 +97,13 @@ def look_ahead(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
 def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
     """Compute the actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
     look_ahead(v, s, t, airborne, dt)
-    step_one(v.controller, v.state, v.reference, s.control, s.model, airborne, dt, v.actuators)
+    step_one(
+        v.controller,
+        v.state,
+        v.reference,
+        s.control,
+        s.model,
+        airborne,
+        dt=dt,
+        actuators=v.actuators,
+    )

@@ -84,7 +84,7 @@ def fly_one(
         wanted = desired_force(e_p, e_v, none, acceleration_w, gains, mass)
     force, _ = limit_force(wanted, weight, gains.tan_tilt_max)
     rates = flat_rates(acceleration_w, jerk_w, snap_w, reference)
-    nu = virtual_control(m, state, force, rates, reference.yaw, gains, weight)
+    nu = virtual_control(m, state, force, rates, reference.yaw, gains, weight=weight)
     omega_b, J = vector(state.angular_velocity_b), vector(model.inertia_b)
     torque = incremental_torque(m, nu, omega_b, airborne, J)
     finish(dot(force, axes[2]), torque, gains.yaw_torque_max, model, actuators)
@@ -96,7 +96,17 @@ def step(own: Own, records: Records, flown: bool, airborne: bool, dt: float) -> 
     memory, settings = own
     state, reference, gains, model, actuators = records
     m, s = memory.view(MEMORY)[0], settings.view(SETTINGS)[0]
-    fly_one(m, s, state[0], reference[0], gains[0], model[0], airborne, dt, actuators[0])
+    fly_one(
+        m,
+        s,
+        state[0],
+        reference[0],
+        gains[0],
+        model[0],
+        airborne=airborne,
+        dt=dt,
+        actuators=actuators[0],
+    )
 
 
 LAW = CompiledLaw(step, MEMORY)

@@ -90,7 +90,9 @@ def fly_one(
     desired = desired_axes(m.desired_attitude, force, reference.yaw, weight)
     omega_d, turn_d = flat_rates(acceleration_w, jerk_w, subtract(snap_w, curve), reference)
     e_R, J = attitude_error(axes, desired), vector(model.inertia_b)
-    torque = attitude_torque(axes, omega_b, desired, omega_d, turn_d, e_R, none, gains, J)
+    torque = attitude_torque(
+        axes, omega_b, desired, omega_d, turn_d, e_R, integral_b=none, gains=gains, J=J
+    )
     thrust = dot(force, axes[2]) - bounded(mass * m.adaptation.lift, s.force_max)
     finish(thrust, subtract(torque, off), gains.yaw_torque_max, model, actuators)
 
@@ -101,7 +103,17 @@ def step(own: Own, records: Records, flown: bool, airborne: bool, dt: float) -> 
     memory, settings = own
     state, reference, gains, model, actuators = records
     m, s = memory.view(MEMORY)[0], settings.view(SETTINGS)[0]
-    fly_one(m, s, state[0], reference[0], gains[0], model[0], airborne, dt, actuators[0])
+    fly_one(
+        m,
+        s,
+        state[0],
+        reference[0],
+        gains[0],
+        model[0],
+        airborne=airborne,
+        dt=dt,
+        actuators=actuators[0],
+    )
 
 
 LAW = CompiledLaw(step, MEMORY)

@@ -118,7 +118,9 @@ def virtual_control(
     desired = desired_axes(m.desired_attitude, force_w, yaw, weight)
     e_R = attitude_error(axes, desired)
     none, unit = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-    return attitude_torque(axes, omega_b, desired, rates[0], rates[1], e_R, none, gains, unit)
+    return attitude_torque(
+        axes, omega_b, desired, rates[0], rates[1], e_R, integral_b=none, gains=gains, J=unit
+    )
 
 
 @compiled(inner=True)
@@ -145,7 +147,7 @@ def fly_one(
     wanted = desired_force(e_p, e_v, integral_w, acceleration_w, gains, mass)
     force, limited = limit_force(wanted, weight, gains.tan_tilt_max)
     rates = flat_rates(acceleration_w, jerk_w, snap_w, reference)
-    nu = virtual_control(m, state, force, rates, reference.yaw, gains, weight)
+    nu = virtual_control(m, state, force, rates, reference.yaw, gains, weight=weight)
     omega_b, J = vector(state.angular_velocity_b), vector(model.inertia_b)
     torque = incremental_torque(m, nu, omega_b, airborne, J)
     pushed = flown_acceleration(actuators, axes, mass)
@@ -165,7 +167,18 @@ def step(own: Own, records: Records, flown: bool, airborne: bool, dt: float) -> 
     memory, settings = own
     state, reference, gains, model, actuators = records
     m, s = memory.view(MEMORY)[0], settings.view(SETTINGS)[0]
-    fly_one(m, s, state[0], reference[0], gains[0], model[0], flown, airborne, dt, actuators[0])
+    fly_one(
+        m,
+        s,
+        state[0],
+        reference[0],
+        gains[0],
+        model[0],
+        flown=flown,
+        airborne=airborne,
+        dt=dt,
+        actuators=actuators[0],
+    )
 
 
 LAW = CompiledLaw(step, MEMORY)

@@ -279,7 +279,17 @@ def step(own: Own, records: Records, flown: bool, airborne: bool, dt: float) -> 
     memory, settings = own
     state, reference, gains, model, actuators = records
     m, s = memory.view(MEMORY)[0], settings.view(SETTINGS)[0]
-    fly_one(m, s, state[0], reference[0], gains[0], model[0], airborne, dt, actuators[0])
+    fly_one(
+        m,
+        s,
+        state[0],
+        reference[0],
+        gains[0],
+        model[0],
+        airborne=airborne,
+        dt=dt,
+        actuators=actuators[0],
+    )
 
 
 LAW = CompiledLaw(step, MEMORY)

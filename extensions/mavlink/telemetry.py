@@ -235,8 +235,8 @@ class Telemetry:
             list(swap_attitude(motion.quaternion_wb)),
             *swap_body(motion.velocity_b),
             *swap_body(motion.angular_velocity_b),
-            NO_COVARIANCE,
-            NO_COVARIANCE,
+            pose_covariance=NO_COVARIANCE,
+            velocity_covariance=NO_COVARIANCE,
         )
 
     def _global(self, motion: Motion) -> MAVLink_message | None:

@@ -134,7 +134,7 @@ class TrackerCommand:
             session,
             self.unit,
             self.up,
-            views,
+            views=views,
         ).run(stopping)
         session.close()
         return 0

@@ -93,7 +93,9 @@ def fly(
     neighbours = member.neighbours(simulated, log) if member is not None else None
     estimator = TrueState(simulated) if true_state else None
     load_kernels()
-    flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind, neighbours)
+    flight = SimulatedFlight(
+        parameters, simulated, log, estimator, plugins, kind, neighbours=neighbours
+    )
     if print_instructions:
         flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()

@@ -59,7 +59,7 @@ class Meeting:
         self._count, self._own = count, own
         self._others = [k for k in range(count) if k not in own]
         here = (0.0, 0.0, 0.0)
-        self.rows = [Row(0, here, here, (1.0, *here), 0.0, 0.0, b"") for _ in range(count)]
+        self.rows = [Row(0, here, here, (1.0, *here), 0.0, 0.0, mail=b"") for _ in range(count)]
 
     @staticmethod
     def new_files(count: int, processes: int) -> tuple[int, ...]:
@@ -129,7 +129,7 @@ class Meeting:
         found = _ROW.unpack_from(self._memory, at)
         at += _ROW.size
         mail = self._memory[at : at + found[13]]
-        return Row(found[0], found[1:4], found[4:7], found[7:11], found[11], found[12], mail)
+        return Row(found[0], found[1:4], found[4:7], found[7:11], found[11], found[12], mail=mail)
 
     def _at(self, k: int, half: int) -> int:
         return _COUNTERS.size + (half * self._count + k) * _SIZE

@@ -123,9 +123,9 @@ class BearingsWatch:
             f["beacon_w"][:count],
             f["bearing_b"][:count],
             float(f["sigma"]),
-            then[1],
-            then[2],
-            tracked,
+            position_w=then[1],
+            quaternion_wb=then[2],
+            tracked=tracked,
         )
 
     def age(self, age: float) -> None:

@@ -64,7 +64,16 @@ def _run_python(
     p = program[0]
     for k in range(periods):
         r = p.references
-        move(plant, sensors, noise, row + k, registers, (r[0], r[1], r[2], r[3]), holder, dt)
+        move(
+            plant,
+            sensors,
+            noise,
+            row + k,
+            registers,
+            (r[0], r[1], r[2], r[3]),
+            holder=holder,
+            dt=dt,
+        )
         period(p, registers, command)
 
 

@@ -215,7 +215,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
         if has_products:
             rest = spin_of_products(p, motion[3], turn)
             turns = add(turns[0], rest), add(turns[1], rest), add(turns[2], rest)
-        motion = rk4(motion, lifts, scale(inverse_mass, force_w), damping, turns, ratios, dt)
+        motion = rk4(motion, lifts, scale(inverse_mass, force_w), damping, turns, ratios, dt=dt)
         lift, turn = end_lift, end_turn
     store_motion(motion, p.x)
     s[0], s[1], s[2], s[3] = speeds

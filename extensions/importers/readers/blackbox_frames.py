@@ -357,7 +357,7 @@ def decode(
         cursor[0], cursor[1] = state[AT] + 1, 0
         good = False
         if letter == INTRA or (letter == INTER and not state[SEARCHES]):
-            good = _main_frame(data, cursor, fields, setting, state, past, now)
+            good = _main_frame(data, cursor, fields, setting, state, past, now=now)
             if good and letter == INTRA:
                 count = _kept(now, count, setting, state)
                 state[LAST_I], state[STARTED], state[SEARCHES] = count, 1, 0

@@ -119,12 +119,14 @@ def calibrate_camera(views: Sequence[BoardView], size: tuple[int, int]) -> Camer
     covered = set[Cell]().union(*(cells_of(one, size) for one in views))
     return CameraCalibration(
         *size,
-        tuple(np.ravel(matrix).tolist()),
-        tuple(np.ravel(distortion)[:5].tolist()),
-        float(residual),
-        len(covered) / (GRID[0] * GRID[1]),
-        len(views),
-        float(np.ravel(deviations)[0]),
-        tuple((x, y, right, down) for x, y, right, down in np.concatenate(corners).tolist()),
-        float(np.max(of_views)),
+        matrix=tuple(np.ravel(matrix).tolist()),
+        distortion=tuple(np.ravel(distortion)[:5].tolist()),
+        residual=float(residual),
+        coverage=len(covered) / (GRID[0] * GRID[1]),
+        views=len(views),
+        focal_deviation=float(np.ravel(deviations)[0]),
+        corners=tuple(
+            (x, y, right, down) for x, y, right, down in np.concatenate(corners).tolist()
+        ),
+        worst_view=float(np.max(of_views)),
     )

@@ -171,7 +171,9 @@ def marked_picture(grey: Picture, tags: Tags, used: Collection[int]) -> bytes:
         place = (int(right) + 5, int(middle) + 5)
         for shade, width in ((SHADE, 5), (colour, 2)):
             font = cv2.FONT_HERSHEY_SIMPLEX
-            cv2.putText(picture, str(number), place, font, 0.8, shade, width, cv2.LINE_AA)
+            cv2.putText(
+                picture, str(number), place, font, 0.8, shade, thickness=width, lineType=cv2.LINE_AA
+            )
     return _jpeg(picture)
 
 
