@@ -19,6 +19,7 @@ from web.vehicle_context import VehicleContext
 PICTURES = {".png": "image/png", ".webp": "image/webp", ".svg": "image/svg+xml"}
 TABS = {
     "fly": "tutorials/first_flight.html",
+    "experiments": "experiments.html",
     "gains": "changing_parameters.html",
     "beacons": "beacons.html",
     "calibrate": "calibration.html",

@@ -53,8 +53,8 @@ async function start() {
   new Preflight($("preflight"), $("arm"), events);
   const ages = new Ages(events, telemetry, description.stale);
   new Marks($("recorder"), document.querySelector("#view .overlay.bottom"), events, isOperator);
-  new ExperimentSection($("experiment"), events, fly, isOperator, ages);
   const gains = new Gains(events, isOperator);
+  new ExperimentSection($("experiment"), { events, fly, isOperator, ages, gains });
   const channels = new Channels({ events, telemetry, ages, gains });
   new StatusBar(events, fly, isOperator, { ages, channels, telemetry, gains, vehicle: session.vehicle });
   new View(events, channels, { fly, isOperator });

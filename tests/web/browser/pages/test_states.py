@@ -16,6 +16,7 @@ STATES = (
     "guide",
     "people",
     "fly",
+    "experiments",
     "gains",
     "gains_history",
     "beacons",
@@ -38,6 +39,7 @@ STATES = (
 ADDED = {
     "guide": "#help-panel",
     "people": "#people",
+    "experiments": "#side",
     "gains": "#side",
     "gains_history": "#tab-gains",
     "beacons": "#tab-beacons",
