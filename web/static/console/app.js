@@ -25,6 +25,7 @@ import { Channels } from "../link/channels.js";
 import { Events, Telemetry } from "../core/sockets.js";
 import { addSticks } from "../sticks/panel.js";
 import { Simulation } from "./simulation_strip.js";
+import { addEdges } from "./panes.js";
 import { StateTable } from "./state_table.js";
 import { showPanels } from "./panels.js";
 import { tabs } from "./tabs.js";
@@ -73,6 +74,7 @@ async function start() {
   new Simulation($("simulation"), { events, gains, fly, isOperator, panel });
 
   tabs();
+  addEdges({ side: $("side"), charts: $("charts"), view: $("view") });
   followAddress();
   new People(session);
   new ControlStrip($("control"), events, session, fly);
