@@ -9,7 +9,15 @@ from html import escape
 from fastapi import FastAPI, HTTPException
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
-from extensions.documents.rendering import DOCS, HOME, Document, headings, paths, read
+from extensions.documents.rendering import (
+    DOCS,
+    HOME,
+    Document,
+    headings,
+    paths,
+    read,
+    section_words,
+)
 from quadrotor.extension import PagePanel
 from quadrotor.extensions import registry
 from web.feature import Feature
@@ -49,17 +57,18 @@ PAGE = """<!doctype html>
 
 @dataclass(frozen=True)
 class Entry:
-    """A heading of a document, for the search."""
+    """A section of a document, for the search: its heading, and all its words."""
 
     title: str
     heading: str
     address: str
+    words: str
 
 
 def add_documents(app: FastAPI, context: VehicleContext) -> None:
     @app.get("/api/documents")
     def index() -> list[Entry]:
-        """Return the headings of all documents, with their addresses below `/documents/`."""
+        """Return the sections of all documents, with their addresses below `/documents/`."""
         return [entry for path in paths() for entry in _entries(path)]
 
     @app.get("/documents", include_in_schema=False)
@@ -108,8 +117,9 @@ def _entries(path: str) -> list[Entry]:
             title=found[0].text,
             heading=one.text if k else "",
             address=_page_of(path) + (f"#{one.anchor}" if k else ""),
+            words=words,
         )
-        for k, one in enumerate(found)
+        for k, (one, words) in enumerate(zip(found, section_words(path), strict=True))
     ]
 
 
