@@ -58,7 +58,7 @@ def headings(path: str) -> list[Heading]:
 
 
 def section_words(path: str) -> list[str]:
-    """Return the words of each section of a document, each word once, in the order of `headings`."""
+    """Return the words of each section of a document, each once, in the order of `headings`."""
     file = DOCS / path
     return _section_words(file, file.stat().st_mtime_ns)
 

@@ -123,6 +123,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/documents": (VIEWER, None),
     "GET /documents": (VIEWER, None),
     "GET /documents/of/{tab}": (VIEWER, None),
+    "GET /documents/find": (VIEWER, None),
     "GET /documents/{path:path}": (VIEWER, None),
     "GET /api/beacons": (VIEWER, None),
     "GET /api/beacons/file": (VIEWER, None),
