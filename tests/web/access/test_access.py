@@ -120,6 +120,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/checklist": (VIEWER, None),
     "PUT /api/checklist": (OPERATOR, {"items": ["Nets closed"]}),
     "POST /api/checklist/tick": (OPERATOR, {"item": "Nets closed", "done": True}),
+    "POST /api/figure": (VIEWER, {}),
     "GET /api/documents": (VIEWER, None),
     "GET /documents": (VIEWER, None),
     "GET /documents/of/{tab}": (VIEWER, None),

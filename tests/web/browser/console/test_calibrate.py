@@ -186,7 +186,7 @@ def test_the_experiments_have_no_calibrations_and_say_why_a_file_cannot_run(
     assert tab.locator("#experiment .card b").all_text_contents() == [
         "bearings",
         "my hops",
-        "my slip.py",
+        "my_slip.py",
     ]
     tab.click("#experiment .card:nth-child(2) .head")
     see.text("#experiment .open .about", calibrating.ABOUT["my_hops"])
