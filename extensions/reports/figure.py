@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.path import Path
-    from matplotlib.transforms import Affine2D
+    from matplotlib.transforms import Affine2D, Transform
 
 MILLIMETRES, POINTS = 25.4, 72.0
 """Millimetres and points in an inch."""
@@ -84,7 +84,7 @@ class _Sheet:
 
         self._draw(root, Affine2D())
 
-    def _draw(self, parent: ElementTree.Element, moved: Affine2D) -> None:
+    def _draw(self, parent: ElementTree.Element, moved: Transform) -> None:
         for one in parent:
             kind, place = one.tag.removeprefix(SVG), _placed(one.get("transform", "")) + moved
             if kind == "g":
@@ -95,7 +95,7 @@ class _Sheet:
                 made = {"path": self._path, "rect": self._rect, "text": self._text}.get(kind)
                 self._add((made or self._image)(one, place), one, moved)
 
-    def _add(self, artist: Artist, one: ElementTree.Element, moved: Affine2D) -> None:
+    def _add(self, artist: Artist, one: ElementTree.Element, moved: Transform) -> None:
         artist.set_zorder(len(self._axes.get_children()))
         artist.set_alpha(float(one.get("opacity", 1.0)) * (artist.get_alpha() or 1.0))
         if clip := one.get("clip-path"):
@@ -103,7 +103,7 @@ class _Sheet:
         else:
             artist.set_clip_on(False)
 
-    def _path(self, one: ElementTree.Element, place: Affine2D) -> Artist:
+    def _path(self, one: ElementTree.Element, place: Transform) -> Artist:
         from matplotlib.patches import PathPatch
 
         patch = PathPatch(
@@ -120,7 +120,7 @@ class _Sheet:
             patch.set_linestyle((0.0, [length / width for length in dashes]))
         return self._axes.add_patch(patch)
 
-    def _rect(self, one: ElementTree.Element, place: Affine2D) -> Artist:
+    def _rect(self, one: ElementTree.Element, place: Transform) -> Artist:
         from matplotlib.patches import Rectangle
 
         x, y, width, height = (float(one.get(name, 0.0)) for name in ("x", "y", "width", "height"))
@@ -129,7 +129,7 @@ class _Sheet:
             Rectangle((x, y), width, height, color=color, lw=0, transform=to)
         )
 
-    def _text(self, one: ElementTree.Element, place: Affine2D) -> Artist:
+    def _text(self, one: ElementTree.Element, place: Transform) -> Artist:
         font = _FONT.search(one.get("style", ""))
         style, size = (font[1], float(font[2])) if font else ("", 11.0)
         (x, y), turn = place.transform((float(one.get("x", 0.0)), float(one.get("y", 0.0)))), place
@@ -148,7 +148,7 @@ class _Sheet:
             parse_math=False,
         )
 
-    def _image(self, one: ElementTree.Element, place: Affine2D) -> Artist:
+    def _image(self, one: ElementTree.Element, place: Transform) -> Artist:
         from matplotlib.image import imread
 
         data = one.get("href", "")

@@ -61,7 +61,7 @@ class Room:
 
     def experiments(self) -> None:
         self._console("experiments")
-        self.page.wait_for_selector("#experiment .card.open .options")
+        self.page.wait_for_selector("#experiment .card.open .start")
         self.page.wait_for_selector("#checklist li")
 
     def gains(self) -> None:

@@ -97,6 +97,8 @@ def test_the_verdict_has_its_figures_and_leads_to_the_report(
         metric_limits=[0.025, float("nan")],
     )
     seen.text("#experiment .verdict .chip", "^failed 40 mm$")
+    told = section.locator(START).evaluate("one => getComputedStyle(one, '::before').content")
+    assert told.startswith('"hold"')
     seen.text("#experiment .card.open .last .chip", "^failed 40 mm$")
     seen.text("#experiment .figures .above", r"^position rms4025mm$")
     assert section.locator("#experiment .above").count() == 1

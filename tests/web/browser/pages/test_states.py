@@ -101,7 +101,7 @@ def test_tab_goes_through_everything_in_order_and_the_focus_is_seen(
     page.reload()  # to start from the beginning
     page.wait_for_selector("#land:enabled")
     page.wait_for_selector("#who:not(:empty)")  # the key handlers are active
-    page.keyboard.press("2")  # the Gains tab
+    page.keyboard.press("3")  # the Gains tab
     page.wait_for_selector("#tab-gains", state="visible")
     wanted = ["land", "emergency-land", "cut", "who", "help", "view-camera", "open-gains", "search"]
     passed, unseen = [], []
