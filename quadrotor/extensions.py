@@ -25,6 +25,7 @@ BUILT_IN = (
     "batches",
     "betaflight",
     "campaigns",
+    "checklist",
     "comparison",
     "crazyflie",
     "documents",

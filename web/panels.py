@@ -19,6 +19,7 @@ FOLDER = "extensions/"
 """Folder, among the page's files, of those of extensions."""
 TABS = {
     "fly": "Fly",
+    "experiments": "Experiments",
     "gains": "Gains",
     "beacons": "Beacons",
     "calibrate": "Calibrate",
@@ -107,5 +108,6 @@ def _buttons(panels: Iterable[Panel], indent: str) -> Iterator[str]:
         drawn = f' data-icon="{html.escape(icon)}"' if icon else ""
         yield (
             f'{indent}<button role="tab" id="open-{name}" data-tab="{name}" '
-            f'aria-controls="tab-{name}" {selected}{drawn}>{html.escape(title)}</button>\n'
+            f'aria-controls="tab-{name}" {selected}{drawn}>'
+            f"<span>{html.escape(title)}</span></button>\n"
         )

@@ -136,7 +136,7 @@ def compared(flown: Pilot, raw: Sequence[str | bytes]) -> Figures:
     error = np.linalg.norm(rows[0] - rows[1], axis=1)
     its: dict[str, npt.NDArray[Any]] = {
         "state.position.x": x,
-        "error.distance": error,
+        "error.distance": 1e3 * error,
         DERIVED: 2.0 * x,
     }
     is_tick = ~np.isnan(mine["state.position.x"])
@@ -154,7 +154,7 @@ def compared(flown: Pilot, raw: Sequence[str | bytes]) -> Figures:
         "ticks missing": float(expected - len(stamps)),
         "missing and not told": abs(expected - len(stamps) - told),
         "samples that differ": float(differ),
-        "largest error, mm": 1e3 * float(mine["error.distance"].max()),
+        "largest error, mm": float(mine["error.distance"].max()),
         "largest error of the log, mm": 1e3 * float(error[inside].max()),
     }
 

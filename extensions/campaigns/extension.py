@@ -29,7 +29,7 @@ EXTENSION = Extension(
         PagePanel(
             name="campaigns",
             target="page/campaigns.js:show",
-            place="fly",
+            place="experiments",
             title="Campaigns",
             styles=("campaigns.css",),
         ),

@@ -15,6 +15,13 @@ EXTENSION = Extension(
             title="Search",
             styles=("search.css",),
         ),
+        PagePanel(
+            name="find",
+            target="page/elsewhere.js:show",
+            place="head",
+            title="Search",
+            styles=("search.css",),
+        ),
     ),
     judged=(Judged(Evidence.SIMULATED, "in Chromium, on the simulated vehicle"),),
     docs="page/search.md",

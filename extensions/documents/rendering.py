@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from functools import cache
 from html import escape
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from quadrotor.checkout import ROOT
 DOCS = ROOT / "docs"
 HOME = "index.md"
 _BLOCK = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+_WORD = re.compile(r"[^\W\d_]{3,}")
 _HEADING = re.compile(r"^#{1,6} .*", re.MULTILINE)
 
 
@@ -53,6 +55,26 @@ def headings(path: str) -> list[Heading]:
     """Return the headings of a document by its path below `docs`; quicker than `read`."""
     file = DOCS / path
     return _headings(file, file.stat().st_mtime_ns)
+
+
+def section_words(path: str) -> list[str]:
+    """Return the words of each section of a document, each once, in the order of `headings`."""
+    file = DOCS / path
+    return _section_words(file, file.stat().st_mtime_ns)
+
+
+@cache
+def _section_words(file: Path, changed_ns: int) -> list[str]:
+    del changed_ns  # a part of the key
+    text = _text(file)
+    in_code = [found.span() for found in _BLOCK.finditer(text)]
+    begins = [
+        found.start()
+        for found in _HEADING.finditer(text)
+        if not any(begin <= found.start() < end for begin, end in in_code)
+    ]
+    parts = (text[begin:end] for begin, end in pairwise([*begins, len(text)]))
+    return [" ".join(dict.fromkeys(_WORD.findall(part.lower()))) for part in parts]
 
 
 @cache

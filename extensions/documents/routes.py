@@ -5,11 +5,20 @@ from __future__ import annotations
 import posixpath
 from dataclasses import dataclass
 from html import escape
+from typing import Annotated
 
-from fastapi import FastAPI, HTTPException
+from fastapi import FastAPI, HTTPException, Query
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
-from extensions.documents.rendering import DOCS, HOME, Document, headings, paths, read
+from extensions.documents.rendering import (
+    DOCS,
+    HOME,
+    Document,
+    headings,
+    paths,
+    read,
+    section_words,
+)
 from quadrotor.extension import PagePanel
 from quadrotor.extensions import registry
 from web.feature import Feature
@@ -17,8 +26,11 @@ from web.theme import html_tag
 from web.vehicle_context import VehicleContext
 
 PICTURES = {".png": "image/png", ".webp": "image/webp", ".svg": "image/svg+xml"}
+LISTED = 40
+"""Most sections that the search of the documents lists."""
 TABS = {
     "fly": "tutorials/first_flight.html",
+    "experiments": "experiments.html",
     "gains": "changing_parameters.html",
     "beacons": "beacons.html",
     "calibrate": "calibration.html",
@@ -36,8 +48,10 @@ PAGE = """<!doctype html>
 <link rel="stylesheet" href="/static/core/tokens.css">
 <link rel="stylesheet" href="/static/extensions/documents/documents.css">
 </head>
-<body>
-<header><a href="{top}../">quadlab</a><a href="{top}index.html">Documents</a></header>
+<body class="{kind}">
+<header><a href="{top}../">quadlab</a><a href="{top}index.html">Documents</a>
+<form action="{top}find" role="search"><input type="search" name="words" value="{words}"
+placeholder="Search the documents" aria-label="search the documents" required></form></header>
 <nav aria-label="this document">{contents}</nav>
 <main>
 {body}</main>
@@ -48,17 +62,18 @@ PAGE = """<!doctype html>
 
 @dataclass(frozen=True)
 class Entry:
-    """A heading of a document, for the search."""
+    """A section of a document, for the search: its heading, and all its words."""
 
     title: str
     heading: str
     address: str
+    words: str
 
 
 def add_documents(app: FastAPI, context: VehicleContext) -> None:
     @app.get("/api/documents")
     def index() -> list[Entry]:
-        """Return the headings of all documents, with their addresses below `/documents/`."""
+        """Return the sections of all documents, with their addresses below `/documents/`."""
         return [entry for path in paths() for entry in _entries(path)]
 
     @app.get("/documents", include_in_schema=False)
@@ -68,6 +83,10 @@ def add_documents(app: FastAPI, context: VehicleContext) -> None:
     @app.get("/documents/of/{tab}", include_in_schema=False)
     def of_tab(tab: str) -> Response:
         return RedirectResponse(f"../{_of_tab(tab)}")
+
+    @app.get("/documents/find", include_in_schema=False)
+    def find(words: Annotated[str, Query(max_length=200)] = "") -> HTMLResponse:
+        return HTMLResponse(_found(words))
 
     @app.get("/documents/{path:path}", include_in_schema=False)
     def document(path: str) -> Response:
@@ -107,9 +126,35 @@ def _entries(path: str) -> list[Entry]:
             title=found[0].text,
             heading=one.text if k else "",
             address=_page_of(path) + (f"#{one.anchor}" if k else ""),
+            words=words,
         )
-        for k, one in enumerate(found)
+        for k, (one, words) in enumerate(zip(found, section_words(path), strict=True))
     ]
+
+
+def _found(words: str) -> str:
+    """Return the page of the sections that have all words, those with them in the heading first."""
+    wanted = words.lower().split()
+    matching: list[tuple[int, Entry]] = []
+    for entry in (one for path in paths() for one in _entries(path)):
+        text = f"{entry.title} {entry.heading}".lower()
+        if wanted and all(word in text or word in entry.words for word in wanted):
+            matching.append((sum(word in text for word in wanted), entry))
+    matching.sort(key=lambda pair: -pair[0])
+    listed = "".join(
+        f'<li><a href="{one.address}">{escape(one.title)}</a> {escape(one.heading)}</li>'
+        for _, one in matching[:LISTED]
+    )
+    none = f"<p>No section has all of these words: {escape(words) or 'none given'}.</p>"
+    return PAGE.format(
+        tag=html_tag(),
+        title="Search",
+        top="",
+        contents="",
+        body=f"<h1>Search</h1>\n{f'<ul>{listed}</ul>' if listed else none}\n",
+        kind="found",
+        words=escape(words),
+    )
 
 
 def _framed(path: str, document: Document) -> str:
@@ -119,15 +164,12 @@ def _framed(path: str, document: Document) -> str:
         for one in document.headings[1:]
         if one.level <= 3
     )
-    others = ""
-    if path == HOME:
-        titles = sorted((read(one).title, _page_of(one)) for one in paths() if one != HOME)
-        listed = "".join(f'<li><a href="{to}">{escape(title)}</a></li>' for title, to in titles)
-        others = f'<h2 id="all">All documents</h2>\n<ul class="all">{listed}</ul>\n'
     return PAGE.format(
         tag=html_tag(),
         title=escape(document.title),
         top="../" * path.count("/"),
         contents=contents,
-        body=document.body + others,
+        body=document.body,
+        kind="home" if path == HOME else "document",
+        words="",
     )

@@ -1,6 +1,14 @@
 """The declaration of the extension `reports`."""
 
-from quadrotor.extension import Command, Evidence, Extension, Function, Judged, ReportWriter
+from quadrotor.extension import (
+    Command,
+    Evidence,
+    Extension,
+    Function,
+    Judged,
+    PageFeature,
+    ReportWriter,
+)
 
 EXTENSION = Extension(
     name="reports",
@@ -9,6 +17,7 @@ EXTENSION = Extension(
     offers=(
         ReportWriter(name="report", target=".report:write_report"),
         Function(name="report_page", target=".html:render"),
+        PageFeature(name="figure", target=".routes:FEATURE"),
         Command(
             name="log report",
             target=".command:Report",

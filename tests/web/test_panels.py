@@ -95,10 +95,10 @@ def test_a_tab_has_its_button_and_element_and_its_files_below_its_extensions_nam
     text = document(files)
     assert files.problems == []
     assert re.findall(r'data-tab="(\w+)"', text) == [
-        *("fly", "gains", "wind", "beacons", "calibrate", "link")
+        *("fly", "experiments", "gains", "wind", "beacons", "calibrate", "link")
     ]
     assert text.count('aria-selected="true"') == 1
-    assert 'tabindex="-1" data-icon="M1 2">Wind &amp; gusts</button>' in text
+    assert 'tabindex="-1" data-icon="M1 2"><span>Wind &amp; gusts</span></button>' in text
     assert 'id="tab-wind" role="tabpanel"' in text
     script = r'src="/static/(v-[0-9a-f]{16}/joined/extensions/tunnel/wind\.js)"></script>\n</head>'
     (address,) = re.findall(script, text)

@@ -20,6 +20,7 @@ from web.access.requester import Operator
 from web.commands.bodies import CommandBody
 from web.latest import Live
 from web.live.conversation import significant
+from web.runs.judged import last_results
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
@@ -53,6 +54,11 @@ def add_experiments(app: FastAPI, context: VehicleContext) -> None:
         """
         answer = await station.command("experiment", "page", action="describe")
         return {"experiments": _described(answer), "status": experiment_summary(context.live)}
+
+    @app.get("/api/experiments/results")
+    def results() -> dict[str, JsonObject]:
+        """Return the newest judged run of each experiment of this vehicle, with its verdict."""
+        return last_results(context.catalogue, context.vehicle)
 
     @app.post("/api/experiments/start")
     async def start(body: StartExperimentBody, session: Operator) -> dict[str, bool]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from functools import lru_cache
 from pathlib import Path
 
 from console.catalogue.catalogue import Catalogue
@@ -14,11 +13,10 @@ from console.catalogue.notes import Note, newest_notes
 from console.catalogue.tables import RunEntry
 from console.catalogue.tags import tags_of
 from console.catalogue.titles import Title, titles_of
-from console.runs.report_folders import RESULT, read_result, report_folder
 from console.runs.title import NAMES
 from flight_log.file import is_being_written
-from quadrotor.errors import StorageError
 from quadrotor.json_object import JsonObject
+from web.runs.judged import judged
 
 
 def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[JsonObject]:
@@ -74,24 +72,7 @@ def _is_recorded(catalogue: Catalogue, entry: RunEntry) -> bool:
 
 def _report(log: Path) -> JsonObject:
     """Return the report's fields; `verdict` is "unreadable" if it cannot be read."""
-    try:
-        stamp = (report_folder(log) / RESULT).stat().st_mtime_ns
-    except OSError:
+    of = judged(log)
+    if of is None:
         return {"report": False, "experiment": "", "verdict": "", "rms": None}
-    experiment, verdict, rms = _verdict(log, stamp)
-    return {"report": True, "experiment": experiment, "verdict": verdict, "rms": rms}
-
-
-@lru_cache(maxsize=4096)
-def _verdict(log: Path, stamp: int) -> tuple[str, str, float | None]:
-    """Return experiment, verdict and rms position error (m) where it was judged; `stamp` makes the
-    cache miss after a new judgement.
-    """
-    try:
-        result = read_result(log)
-    except StorageError:
-        return "", "unreadable", None
-    metrics = result.get("metrics")
-    rms = metrics.get("position_rms_m") if isinstance(metrics, dict) else None
-    known = float(rms) if isinstance(rms, int | float) else None
-    return str(result.get("experiment", "")), str(result.get("verdict", "")), known
+    return {"report": True, "experiment": of.experiment, "verdict": of.verdict, "rms": of.rms}

@@ -40,7 +40,7 @@ def _state(*columns: Array) -> Sequence[Array]:
 
 
 def _tracking(*inputs: Array) -> Sequence[Array]:
-    """Return the tracking error, which has no value on the ground.
+    """Return the tracking error in mm and degrees, which has no value on the ground.
 
     There the reference is the vehicle's own position, or, at a touch-down, sinks on for a moment
     below a vehicle that has stopped.
@@ -56,7 +56,7 @@ def _tracking(*inputs: Array) -> Sequence[Array]:
     is_straight = np.hypot(*velocity[:2]) + np.hypot(*acceleration[:2]) < SLIDES
     stands = (climb > STOPPED * velocity[2]) & (error[2] < SUNK)
     grounded = follows | (sinks & is_straight & stands)
-    values = (*error, _length(*error), wrapped * DEGREES)
+    values = (*(1e3 * one for one in (*error, _length(*error))), wrapped * DEGREES)
     return [np.where(grounded, np.nan, one) for one in values]
 
 
@@ -93,8 +93,8 @@ MOTION = (
         "state",
         (),
         (
-            *_signals("error.position", "tracking error", "m", "xyz", "state"),
-            Signal("error.distance", "distance", "m", "tracking error", "state"),
+            *_signals("error.position", "tracking error", "mm", "xyz", "state"),
+            Signal("error.distance", "distance", "mm", "tracking error", "state"),
             Signal("error.yaw", "yaw", "°", "tracking error", "state"),
         ),
         function=_tracking,

@@ -2,7 +2,7 @@
 
 // Those that have every word, the best of each kind first: at most `each` of a kind, in the order of the kinds.
 /**
- * @template {{ kind: string, text: string, note?: string }} T
+ * @template {{ kind: string, text: string, note?: string, words?: string }} T
  * @param {T[]} all @param {string} words @param {number} each
  * @returns {T[]}
  */
@@ -25,8 +25,8 @@ export function ranked(all, words, each) {
 }
 
 // 0 where a word is missing; a word that begins the text counts most, then one that begins a part of it.
-/** @param {{ text: string, note?: string }} one @param {string[]} wanted */
-function scoreOf({ text, note = "" }, wanted) {
+/** @param {{ text: string, note?: string, words?: string }} one @param {string[]} wanted */
+function scoreOf({ text, note = "", words = "" }, wanted) {
   const own = text.toLowerCase(),
     more = note.toLowerCase();
   let sum = 0;
@@ -34,7 +34,7 @@ function scoreOf({ text, note = "" }, wanted) {
     const at = own.indexOf(word);
     if (at === 0) sum += 4;
     else if (at > 0) sum += /[\s._:/-]/.test(own[at - 1]) ? 3 : 2;
-    else if (more.includes(word)) sum += 1;
+    else if (more.includes(word) || words.includes(word)) sum += 1;
     else return 0;
   }
   return sum;

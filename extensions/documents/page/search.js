@@ -9,9 +9,16 @@ import { ranked } from "./ranking.js";
 const PAUSE = 150; // ms without typing before the runs are searched
 const EACH = 6; // most of a kind
 
-/** @typedef {{ kind: string, text: string, note?: string, go: () => void }} Found */
+/** @typedef {{ kind: string, text: string, note?: string, words?: string, go: () => void }} Found */
 
+// On the console: with what its parts know.
 export function show(place, parts) {
+  addSearch(place, parts);
+  guide(place);
+}
+
+// parts: of the console; none on other pages.
+export function addSearch(place, parts) {
   const search = new Search(parts);
   const button = element(
     "button",
@@ -19,7 +26,6 @@ export function show(place, parts) {
     "Search",
   );
   place.append(button);
-  guide(place);
   document.addEventListener("keydown", (event) => {
     if (event.key.toLowerCase() !== "k" || !(event.ctrlKey || event.metaKey) || event.altKey) return;
     event.preventDefault();
@@ -44,6 +50,8 @@ class Search {
   runs = [];
   /** @type {Found[]} */
   documents = [];
+  /** @type {{ name: string, description: string }[]} */
+  parameters = []; // read where the page has none of its own
   at = 0;
   asked = "";
   problem = "";
@@ -75,7 +83,7 @@ class Search {
       if (target instanceof Node && !this.dialog.contains(target)) this.dialog.close();
     });
     document.body.append(this.dialog);
-    parts.gains.addEventListener("read", () => this.dialog.open && this.draw());
+    parts.gains?.addEventListener("read", () => this.dialog.open && this.draw());
   }
 
   open() {
@@ -100,9 +108,11 @@ class Search {
 
   async readDocuments() {
     if (this.documents.length) return;
+    if (!this.parts.gains) this.parameters = (await this.ask("/api/parameters")).parameters ?? [];
     const found = await this.ask("/api/documents");
-    this.documents = found.map(({ title, heading, address }) => ({
+    this.documents = found.map(({ title, heading, address, words }) => ({
       kind: "Documents",
+      words,
       text: heading ? `${title}: ${heading}` : title,
       go: () => open(here(`/documents/${address}`), "_blank"),
     }));
@@ -139,7 +149,7 @@ class Search {
       text: one.textContent ?? "",
       go: () => /** @type {HTMLElement} */ (one).click(),
     }));
-    const pages = [...document.querySelectorAll("nav .pages a")].map((one) => ({
+    const pages = [...document.querySelectorAll("nav .pages a, #head nav a")].map((one) => ({
       kind: "Places",
       text: one.textContent ?? "",
       go: () => /** @type {HTMLElement} */ (one).click(),
@@ -152,13 +162,14 @@ class Search {
         note: "show it",
         go: () => this.showButton(/** @type {HTMLElement} */ (one)),
       }));
-    const parameters = [...gains.known.values()].map(({ name, description: said = "" }) => ({
+    const known = gains ? [...gains.known.values()] : this.parameters;
+    const parameters = known.map(({ name, description: said = "" }) => ({
       kind: "Parameters",
       text: name,
       note: said,
       go: () => this.showParameter(name),
     }));
-    const signals = description.signals.map(({ name, label }) => ({
+    const signals = (description?.signals ?? []).map(({ name, label }) => ({
       kind: "Signals",
       text: name,
       note: label === name ? "" : label,
@@ -181,6 +192,10 @@ class Search {
   }
 
   showParameter(name) {
+    if (!this.parts.gains) {
+      location.assign(here(`/#tab=gains&search=${encodeURIComponent(name)}`));
+      return;
+    }
     $("open-gains").click();
     const field = $("search");
     field.value = name;

@@ -57,7 +57,22 @@ def test_the_page_serves_documents_pictures_and_index_and_nothing_else(site: Any
     for path in ("safety.md", "nothing.html", "images/nothing.png", "..%2Fpyproject.toml"):
         assert client.get(f"/documents/{path}").status_code == 404
     index = client.get("/api/documents").json()
-    assert {"title": "Architecture", "heading": "", "address": "architecture.html"} in index
+    [whole] = [one for one in index if one["address"] == "architecture.html"]
+    assert (whole["title"], whole["heading"]) == ("Architecture", "")
+    [tick] = [one for one in index if one["address"] == "architecture.html#one-tick"]
+    assert "supervisor" in tick["words"].split()
+    assert "quic" not in tick["words"].split(), "it is a word of another section"
     for tab, page in (*TABS.items(), ("tune", "tuning.html"), ("nothing", "index.html")):
         followed = client.get(f"/documents/of/{tab}", follow_redirects=True)
         assert (followed.status_code, followed.url.path) == (200, f"/documents/{page}")
+
+
+def test_the_documents_are_searched_without_scripts(site: Any) -> None:
+    client = site.sign_in()
+    found = client.get("/documents/find", params={"words": "vicon Tracking"}).text
+    assert '<li><a href="trackers.html">Tracking systems</a> </li>' in found
+    assert found.index("trackers.html") < found.index("real_vehicle.html")
+    nothing = client.get("/documents/find", params={"words": "<b>xyzzy</b>"}).text
+    assert "No section has all of these words: &lt;b&gt;xyzzy&lt;/b&gt;." in nothing
+    assert 'value="&lt;b&gt;xyzzy&lt;/b&gt;"' in nothing
+    assert "none given" in client.get("/documents/find").text

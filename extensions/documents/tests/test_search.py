@@ -6,6 +6,27 @@ from typing import Any
 
 import pytest
 
+TASKS = {
+    "first flight": "First flight in ten minutes",
+    "real vehicle": "Connect a real vehicle",
+    "calibrate accelerometer": "Calibration",
+    "change a gain": "Your gain session",
+    "step test": "Tuning bench: One test",
+    "fly on bearings": "Flying on bearings",
+    "own control law": "Control laws, estimators, behaviors and sensors of your own",
+    "own experiment": "Your own experiment",
+    "compare runs": "Runs: The page",
+    "gamepad": "Sticks and emergencies: Gamepads",
+    "vicon": "Tracking systems",
+    "invite viewer": "Who may do what, and from where: Roles",
+}
+"""The commonest tasks in a person's words, and the section that says how."""
+FIRST = """(() => {
+  const all = [...document.querySelectorAll("#search-found li")];
+  const at = all.findIndex((one) => one.textContent === "Documents");
+  return all.slice(at + 1, at + 4).map((one) => one.firstElementChild.textContent);
+})()"""
+"""Script for the first three documents that are found."""
 INPUT, FOUND = "#search-dialog input", "#search-found [role=option]"
 
 
@@ -63,3 +84,23 @@ def test_the_search_is_not_modal_and_closes_where_one_presses_beside_it(page: An
     page.wait_for_selector("#search-dialog[open]", state="attached")
     page.keyboard.press("Escape")
     page.wait_for_selector("#search-dialog:not([open])", state="attached")
+
+
+def test_the_document_of_each_common_task_is_among_the_first_three(page: Any) -> None:
+    """Two steps from any page: Ctrl-K with a few words, then the document."""
+    page.fill(INPUT, "first flight")
+    page.wait_for_selector("#search-found .kind:has-text('Documents')")
+    for words, wanted in TASKS.items():
+        page.fill(INPUT, words)
+        assert wanted in page.evaluate(FIRST), words
+
+
+def test_other_pages_search_too_and_lead_to_the_console(
+    open_page: Any, site: Any, flying: Any, look_at: Any
+) -> None:
+    page = open_page(site)
+    page.goto(f"{site.base}/runs")
+    page.wait_for_selector("#find button")
+    page.click("#find button")
+    page.fill(INPUT, "control.position.kp")
+    look_at(page).text(f"{FOUND} >> nth=0", r"^gains\.kp|^control\.position\.kp")

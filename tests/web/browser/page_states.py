@@ -59,6 +59,11 @@ class Room:
         self.page.click("#who")
         self.page.wait_for_selector("#users .user >> nth=0")
 
+    def experiments(self) -> None:
+        self._console("experiments")
+        self.page.wait_for_selector("#experiment .card.open .start")
+        self.page.wait_for_selector("#checklist li")
+
     def gains(self) -> None:
         self._console("gains")
         self.page.fill("#search", "control.position")

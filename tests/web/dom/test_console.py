@@ -56,7 +56,7 @@ def test_poses_that_the_vehicle_refuses_show_where_the_tracker_does(
     station.said = {"flags": ["measurements_refused", "tracker_jumped"]}
     seen.text("#tracker", "^100 Hz · jumped$")
     seen.text("#flags", "tracker jumped")
-    seen.text("#table .numbers", "poses used.*refused.*NIS")
+    seen.text("#table tbody", "poses used.*poses refused.*NIS")
     station.said = {}
     seen.text("#tracker", "^100 Hz$")
     seen.has_no_class("#tracker", "warn")
@@ -108,8 +108,23 @@ def test_what_is_old_is_grey_and_keeps_its_last_value(shown: Any, seen: Any, fly
 
 def test_the_state_table_shows_numbers_and_ages(seen: Any) -> None:
     seen.text("#table tbody tr >> nth=0 >> td >> nth=3", r"^1\.500$")
-    seen.text("#table tbody tr >> nth=5 >> td >> nth=3", r"^0\.500$")  # tracking error, z
+    seen.text("#table tbody tr >> nth=5 >> td >> nth=3", r"^500\.0$")  # tracking error, z
     seen.text("#table tbody tr >> nth=0 >> td.age", r"ms$")
+
+
+def test_pinned_values_stand_on_top_and_stay_while_the_rest_is_folded(shown: Any) -> None:
+    first = "#table tbody tr:first-child"
+    shown.click("#table tbody tr:nth-child(6) .pin")  # tracking error
+    shown.wait_for_selector(f"{first}.pinned")
+    assert shown.inner_text(f"{first} .pin") == "tracking error"
+    shown.click("#table th button")
+    shown.wait_for_selector("body.folded:not(.bare)")
+    kept = shown.evaluate("localStorage.getItem('quadlab.values')")
+    assert kept == '{"pins":["tracking error"],"folded":true}'
+    shown.click("#table th button")
+    shown.click(f"{first} .pin")
+    shown.wait_for_selector("body.bare:not(.folded)")
+    assert shown.inner_text(f"{first} .pin") == "position"
 
 
 def test_a_refusal_is_shown_with_its_reason(shown: Any, seen: Any, station: Any) -> None:

@@ -1,4 +1,4 @@
-"""Experiments of the Fly tab: options, the hold that starts one, verdict, report."""
+"""The Experiments tab: cards, options, the hold that starts one, verdict, report."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from console.experiment_running.service import describe
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_parameters
 
-START, FINISH, STOP = (f"#experiment .act button >> nth={n}" for n in range(3))
+START, FINISH, STOP = (f"#experiment .act .{name}" for name in ("start", "finish", "stop"))
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def section(
     until: Callable[..., None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> Any:
-    """Return the page with its section open, on a station that lists its experiments."""
+    """Return the page with its Experiments tab open, on a station that lists its experiments."""
     page = kept_page
     plain = station._call_blocking
 
@@ -42,8 +42,7 @@ def section(
     monkeypatch.setattr(station, "_call_blocking", call)
     monkeypatch.setattr(station, "told", {"phase": "idle"})
     monkeypatch.setattr(station, "fly", fly_and_tell)
-    # A click would close what the flight of the test before has opened.
-    page.evaluate("document.getElementById('experiment').open = true")
+    page.click("[data-tab=experiments]")
     page.wait_for_selector("#experiment .options input")
     until(lambda: page.is_enabled(START))  # earlier, a press has no effect
     return page
@@ -110,7 +109,7 @@ def test_while_it_flies_it_can_be_finished_and_stopped(
 ) -> None:
     tell(station, name="bearings", phase="flying", step="take off", elapsed=4.0, planned=35.0)
     seen.text("#experiment .step", "take off · 00:04 of about 00:35")
-    seen.text("#experiment summary output", "bearings · flying")
+    seen.text("#experiment .now output", "bearings · flying")
     assert section.is_disabled(START)
     station.requests.clear()
     section.click(FINISH)

@@ -28,7 +28,7 @@ def test_every_number_of_the_vehicle_has_a_deadline(page: Any) -> None:
 def test_a_number_is_grey_while_its_own_message_is_missing(
     page: Any, look: Any, station: Any, flying: Any
 ) -> None:
-    mass = "#table .numbers div:nth-child(5) b"
+    mass = "#table tbody tr:nth-child(13) td:nth-child(2)"
     look.text(mass, r"^1\.310$")
     fly, put = station.fly, station.put
     station.put = lambda topic, message: topic == "estimator" or put(topic, message)

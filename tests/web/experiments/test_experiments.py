@@ -89,6 +89,26 @@ def test_experiments_come_with_their_options_and_status(
     ]
 
 
+def test_each_experiment_has_its_newest_result_read_anew_after_a_judgement(
+    operator: httpx.Client, report: Path
+) -> None:
+    def found() -> Any:
+        return operator.get("/api/experiments/results").json()
+
+    assert found().keys() == {"bearings"}
+    one = found()["bearings"]
+    assert (one["run"], one["verdict"]) == (RUN, "passed")
+    assert one["metrics"] == [{"name": "position_rms_m", "value": 0.02, "limit": 0.025}]
+    odd = {"experiment": "hover", "verdict": "failed", "metrics": {"a": None, "b": 1}, "limits": 3}
+    (report / "result.json").write_text(json.dumps(odd))
+    assert found()["hover"]["metrics"] == [
+        {"name": "a", "value": None, "limit": None},
+        {"name": "b", "value": 1.0, "limit": None},
+    ]
+    (report / "result.json").write_text("{")
+    assert found() == {}
+
+
 def test_start_finish_and_stop_reach_the_station_in_the_operators_name(
     operator: httpx.Client, station: Any
 ) -> None:

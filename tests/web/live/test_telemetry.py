@@ -70,7 +70,7 @@ def test_the_tracking_error_is_state_minus_reference_of_the_same_tick() -> None:
     ticks["state"]["quaternion_wb"] = QUARTER
     ticks["reference"]["position_w"], ticks["reference"]["yaw"] = moving, math.pi
     received.ticks(ticks)
-    np.testing.assert_allclose(received.samples("error.distance"), 0.0025, atol=1e-6)
+    np.testing.assert_allclose(received.samples("error.distance"), 2.5, atol=1e-3)
     np.testing.assert_allclose(received.samples("error.yaw"), -90.0, atol=1e-4)
 
 

@@ -233,7 +233,7 @@ def test_tracking_error_is_state_less_reference(replay: Replay) -> None:
     error, state, reference = (replay.at([name], t)[name][0] for name in names)
     assert state is not None
     assert reference is not None
-    assert error == pytest.approx(state - reference, abs=1e-6)
+    assert error == pytest.approx(1e3 * (state - reference), abs=1e-3)  # mm
     assert reference == pytest.approx(position_at(RUN, t)[0], abs=1e-6)
 
 

@@ -50,11 +50,11 @@ def test_a_reference_that_sinks_into_the_ground_is_no_error(acceleration: float)
 def test_an_error_in_the_air_is_told(
     climb: float, speed: tuple[float, float, float], acceleration: tuple[float, float, float]
 ) -> None:
-    assert errors(climb, speed, acceleration) == pytest.approx([0.05] * 5)
+    assert errors(climb, speed, acceleration) == pytest.approx([50.0] * 5)
 
 
 def test_a_descent_that_an_updraught_holds_up_is_an_error() -> None:
-    assert errors(0.0, (0.0, 0.0, -0.3), (0.0, 0.0, 0.0), 0.31) == pytest.approx([0.31] * 5)
+    assert errors(0.0, (0.0, 0.0, -0.3), (0.0, 0.0, 0.0), 0.31) == pytest.approx([310.0] * 5)
 
 
 def test_a_reference_that_follows_the_vehicle_on_the_ground_gives_no_error() -> None:

@@ -1,5 +1,6 @@
 // What a chart shows as files: a picture, and its numbers.
 
+import { binary } from "../core/api.js";
 import { element } from "../core/dom.js";
 import { font, onPaper, paint } from "../core/theme.js";
 import { documentOf, recorded } from "./svg.js";
@@ -126,24 +127,35 @@ export function savePicture(chart) {
   });
 }
 
-// In a width on paper (mm) it is drawn anew for that: text of 8 pt, lines of 1 pt, light.
-/** @param {any} chart @param {number} paper */
-export async function savePaper(chart, paper) {
+// In a width on paper (mm) it is drawn anew for that: text of 8 pt, lines of 1 pt, light. A PDF is made by the server,
+// which has fonts to embed.
+/** @param {any} chart @param {number} paper @param {boolean} [isPdf] */
+export async function savePaper(chart, paper, isPdf) {
   const width = Math.round((paper * PIXELS) / MILLIMETRES),
     turn = () => new Promise((done) => setTimeout(done));
+  let svg = "";
   try {
     await onPaper(async () => {
       chart.uplot.setSize({ width: width - 2 * MARGIN, height: Math.round(HEIGHT * width) });
       await turn(); // uPlot sets its size a little later
-      await saveDrawing(chart, paper);
+      svg = await drawingOf(chart, paper);
     });
   } finally {
     chart.resize();
   }
+  const name = `${fileName(chart)}_${paper}mm`;
+  if (isPdf) save(new Blob([await binary("/api/figure", { method: "POST", body: svg })]), `${name}.pdf`);
+  else saveSvg(svg, name);
 }
 
+/** @param {string} svg @param {string} name */
+const saveSvg = (svg, name) => save(new Blob([svg], { type: "image/svg+xml" }), `${name}.svg`);
+
+/** @param {any} chart */
+export const saveDrawing = async (chart) => saveSvg(await drawingOf(chart), fileName(chart));
+
 /** @param {any} chart @param {number} [paper] mm */
-export async function saveDrawing(chart, paper) {
+async function drawingOf(chart, paper) {
   const { uplot } = chart,
     {
       picture,
@@ -160,8 +172,5 @@ export async function saveDrawing(chart, paper) {
     });
   });
   const parts = [...names, `<g transform="translate(${x} ${y})">`, ...plot, "</g>"];
-  save(
-    new Blob([documentOf(parts, picture.width, picture.height, ratio, paper)], { type: "image/svg+xml" }),
-    `${fileName(chart)}${paper ? `_${paper}mm` : ""}.svg`,
-  );
+  return documentOf(parts, picture.width, picture.height, ratio, paper);
 }

@@ -1,6 +1,6 @@
 // How a chart shows its signals, statistics of the time shown, event lines, and saving: one button for all.
 
-import { element } from "../core/dom.js";
+import { attempt, element } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
 import { saveDrawing, saveNumbers, savePaper, savePicture } from "./save.js";
 
@@ -9,6 +9,9 @@ const PAPER = [
   ["column", 88],
   ["page", 180],
 ]; // mm
+
+// An exported page has no server that makes a PDF.
+const FORMATS = /** @type {any} */ (globalThis).quadlabRun ? ["SVG"] : ["SVG", "PDF"];
 
 const VIEWS = [
   ["time", "Over time", "values over time"],
@@ -73,6 +76,7 @@ export function viewMenu(chart, view, choose, changed = () => {}, views = VIEWS)
       }),
       label,
     );
+  const problem = element("p", { className: "problem", role: "status", hidden: true });
   const isPlain = view === "time" || view === "xy";
   place.append(
     ...(views.length < 2
@@ -100,13 +104,18 @@ export function viewMenu(chart, view, choose, changed = () => {}, views = VIEWS)
       { className: "tools" },
       act("Save PNG", "what is drawn, as a picture", () => savePicture(chart)),
       act("Save SVG", "what is drawn, as lines and text", () => saveDrawing(chart)),
-      ...PAPER.map(([name, width]) =>
-        act(`SVG ${width} mm`, `for print, as wide as a ${name}: light, text of 8 pt`, () =>
-          savePaper(chart, width),
+      ...PAPER.flatMap(([name, width]) =>
+        FORMATS.map((format) =>
+          act(`${format} ${width} mm`, `for print, as wide as a ${name}: light, text of 8 pt`, () =>
+            attempt(problem, () => savePaper(chart, width, format === "PDF")).then(
+              (isMade) => isMade || open(true),
+            ),
+          ),
         ),
       ),
       act("Save CSV", "the numbers of what is shown", () => saveNumbers(chart)),
     ),
+    problem,
   );
   place.addEventListener("keydown", (event) => {
     if (event.key === "Escape") {

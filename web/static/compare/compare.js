@@ -6,6 +6,7 @@ import { ChartMenu, MOST } from "../charts/signal_menu.js";
 import { get } from "../core/api.js";
 import { $, element, setText } from "../core/dom.js";
 import { head } from "../core/page_header.js";
+import { showPanels } from "../console/panels.js";
 import { icon } from "../icons/icons.js";
 import { Run } from "../replay/run.js";
 import { moment } from "../core/format.js";
@@ -244,6 +245,7 @@ class Page {
 async function start() {
   const session = await get("/api/session");
   head(session, "/runs");
+  showPanels({ session });
   document.title = `Compare ${ids.length} runs`;
   if (ids.length < 2) {
     say("Choose two runs or more on the page Runs, then press Compare.");

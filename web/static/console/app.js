@@ -25,6 +25,7 @@ import { Channels } from "../link/channels.js";
 import { Events, Telemetry } from "../core/sockets.js";
 import { addSticks } from "../sticks/panel.js";
 import { Simulation } from "./simulation_strip.js";
+import { addEdges } from "./panes.js";
 import { StateTable } from "./state_table.js";
 import { showPanels } from "./panels.js";
 import { tabs } from "./tabs.js";
@@ -53,8 +54,8 @@ async function start() {
   new Preflight($("preflight"), $("arm"), events);
   const ages = new Ages(events, telemetry, description.stale);
   new Marks($("recorder"), document.querySelector("#view .overlay.bottom"), events, isOperator);
-  new ExperimentSection($("experiment"), events, fly, isOperator, ages);
   const gains = new Gains(events, isOperator);
+  new ExperimentSection($("experiment"), { events, fly, isOperator, ages, gains });
   const channels = new Channels({ events, telemetry, ages, gains });
   new StatusBar(events, fly, isOperator, { ages, channels, telemetry, gains, vehicle: session.vehicle });
   new View(events, channels, { fly, isOperator });
@@ -73,6 +74,7 @@ async function start() {
   new Simulation($("simulation"), { events, gains, fly, isOperator, panel });
 
   tabs();
+  addEdges({ side: $("side"), charts: $("charts"), view: $("view") });
   followAddress();
   new People(session);
   new ControlStrip($("control"), events, session, fly);

@@ -1,33 +1,33 @@
-// The state table: vectors in x, y, z columns, each row with its age (static/core/ages.js greys it), and below
-// them numbers, each with its name and unit.
+// The values: one quantity a row, vectors in x, y, z columns, each row with its age (static/core/ages.js greys it). A
+// pinned row stands on top, and stays in sight while the table is folded.
 
 import { element, setText } from "../core/dom.js";
 import { fixed, seconds } from "../core/format.js";
+import { icon } from "../icons/icons.js";
 
+const KEPT = "quadlab.values";
 const xyz = (prefix) => ["x", "y", "z"].map((axis) => `${prefix}.${axis}`);
-const VECTORS = [
+/** @type {[label: string, signals: string[], digits: number][]} */
+const ROWS = [
   ["position", xyz("state.position"), 3],
   ["velocity", xyz("state.velocity"), 3],
   ["roll pitch yaw", ["state.roll", "state.pitch", "state.yaw"], 2],
   ["body rate", xyz("state.rate"), 1],
   ["reference", xyz("reference.position"), 3],
-  ["tracking error", xyz("error.position"), 3],
+  ["tracking error", xyz("error.position"), 1],
   ["truth", xyz("truth.position"), 3],
   ["torque", xyz("torque"), 3],
-];
-/** @type {[label: string, signal: string, digits: number, unit: string][]} */
-const SCALARS = [
-  ["thrust", "thrust", 2, "N"],
-  ["mass", "mass", 3, "kg"],
-  ["thrust scaling", "scaling", 2, ""],
-  ["innovation", "innovation.position", 1, "mm"],
-  ["innovation", "innovation.attitude", 2, "°"],
-  ["pose age", "measurement.age", 0, "ms"],
-  ["poses used", "measurements.used", 0, ""],
-  ["refused", "measurements.refused", 0, ""],
-  ["NIS", "nis", 2, ""],
-  ["error to truth", "truth.position_error", 1, "mm"],
-  ["error to truth", "truth.velocity_error", 3, "m/s"],
+  ["thrust", ["thrust"], 2],
+  ["mass", ["mass"], 3],
+  ["thrust scaling", ["scaling"], 2],
+  ["pos. innovation", ["innovation.position"], 1],
+  ["att. innovation", ["innovation.attitude"], 2],
+  ["pose age", ["measurement.age"], 0],
+  ["poses used", ["measurements.used"], 0],
+  ["poses refused", ["measurements.refused"], 0],
+  ["NIS", ["nis"], 2],
+  ["position vs truth", ["truth.position_error"], 1],
+  ["velocity vs truth", ["truth.velocity_error"], 3],
 ];
 /** @type {[label: string, of: (tracking: any) => number | undefined][]} */
 const FLOWN = [
@@ -35,78 +35,64 @@ const FLOWN = [
   ["error max", (one) => one.position_max_m],
   ["lap rms", (one) => one.lap?.position_rms_m],
 ];
+const FLOWN_TITLE =
+  "position error of the behavior that is flown, from every pose, as its verdict computes it";
+
+/** @returns {{ pins: string[], folded: boolean }} */
+function kept() {
+  try {
+    const { pins, folded } = JSON.parse(localStorage.getItem(KEPT) ?? "{}");
+    return { pins: Array.isArray(pins) ? pins.map(String) : [], folded: folded === true };
+  } catch {
+    return { pins: [], folded: false }; // a private window, or a text of others
+  }
+}
 
 export class StateTable {
+  pins = /** @type {string[]} */ ([]); // labels of rows
+  folded = false;
+
   constructor(place, { telemetry, description, ages, events }) {
     const signals = new Map(description.signals.map((signal) => [signal.name, signal]));
+    this.place = place;
     this.ages = ages;
-    /** @type {{ names: string[], digits: number[], cells: HTMLElement[], age: HTMLElement | null, topic: string }[]} */
-    this.rows = [];
-    const body = element("tbody");
-    const row = (label, names, digits, unit) => {
-      const cells = names.map(() => element("td"));
-      const age = element("td", { className: "age" });
-      const line = element(
-        "tr",
-        { className: "stale" },
-        element("td", {}, label),
-        ...cells,
-        element("td", { className: "unit" }, unit),
-        age,
-      );
-      const { topic } = signals.get(names[0]);
-      line.dataset.topic = topic;
-      body.append(line);
-      this.rows.push({ names, digits, cells, age, topic });
-    };
-    for (const [label, names, digits] of VECTORS)
-      row(label, names, [digits, digits, digits], signals.get(names[0]).unit);
-    const numbers = element("dl", { className: "numbers" });
-    const number = (label, topic, unit, title = "") => {
-      const value = element("b", {}, "–"),
-        line = element(
-          "div",
-          { className: "stale", title },
-          element("dt", {}, label),
-          element("dd", {}, value, element("span", { className: "unit" }, unit)),
-        );
-      line.dataset.topic = topic;
-      numbers.append(line);
-      return value;
-    };
-    const figures = FLOWN.map(([label]) =>
-      number(
-        label,
-        "state",
-        "mm",
-        "position error of the behavior that is flown, from every pose, as its verdict computes it",
-      ),
+    const { pins, folded } = kept();
+    /** @type {{ label: string, names: string[], digits: number, cells: HTMLElement[], age: HTMLElement, topic: string,
+     *   line: HTMLElement, pin: HTMLElement }[]} */
+    this.rows = ROWS.map(([label, names, digits]) => {
+      const { topic, unit } = signals.get(names[0]);
+      return this.row(label, { names, digits, unit, topic });
+    });
+    const flown = FLOWN.map(([label]) =>
+      this.row(label, { names: [], digits: 2, unit: "mm", topic: "state", title: FLOWN_TITLE }),
     );
-    for (const [label, name, digits, unit] of SCALARS) {
-      const { topic } = signals.get(name);
-      this.rows.push({
-        names: [name],
-        digits: [digits],
-        cells: [number(label, topic, unit)],
-        age: null,
-        topic,
-      });
-    }
+    this.rows.splice(
+      ROWS.findIndex(([label]) => label === "truth"),
+      0,
+      ...flown,
+    ); // behind the tracking error
     events.on("summary", ({ tracking }) => {
       if (tracking === undefined) return;
       FLOWN.forEach(([, of], i) =>
-        setText(figures[i], fixed(tracking ? 1e3 * (of(tracking) ?? NaN) : NaN, 2)),
+        setText(flown[i].cells[0], fixed(tracking ? 1e3 * (of(tracking) ?? NaN) : NaN, 2)),
       );
     });
+    this.fold = element(
+      "button",
+      { className: "icon", onclick: () => this.arrange({ folded: !this.folded }) },
+      icon("later"),
+    );
     const head = element(
       "tr",
       {},
-      element("th"),
+      element("th", {}, this.fold),
       ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)),
       element("th"),
       element("th", {}, "age"),
     );
-    place.append(element("table", {}, element("thead", {}, head), body), numbers);
+    this.body = element("tbody");
+    place.append(element("table", {}, element("thead", {}, head), this.body));
+    this.arrange({ pins, folded });
     telemetry.want(
       "table",
       this.rows.flatMap((entry) => entry.names),
@@ -117,6 +103,53 @@ export class StateTable {
     setInterval(() => this.draw(), 125);
   }
 
+  row(label, { names, digits, unit, topic, title = "" }) {
+    const cells = names.length > 1 ? names.map(() => element("td")) : [element("td", { colSpan: 3 }, "–")],
+      age = element("td", { className: "age" }),
+      pin = element("button", { className: "pin", onclick: () => this.toggle(label) }, label);
+    const line = element(
+      "tr",
+      { className: "stale", title },
+      element("td", {}, pin),
+      ...cells,
+      element("td", { className: "unit" }, unit),
+      age,
+    );
+    line.dataset.topic = topic;
+    return { label, names, digits, cells, age, topic, line, pin };
+  }
+
+  toggle(label) {
+    const isPinned = this.pins.includes(label);
+    this.arrange({ pins: isPinned ? this.pins.filter((one) => one !== label) : [...this.pins, label] });
+    this.rows.find((row) => row.label === label)?.pin.focus();
+  }
+
+  // Pinned rows first; folded, they alone, and the charts have the room.
+  arrange({ pins = this.pins, folded = this.folded }) {
+    Object.assign(this, { pins, folded });
+    const isPinned = ({ label }) => pins.includes(label);
+    for (const row of this.rows) {
+      row.line.classList.toggle("pinned", isPinned(row));
+      row.pin.ariaPressed = String(isPinned(row));
+      row.pin.title = isPinned(row) ? "unpin" : "pin: on top, and in sight while the values are folded";
+    }
+    this.body.append(
+      ...[...this.rows.filter(isPinned), ...this.rows.filter((row) => !isPinned(row))].map(
+        ({ line }) => line,
+      ),
+    );
+    document.body.classList.toggle("folded", folded);
+    document.body.classList.toggle("bare", !this.rows.some(isPinned));
+    this.fold.ariaExpanded = String(!folded);
+    this.fold.ariaLabel = this.fold.title = folded ? "show all values" : "fold the values; pinned ones stay";
+    try {
+      localStorage.setItem(KEPT, JSON.stringify({ pins, folded }));
+    } catch {
+      /* a private window forgets */
+    }
+  }
+
   draw() {
     if (!this.frame || document.hidden) return;
     for (const { names, digits, cells, age, topic } of this.rows) {
@@ -125,19 +158,12 @@ export class StateTable {
         const value = this.frame.value[name],
           isKnown = Number.isFinite(value);
         if (isKnown)
-          setText(cells[i], fixed(value, digits[i])); // else the last one stays, grey
+          setText(cells[i], fixed(value, digits)); // else the last one stays, grey
         else if (cells[i].textContent === "") setText(cells[i], "–");
         cells[i].classList.toggle("stale", !isKnown); // also where another message is missing
       });
-      if (age)
-        setText(
-          age,
-          Number.isFinite(old)
-            ? this.ages.isOld(topic)
-              ? `○${coarse(old)}`
-              : `${Math.round(old * 1e3)} ms`
-            : "–",
-        );
+      const text = this.ages.isOld(topic) ? `○${coarse(old)}` : `${Math.round(old * 1e3)} ms`;
+      setText(age, names.length && Number.isFinite(old) ? text : "–");
     }
   }
 }

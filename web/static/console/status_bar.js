@@ -58,7 +58,7 @@ export class StatusBar {
     channels.addEventListener("change", () => this.draw());
     telemetry.addEventListener("frame", ({ detail: { value } }) => {
       this.height = value["state.position.z"];
-      this.error = Math.hypot(...["x", "y", "z"].map((axis) => value[`error.position.${axis}`]));
+      this.error = Math.hypot(...["x", "y", "z"].map((axis) => value[`error.position.${axis}`])) / 1e3;
     });
   }
 

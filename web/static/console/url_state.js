@@ -23,7 +23,7 @@ async function again(run) {
   } catch (/** @type {any} */ error) {
     found = { run, problem: error.message, lines: [], experiment: "", options: {} };
   }
-  const tab = found.experiment && !found.problem && !found.lines.length ? "fly" : "gains";
+  const tab = found.experiment && !found.problem && !found.lines.length ? "experiments" : "gains";
   document.querySelector(`[role=tab][data-tab="${tab}"]`)?.click();
   document.dispatchEvent(new CustomEvent("again", { detail: found }));
 }

@@ -23,9 +23,9 @@ export async function request(method, path, body, type = "") {
   return response.json().catch(() => ({}));
 }
 
-// An answer of numbers.
-/** @param {string} path @returns {Promise<ArrayBuffer>} */
-export const binary = async (path) => (await answer(path)).arrayBuffer();
+// An answer of numbers, or of a file.
+/** @param {string} path @param {RequestInit} [how] @returns {Promise<ArrayBuffer>} */
+export const binary = async (path, how) => (await answer(path, how)).arrayBuffer();
 
 /** @param {string} path */
 export const get = (path) => request("GET", path);

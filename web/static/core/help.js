@@ -20,7 +20,10 @@ const STEPS = [
     "Hold Arm until it fills. The Fly tab lists what is not ready and how to fix it. Disarm is next " +
       "to Arm while the vehicle is on the ground.",
   ],
-  ["Take off", "It climbs to 1 m and hovers. Fly to, Figure 8, sticks and experiments are in the Fly tab."],
+  [
+    "Take off",
+    "It climbs to 1 m and hovers. Fly to, Figure 8 and sticks are in the Fly tab, experiments next to it.",
+  ],
   [
     "Land",
     "Land descends on the spot. Emergency land descends immediately, overrides everything else and " +

@@ -1,11 +1,15 @@
-// The Fly tab's experiments: options, start by a hold (it arms), finish, stop, and the verdict.
+// The Experiments tab: cards with their last verdicts, start by a hold (it arms), series, finish, stop, the verdict,
+// and notes of the run.
 
 import { get, request } from "../core/api.js";
 import { isCalibration, RUNNING } from "../calibrate/labels.js";
-import { figures } from "./figures.js";
+import { Cards } from "./cards.js";
+import { badge, figures } from "./figures.js";
 import { Guide } from "./guide.js";
 import { OptionForm } from "./options.js";
-import { element, optionsOf, setText } from "../core/dom.js";
+import { Series } from "./series.js";
+import { SessionNotes } from "./session_notes.js";
+import { element, hide, setText } from "../core/dom.js";
 import { duration, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
@@ -13,57 +17,61 @@ const HELP = "Any command of a person, or a deflected stick, takes over and ends
 const BY_HAND = "Flown by hand: hold Shift, or a shoulder button of the pad.";
 const RETRY = 3000,
   NEW = 10_000; // ms, while the station does not tell its experiments, and afterwards
+const BETWEEN = 5000; // ms between two flights of a simulated series
 
 export class ExperimentSection {
-  constructor(place, events, fly, isOperator, ages) {
+  constructor(place, { events, fly, isOperator, ages, gains }) {
     this.events = events;
     this.ages = ages;
     this.fly = fly;
+    this.gains = gains;
     this.isOperator = isOperator;
     this.place = place;
-    this.known = null; // asked for when the section is open
+    this.known = null; // asked for when the tab is open
     this.others = []; // names of those in the Calibrate tab
     this.again = 0;
-    this.state = element("output");
-    this.select = element("select", { ariaLabel: "experiment", onchange: () => this.showOptions() });
-    this.about = element("p", { className: "about" });
     this.form = new OptionForm();
+    this.series = new Series();
+    this.notes = new SessionNotes(events, isOperator);
     this.guide = new Guide({ isOperator, ask: (action, body) => this.ask(action, body) });
-    this.start = element(
-      "button",
-      { className: "hold", title: "hold for 0.8 s: arms, takes off and flies it" },
-      "Start",
-    );
-    this.finish = element(
-      "button",
-      {
-        title: "end the manoeuvre now: the experiment takes over, lands and judges it",
-        onclick: () => this.ask("finish"),
-      },
+    const button = (className, label, title, onclick) =>
+      element("button", { className, title, onclick }, label);
+    this.start = button("start hold", "Start", "hold for 0.8 s: arms, takes off and flies it");
+    this.finish = button(
+      "finish",
       "Finish",
+      "end the manoeuvre now: the experiment takes over, lands and judges it",
+      () => this.ask("finish"),
     );
-    this.stop = element(
-      "button",
-      { title: "stop commanding: the vehicle brakes and hovers; land it", onclick: () => this.ask("stop") },
-      "Stop",
+    this.stop = button("stop", "Stop", "stop commanding: the vehicle brakes and hovers; land it", () =>
+      this.ask("stop"),
     );
     this.bar = element("i");
     this.step = element("p", { className: "step" });
+    this.state = element("output");
     this.result = element("div", { className: "result" });
-    this.state.dataset.topic = this.step.dataset.topic = "experiment_status";
-    place.append(
-      element("summary", {}, "Experiment", this.state),
-      this.select,
-      this.about,
-      this.form.place,
-      element("div", { className: "act" }, this.start, this.finish, this.stop),
+    this.now = element(
+      "section",
+      { className: "now", ariaLabel: "the experiment that runs" },
+      element("h2", {}, this.state),
       element("div", { className: "progress" }, this.bar),
       this.step,
       this.guide.place,
-      this.result,
+      element("div", { className: "act" }, this.finish, this.stop),
     );
+    this.now.dataset.topic = "experiment_status";
+    this.problem = element("p", { className: "empty" });
+    const body = element(
+      "div",
+      {},
+      this.form.place,
+      this.series.form,
+      element("div", { className: "act" }, this.start, element("span", {}, HELP)),
+    );
+    this.cards = new Cards(body, () => this.showOptions());
+    place.append(this.now, this.result, this.series.place, this.problem, this.cards.place, this.notes.place);
     onHold(this.start, 800, () => this.begin());
-    place.addEventListener("toggle", () => place.open && this.load());
+    document.addEventListener("tab", ({ detail }) => this.show(detail === "experiments"));
     document.addEventListener("again", (/** @type {any} */ { detail }) => this.prepare(detail));
     events.on("summary", () => this.draw());
     setInterval(() => this.draw(), 500);
@@ -73,10 +81,18 @@ export class ExperimentSection {
     return this.events.summary.experiment ?? null;
   }
 
+  show(isOpen) {
+    this.isOpen = isOpen;
+    if (!isOpen) return;
+    this.notes.open();
+    this.draw();
+  }
+
   // Again and again while it is open: files of one's own come, go and are mended.
   async load() {
     if (performance.now() < this.again) return;
     this.again = performance.now() + (this.known ? NEW : RETRY);
+    this.judge();
     try {
       const { experiments } = await get("/api/experiments"),
         text = JSON.stringify(experiments);
@@ -86,97 +102,87 @@ export class ExperimentSection {
       this.known = experiments.filter(({ calibration }) => !calibration);
       this.others = experiments.filter(({ calibration }) => calibration).map(({ name }) => name);
     } catch (error) {
-      if (this.known) return;
-      this.form.place.replaceChildren(element("p", { className: "empty" }, error.message));
+      if (!this.known) setText(this.problem, error.message);
       return;
     }
-    const before = this.select.value,
+    hide(this.problem, true);
+    const { chosen } = this.cards,
       typed = this.form.taken();
-    this.select.replaceChildren(
-      ...optionsOf(this.known.map(({ name, problem }) => [name, problem ? `${name}: broken` : words(name)])),
-    );
-    const running = this.known.find(({ name }) => name === this.status?.name);
-    this.select.value =
-      (
-        running ??
-        this.known.find(({ name }) => name === before) ??
-        this.known.find(({ name }) => name === "bearings") ??
-        this.known[0]
-      )?.name ?? "";
-    this.showOptions();
-    if (this.select.value === before) this.form.put(typed);
+    this.cards.show(this.known, this.running ? this.status.name : chosen || "bearings");
+    if (this.cards.chosen === chosen) this.form.put(typed);
+  }
+
+  async judge() {
+    const found = await get("/api/experiments/results").catch(() => null);
+    if (found) this.cards.judge(found);
   }
 
   // An experiment with the options of a run; what this installation does not have is left out.
   async prepare({ experiment: name, options }) {
     if (!name) return;
-    this.place.open = true;
     this.again = 0;
     await this.load();
     if (!this.known?.some((one) => one.name === name)) return;
-    this.select.value = name;
-    this.showOptions();
+    this.cards.open(name);
     this.form.put(options);
   }
 
   get chosen() {
-    return this.known?.find(({ name }) => name === this.select.value);
+    return this.known?.find(({ name }) => name === this.cards.chosen);
   }
 
-  // A file of one's own that is broken can be chosen, to read why, and not started.
+  // A file of one's own that is broken can be opened, to read why, and not started.
   showOptions() {
-    const { chosen } = this;
-    setText(this.about, chosen?.problem || chosen?.description || "");
-    this.about.classList.toggle("reason", Boolean(chosen?.problem));
-    this.form.show(chosen?.problem ? undefined : chosen);
+    const shown = this.chosen?.problem ? undefined : this.chosen;
+    this.form.show(shown);
+    this.series.offer(shown);
     this.draw();
   }
 
+  // The next flight of a series that waits, or the first one of what is chosen.
   begin() {
+    clearTimeout(this.timer);
     try {
-      this.ask("start", { name: this.select.value, options: this.form.values() });
+      if (!this.series.goesOn)
+        this.fire(this.cards.chosen, this.series.begin(this.cards.chosen, this.form.values()));
+      else this.fire(this.series.name, this.series.next.options);
     } catch (error) {
       this.fly.refuse(error.message);
     }
   }
 
+  async fire(name, options) {
+    if (!(await this.ask("start", { name, options }))) this.series.stop();
+  }
+
   ask(action, body = {}) {
-    this.fly.attempt(() => request("POST", `/api/experiments/${action}`, body), `experiment: ${action}`);
+    return this.fly.attempt(
+      () => request("POST", `/api/experiments/${action}`, body),
+      `experiment: ${action}`,
+    );
+  }
+
+  // A simulated series goes on by itself.
+  ended(status) {
+    this.again = 0;
+    if (!this.series.took(status)) return;
+    const isSimulated = this.gains.value("simulator.battery_charge") !== undefined;
+    if (isSimulated) this.timer = setTimeout(() => this.begin(), BETWEEN);
+    this.series.draw(isSimulated ? ` begins in ${BETWEEN / 1000} s` : ": hold Start");
   }
 
   draw() {
-    const { status, place } = this,
-      isElsewhere = Boolean(status) && (isCalibration(status.name) || this.others.includes(status.name));
-    const old = this.ages.isOld("experiment_status");
-    const runs = Boolean(status) && RUNNING.includes(status.phase);
-    if (runs && !this.ran && !isElsewhere) place.open = true;
-    this.ran = runs;
-    if (place.open) this.load();
-    const inTheAir = runs && status.phase !== "evaluating";
-    const time = status?.planned ? `${duration(status.elapsed)} of about ${duration(status.planned)}` : "";
-    setText(
-      this.state,
-      !status || status.phase === "idle" ? "" : `${words(status.name)} · ${words(status.phase)}`,
-    );
-    this.guide.draw(isElsewhere ? null : status, old);
-    place.classList.toggle("old", old);
-    this.start.disabled = !this.isOperator || runs || old || !this.chosen || Boolean(this.chosen.problem);
-    this.finish.disabled = !this.isOperator || status?.phase !== "flying" || old;
-    this.stop.disabled = !this.isOperator || !runs || old;
-    this.select.disabled = runs;
-    this.form.disable(runs);
-    this.bar.style.width =
-      runs && status.planned ? `${Math.min(100, (100 * status.elapsed) / status.planned)}%` : "0";
-    setText(
-      this.step,
-      isElsewhere && runs
-        ? "A calibration runs: see the Calibrate tab."
-        : runs
-          ? `${status.manual ? BY_HAND : status.step}${inTheAir && time ? ` · ${time}` : ""}`
-          : this.known
-            ? HELP
-            : "",
-    );
+    const { status } = this,
+      isElsewhere = Boolean(status) && (isCalibration(status.name) || this.others.includes(status.name)),
+      old = this.ages.isOld("experiment_status"),
+      runs = Boolean(status) && RUNNING.includes(status.phase);
+    if (this.running && !runs) this.ended(status);
+    this.running = runs && !isElsewhere;
+    if (this.isOpen) this.load();
+    const tab = document.getElementById("open-experiments");
+    tab?.classList.toggle("busy", this.running);
+    tab?.classList.toggle("asks", this.running && Boolean(status.question));
+    this.drawNow(status, { runs, old, isElsewhere });
     const key = JSON.stringify([
       status?.phase,
       status?.run_id,
@@ -185,10 +191,29 @@ export class ExperimentSection {
       runs,
       isElsewhere,
     ]);
-    if (key !== this.drawn) {
-      this.drawn = key;
-      this.showResult(isElsewhere ? null : status, runs);
-    }
+    if (key === this.drawn) return;
+    this.drawn = key;
+    this.showResult(isElsewhere ? null : status, runs);
+  }
+
+  drawNow(status, { runs, old, isElsewhere }) {
+    const inTheAir = runs && status.phase !== "evaluating";
+    const time = status?.planned ? `${duration(status.elapsed)} of about ${duration(status.planned)}` : "";
+    hide(this.now, !runs);
+    setText(this.state, runs ? `${words(status.name)} · ${words(status.phase)}` : "");
+    this.guide.draw(isElsewhere ? null : status, old);
+    this.place.classList.toggle("old", old);
+    this.start.disabled = !this.isOperator || runs || old || !this.chosen || Boolean(this.chosen.problem);
+    setText(this.start, this.series.goesOn && this.series.at ? `Start ${this.series.count}` : "Start");
+    this.finish.disabled = !this.isOperator || status?.phase !== "flying" || old;
+    this.stop.disabled = !this.isOperator || !runs || old;
+    this.form.disable(runs);
+    this.bar.style.width =
+      runs && status.planned ? `${Math.min(100, (100 * status.elapsed) / status.planned)}%` : "0";
+    const flown = runs
+      ? `${status.manual ? BY_HAND : status.step}${inTheAir && time ? ` · ${time}` : ""}`
+      : "";
+    setText(this.step, isElsewhere && runs ? "A calibration runs: see the Calibrate tab." : flown);
   }
 
   showResult(status, runs) {
@@ -200,13 +225,15 @@ export class ExperimentSection {
       run = encodeURIComponent(status.run_id);
     const links = [
       ...(judged ? [element("a", { href: `/report/${run}`, target: "_blank" }, "Report")] : []),
-      ...(status.run_id ? [element("a", { href: `/api/runs/${run}/download`, download: "" }, "Run")] : []),
+      ...(status.run_id ? [element("a", { href: `/replay/${run}` }, "Replay")] : []),
+      ...(status.run_id ? [element("a", { href: `/api/runs/${run}/download`, download: "" }, "Log")] : []),
     ];
     this.result.replaceChildren(
       element(
         "p",
         { className: `verdict ${status.phase}` },
-        `${words(status.name)}: ${words(status.phase)}`,
+        words(status.name),
+        badge({ verdict: status.phase, metrics: status.metrics }),
         element("span", { className: "links" }, ...links),
       ),
       ...(status.reason ? [element("p", { className: "reason" }, status.reason)] : []),

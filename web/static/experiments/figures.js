@@ -26,6 +26,30 @@ export const number = (value, name = "") =>
     ? ""
     : String(Number((endOf(name)[2] * Number(value)).toPrecision(3)));
 
+/** @type {(metric: { value: number | null, limit: number | null }) => number} */
+const share = ({ value, limit }) =>
+  value === null || limit === null ? Infinity : limit > 0 ? value / limit : value > limit ? Infinity : 0;
+
+// The figure that decided: the one furthest above its limit; else the position error, or the one nearest its limit.
+export function decisive(metrics) {
+  const judged = metrics
+    .filter(({ limit }) => limit !== null && limit !== undefined)
+    .sort((one, other) => share(other) - share(one));
+  const error = metrics.find(({ name }) => name === "position_rms_m") ?? null;
+  return judged.length && share(judged[0]) > 1 ? judged[0] : (error ?? judged[0] ?? null);
+}
+
+// A verdict with its number.
+export function badge({ verdict, metrics }) {
+  const figure = decisive(metrics),
+    { name = "", value = null, limit = null } = figure ?? {};
+  const said = figure && value !== null ? ` ${number(value, name)} ${unitOf(name)}` : "";
+  const title = figure
+    ? `${nameOf(name)}${limit === null ? "" : `, limit ${number(limit, name)} ${unitOf(name)}`}`
+    : "";
+  return element("span", { className: `chip ${verdict}`, title }, `${words(verdict)}${said}`.trim());
+}
+
 export function figures(metrics) {
   return element(
     "table",

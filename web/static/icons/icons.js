@@ -10,6 +10,7 @@ const PATHS = {
   bell: "M5 13.5V9a5 5 0 0 1 10 0v4.5l1.5 2h-13zM8 17.5h4",
   // pages and tabs
   fly: `M6.5 6.5l7 7M13.5 6.5l-7 7${ring(5, 5, 2.5)}${ring(15, 5, 2.5)}${ring(5, 15, 2.5)}${ring(15, 15, 2.5)}`,
+  experiments: "M8 2.5h4M8.5 2.5v5L4 15.5a1.5 1.5 0 0 0 1.3 2h9.4a1.5 1.5 0 0 0 1.3-2L11.5 7.5v-5M6.3 12h7.4",
   gains: `M3 5h7M14 5h3M3 10h2M9 10h8M3 15h7M14 15h3${ring(12, 5, 2)}${ring(7, 10, 2)}${ring(12, 15, 2)}`,
   beacons: `M10 9.5V17M5 2.5a7 7 0 0 0 0 9.5M15 2.5a7 7 0 0 1 0 9.5${ring(10, 7.5, 2)}`,
   calibrate: `M10 2v5M10 13v5M2 10h5M13 10h5${ring(10, 10, 5)}`,

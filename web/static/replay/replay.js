@@ -4,6 +4,7 @@ import { derivedSignals } from "../charts/derived.js";
 import { get } from "../core/api.js";
 import { $, element } from "../core/dom.js";
 import { head } from "../core/page_header.js";
+import { showPanels } from "../console/panels.js";
 import { Alignment } from "./align.js";
 import { ReplayChart } from "./chart.js";
 import { ReplayPictures } from "./pictures.js";
@@ -37,6 +38,7 @@ function say(text, problem = false) {
 async function start() {
   const session = await get("/api/session");
   head(session, "/runs", null, { emergency: !session.pages, strip: !session.pages });
+  showPanels({ session });
   document.title = `${ID} · replay`;
   const options = { newer: new URLSearchParams(location.search).has("newer") };
   const runs = await read(options);

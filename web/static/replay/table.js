@@ -11,7 +11,7 @@ const ROWS = [
   ["roll pitch yaw", ["state.roll", "state.pitch", "state.yaw"], [2, 2, 2]],
   ["body rate", xyz("state.rate"), [1, 1, 1]],
   ["reference", xyz("reference.position"), [3, 3, 3]],
-  ["tracking error", xyz("error.position"), [3, 3, 3]],
+  ["tracking error", xyz("error.position"), [1, 1, 1]],
   ["truth", xyz("truth.position"), [3, 3, 3]],
   ["torque", xyz("torque"), [3, 3, 3]],
   ["thrust, λ, mass", ["thrust", "scaling", "mass"], [2, 2, 3], "N, –, kg"],

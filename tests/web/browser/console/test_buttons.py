@@ -8,12 +8,7 @@ import pytest
 
 from control.behaviors.preview import Preview
 
-HELD = (
-    "#arm",
-    "#cut",
-    "#experiment .act button >> nth=0",
-    "#tab-calibrate button:text-is('Start')",
-)
+HELD = ("#arm", "#cut", "#tab-calibrate button:text-is('Start')")
 
 
 STANDS = {"mode": "ready", "armed": False, "airborne": False, "behavior": "ground"}

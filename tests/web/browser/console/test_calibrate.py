@@ -178,19 +178,21 @@ def test_a_result_stands_beside_what_was_and_is_in_force_once_accepted(
     assert len(asked(bench, "reject")) == 1
 
 
-def test_the_fly_tab_has_no_calibrations_and_says_why_a_file_cannot_run(
+def test_the_experiments_have_no_calibrations_and_say_why_a_file_cannot_run(
     tab: Any, see: Any, calibrating: Any
 ) -> None:
-    tab.click("[data-tab=fly]")
-    tab.evaluate("document.getElementById('experiment').open = true")
-    tab.wait_for_selector("#experiment option", state="attached")
-    listed = tab.locator("#experiment select[aria-label=experiment] option").all_inner_texts()
-    assert listed == ["bearings", "my hops", "my_slip.py: broken"]
-    tab.select_option("#experiment select[aria-label=experiment]", "my_hops")
-    see.text("#experiment .about", calibrating.ABOUT["my_hops"])
-    tab.select_option("#experiment select[aria-label=experiment]", "my_slip.py")
-    see.text("#experiment .about", "^my_slip.py line 12: invalid syntax")
-    assert tab.is_disabled("#experiment .act .hold")
+    tab.click("[data-tab=experiments]")
+    tab.wait_for_selector("#experiment .card")
+    assert tab.locator("#experiment .card b").all_text_contents() == [
+        "bearings",
+        "my hops",
+        "my_slip.py",
+    ]
+    tab.click("#experiment .card:nth-child(2) .head")
+    see.text("#experiment .open .about", calibrating.ABOUT["my_hops"])
+    tab.click("#experiment .card:nth-child(3) .head")
+    see.text("#experiment .open .about", "^my_slip.py line 12: invalid syntax")
+    assert tab.is_disabled("#experiment .start")
 
 
 def test_a_viewer_looks_and_what_is_old_is_grey(

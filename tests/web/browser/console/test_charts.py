@@ -391,3 +391,29 @@ def test_layouts_are_saved_by_name_exported_and_imported(
     page.reload()
     page.wait_for_selector("#chart-2 .legend span")
     look.value("#charts select >> nth=1", "mine")
+
+
+def test_edges_are_moved_by_keys_and_pointer_and_a_double_click_puts_them_back(page: Any) -> None:
+    def sizes() -> tuple[float, float]:
+        side, charts = (page.locator(one).bounding_box() for one in ("#side", "#charts"))
+        return side["width"], charts["height"]
+
+    width, height = sizes()
+    page.focus(".edge.side")
+    page.keyboard.press("ArrowLeft")
+    page.focus(".edge.charts")
+    page.keyboard.press("ArrowUp")
+    assert sizes() == (width + 20, height + 20)
+    box = page.locator(".edge.side").bounding_box()
+    page.mouse.move(box["x"] + 3, 300)
+    page.mouse.down()
+    page.mouse.move(600, 300)  # over the frame of the 3D view
+    page.mouse.move(10, 300)
+    page.mouse.up()
+    assert sizes()[0] == 1440 / 2, "never more than half of the window"
+    page.reload()
+    page.wait_for_selector(".edge.side", state="attached")
+    assert sizes() == (1440 / 2, height + 20)
+    for edge in (".edge.side", ".edge.charts"):
+        page.locator(edge).dispatch_event("dblclick")
+    assert sizes() == (width, height)

@@ -1,4 +1,4 @@
-"""Experiments of the Fly tab in Chromium: options, the hold that starts one, verdict, report."""
+"""The Experiments tab in Chromium: options, the hold that starts one, verdict, report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from console.experiment_running.service import describe
 from vehicle_link.messages import new
 
 RUN = "20260131T093042Z_quad1"
-START, FINISH, STOP = (f"#experiment .act button >> nth={n}" for n in range(3))
+START, FINISH, STOP = (f"#experiment .act .{name}" for name in ("start", "finish", "stop"))
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def section(
     until: Callable[..., None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> Any:
-    """Return the page with its section open, on a station that lists its experiments."""
+    """Return the page with its Experiments tab open, on a station that lists its experiments."""
     page = kept_page
     plain = station._call_blocking
 
@@ -44,8 +44,7 @@ def section(
     monkeypatch.setattr(station, "_call_blocking", call)
     monkeypatch.setattr(station, "told", {"phase": "idle"})
     monkeypatch.setattr(station, "fly", fly_and_tell)
-    # A click would close what the flight of the test before has opened.
-    page.evaluate("document.getElementById('experiment').open = true")
+    page.click("[data-tab=experiments]")
     page.wait_for_selector("#experiment .options input")
     until(lambda: page.is_enabled(START))  # earlier, a press has no effect
     return page
@@ -97,11 +96,14 @@ def test_the_verdict_has_its_figures_and_leads_to_the_report(
         metric_values=[0.04, 700.0],
         metric_limits=[0.025, float("nan")],
     )
-    seen.text("#experiment .verdict", "^bearings: failed")
+    seen.text("#experiment .verdict .chip", "^failed 40 mm$")
+    told = section.locator(START).evaluate("one => getComputedStyle(one, '::before').content")
+    assert told.startswith('"hold"')
+    seen.text("#experiment .card.open .last .chip", "^failed 40 mm$")
     seen.text("#experiment .figures .above", r"^position rms4025mm$")
     assert section.locator("#experiment .above").count() == 1
     with section.context.expect_page() as opened:
-        section.click("#experiment .links a >> nth=0")
+        section.click("#experiment .result .links a >> nth=0")
     shown = opened.value
     shown.wait_for_selector(".figures")
     assert shown.inner_text("h1") == "bearings: failed"
@@ -130,11 +132,11 @@ def test_a_run_that_is_not_judged_says_so_everywhere_and_why(
         metric_values=[0.04],
         metric_limits=[float("nan")],
     )
-    seen.text("#experiment .verdict", "^bearings: not judged")
+    seen.text("#experiment .verdict", "^bearingsnot judged 40 mm")
     seen.has_class("#experiment .verdict", "not_judged")
     seen.text("#experiment .reason", f"^{reason}$")
     with section.context.expect_page() as opened:
-        section.click("#experiment .links a >> nth=0")
+        section.click("#experiment .result .links a >> nth=0")
     shown = opened.value
     shown.wait_for_selector(f".reason:has-text('{reason}')")
     assert shown.inner_text("h1") == "bearings: not judged"

@@ -16,6 +16,7 @@ STATES = (
     "guide",
     "people",
     "fly",
+    "experiments",
     "gains",
     "gains_history",
     "beacons",
@@ -38,6 +39,7 @@ STATES = (
 ADDED = {
     "guide": "#help-panel",
     "people": "#people",
+    "experiments": "#side",
     "gains": "#side",
     "gains_history": "#tab-gains",
     "beacons": "#tab-beacons",
@@ -99,7 +101,7 @@ def test_tab_goes_through_everything_in_order_and_the_focus_is_seen(
     page.reload()  # to start from the beginning
     page.wait_for_selector("#land:enabled")
     page.wait_for_selector("#who:not(:empty)")  # the key handlers are active
-    page.keyboard.press("2")  # the Gains tab
+    page.keyboard.press("3")  # the Gains tab
     page.wait_for_selector("#tab-gains", state="visible")
     wanted = ["land", "emergency-land", "cut", "who", "help", "view-camera", "open-gains", "search"]
     passed, unseen = [], []
