@@ -26,6 +26,10 @@ EARLIEST = -86400.0
 """s: stamps may begin before the time that they count from, but not by days."""
 SLOWER = 4.0
 """Ratio below the likely rates at which another unit that fits is taken for the right one."""
+LONGEST_STRAY = 3
+"""Largest number of stray stamps in a row."""
+STRAYS = 0.01
+"""Largest share of stray stamps that is left out."""
 YEAR = 365.25 * 86400.0
 
 
@@ -118,6 +122,36 @@ def continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[A
                     f"{first}: continued there"
                 ]
     return stamps, []
+
+
+def without_strays(
+    stamps: Array, rows: npt.NDArray[np.int64], where: str
+) -> tuple[npt.NDArray[np.bool_], list[str]]:
+    """Return which stamps go on from those before, (N,), and a note about others.
+
+    A stray stamp is away from those around it, which go on without it. More than a few of them are
+    left for the judgement of all.
+    """
+    kept = np.ones(len(stamps), bool)
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    odd = np.flatnonzero((steps < 0.0) | (steps > AT_WRAP * usual))
+    if len(odd) > STRAYS * len(stamps) + 2:
+        return kept, []
+    for k in odd.tolist():
+        if not kept[k]:
+            continue
+        for after in range(k + 2, min(k + 2 + LONGEST_STRAY, len(stamps))):
+            if 0.0 < stamps[after] - stamps[k] <= AT_WRAP * usual:
+                kept[k + 1 : after] = False
+                break
+    lost = np.flatnonzero(~kept)
+    if not len(lost) or len(lost) > max(1.0, STRAYS * len(stamps)):
+        return np.ones(len(stamps), bool), []
+    return kept, [
+        f"{where}: {len(lost)} rows whose stamps are away from those around them left out, the "
+        f"first is row {rows[lost[0]]}"
+    ]
 
 
 def fits(seconds: Array, rates: Rates) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from extensions.importers.readers.tables import FileTables
+from extensions.importers.readers.tables import FileTables, beyond_float
 from flight_log.limits import bounded_reader
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.records import Array
@@ -83,6 +83,9 @@ class UlogTables(FileTables):
 
     def read(self, table: str, names: list[str]) -> Array:
         return np.stack([self._data[table][name].astype(np.float64) for name in names], axis=1)
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        return beyond_float(self._data[table][name])
 
 
 def _level(name: str) -> int:
