@@ -40,7 +40,7 @@ EXTENSION = Extension(
         ),
         Importer(
             name="dataflash",
-            starts=(b"\xa3\x95\x80",),
+            starts=(b"\xa3\x95",),
             target=".readers.dataflash:DataFlashTables.opened",
         ),
         Importer(

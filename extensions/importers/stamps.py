@@ -87,8 +87,8 @@ def judged_seconds(
             f"{where}: row {rows[k + 1]} is {_duration(steps[k])} after row {rows[k]}; if one of "
             "the two has a wrong stamp, leave it out" + f"; or {hint}" * bool(hint)
         )
-    rate = 1.0 / max(float(np.median(steps)), 1e-12)
-    if rate > rates.largest and steps.any():
+    rate = _rate(steps)
+    if rate > rates.largest:
         raise LogFormatError(
             f"{where}: {rate:.6g} rows a second in the {unit} of the mapping, more than any "
             f"instrument has: {hint or is_right}"
@@ -158,12 +158,18 @@ def fits(seconds: Array, rates: Rates) -> bool:
     """Return whether stamps in s can be those of a flight."""
     steps = np.diff(seconds)
     slow, fast = rates.likely
-    rate = 1.0 / max(float(np.median(steps)), 1e-12)
+    rate = _rate(steps)
     return bool(
         EARLIEST <= np.median(seconds) <= LAST_DATE
         and slow <= rate <= fast
         and steps.max() <= LONGEST_GAP
     )
+
+
+def _rate(steps: Array) -> float:
+    """Return the usual rate in Hz of rows with different stamps; 0 where there are none."""
+    ahead = steps[steps > 0.0]
+    return 1.0 / max(float(np.median(ahead)), 1e-12) if len(ahead) else 0.0
 
 
 def _duration(seconds: float) -> str:

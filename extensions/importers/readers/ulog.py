@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Collection
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,8 @@ class UlogTables(FileTables):
         super().__init__(path)
         topics = sorted({name.partition("#")[0] for name in wanted} | {DATED})
         try:
-            with _Watched(io.FileIO(path)) as file:
+            # The library prints what it finds wrong; `torn` says it.
+            with _Watched(io.FileIO(path)) as file, redirect_stdout(io.StringIO()):
                 log = ULog(file, topics, disable_str_exceptions=True)
                 if file.short_at is not None:
                     self.torn = f"it ends within a message at byte {file.short_at}"
