@@ -59,10 +59,23 @@ class ParquetTable(FileTables):
                 column = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64())
             elif not pa.types.is_integer(column.type):
                 column = column.cast(pa.float64())
-            found: Column = column.to_numpy()
+            return _numpy(column)
         except (pa.ArrowException, OSError, KeyError) as error:
             raise LogFormatError(f"{self.path.name}, {name}: {error!s:.120}") from None
-        return found
+
+
+def _numpy(column: pyarrow.ChunkedArray) -> Column:
+    """Return numbers with NaN where one is missing. Arrow's `to_numpy` would load pandas."""
+    kind, parts = column.type.to_pandas_dtype(), []
+    for chunk in filter(len, column.chunks):
+        valid, data = chunk.buffers()
+        rows = slice(chunk.offset, chunk.offset + len(chunk))
+        values = np.frombuffer(data, kind)[rows]
+        if chunk.null_count:
+            bits = np.unpackbits(np.frombuffer(valid, np.uint8), bitorder="little")[rows]
+            values = np.where(bits.astype(bool), values, np.nan)
+        parts.append(values)
+    return np.concatenate([np.zeros(0, kind), *parts])
 
 
 def _leaves(
