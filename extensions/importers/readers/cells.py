@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 
@@ -36,6 +37,18 @@ class Cells:
     def __init__(self) -> None:
         self.dates = self.zoneless = False
         self._has_points = self._has_commas = False
+
+    def plain(self, texts: Sequence[str]) -> list[float] | None:
+        """Return the numbers of a row at once, None where `number` is needed for one of them."""
+        whole = "".join(texts)
+        if self._has_commas or "_" in whole:
+            return None
+        try:
+            found = list(map(float, texts))
+        except ValueError:
+            return None
+        self._has_points |= "." in whole
+        return found
 
     def number(self, text: str) -> float:
         """Return the number in a cell, NaN where it is missing.
@@ -82,6 +95,14 @@ def exact(text: str) -> Decimal:
         seconds = (at - EPOCH) // timedelta(seconds=1)
         return seconds + Decimal(f"0.{date[3] or 0}")
     return Decimal(_with_point(text))
+
+
+def remainder(text: str) -> float:
+    """Return by how much the number of a cell is more than its float64."""
+    if text.isdecimal():
+        return float(int(text) - int(float(text)))
+    number = Decimal(0) if is_missing(text) else exact(text)
+    return float(number - Decimal(float(number))) if number.is_finite() else 0.0
 
 
 def is_number(text: str) -> bool:

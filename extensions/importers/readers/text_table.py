@@ -8,13 +8,12 @@ import itertools
 import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from extensions.importers.readers.cells import Cells, exact, is_missing, is_number
+from extensions.importers.readers.cells import Cells, is_missing, is_number, remainder
 from extensions.importers.readers.tables import FileTables, check_size
 from extensions.importers.units import unit_of
 from quadrotor.errors import LogFormatError
@@ -83,6 +82,9 @@ class TextTable(FileTables):
         with self._open() as file:
             for number, row in enumerate(self._complete_rows(file), 1):
                 check_size(self.path, number, len(wanted))
+                if plain := cells.plain([row[column] for column, _ in wanted]):
+                    values.extend(plain)
+                    continue
                 for column, name in wanted:
                     text = row[column].strip()
                     try:
@@ -100,12 +102,11 @@ class TextTable(FileTables):
         return np.frombuffer(values, dtype=np.float64).reshape(-1, len(wanted))
 
     def remainders(self, table: str, name: str) -> Array:
-        column, found = self._names.index(name), array("d")
+        column = self._names.index(name)
         with self._open() as file:
-            for row in self._complete_rows(file):
-                text = row[column].strip()
-                number = Decimal(0) if is_missing(text) else exact(text)
-                found.append(float(number - Decimal(float(number))) if number.is_finite() else 0.0)
+            found = array(
+                "d", (remainder(row[column].strip()) for row in self._complete_rows(file))
+            )
         return np.frombuffer(found, dtype=np.float64)
 
     def _open(self) -> TextIO:
