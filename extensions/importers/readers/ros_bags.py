@@ -42,7 +42,9 @@ class BagTables(FileTables):
             with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
                 self._topics = sorted(bag.topics)
                 chosen = [one for one in bag.connections if one.topic in wanted]
-                for one, logged_ns, data in bag.messages(chosen):
+                for one, logged_ns, data in (
+                    bag.messages(chosen) if chosen else ()
+                ):  # none means all
                     columns = self._columns.setdefault(one.topic, {})
                     message = bag.deserialize(data, one.msgtype)
                     times = {LOGGED: divmod(logged_ns, 1_000_000_000), **_stamp(message)}

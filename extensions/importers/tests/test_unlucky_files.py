@@ -354,6 +354,7 @@ def rewritten(bag: Path, path: Path, *, encoding: str = "cdr") -> Path:
 def test_a_bag_keeps_each_nanosecond_in_any_order(bag: Path, tmp_path: Path) -> None:
     stamps = np.round(FLIGHT.seconds * 1e9).astype(np.int64)
     older = write_bag(tmp_path / "flight.bag", FLIGHT, 1)
+    assert open_source(older, ["/none"]).columns("/imu") == []
     for path in (bag, older, rewritten(bag, tmp_path / "reversed.mcap")):
         found = read_flight(path)
         assert (found.imu.stamps_ns == stamps).all()
