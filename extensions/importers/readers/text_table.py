@@ -212,12 +212,12 @@ def _head(path: Path, file: TextIO) -> Head:
             if not _is_of_numbers(row, only=only):
                 continue
             found = Head(delimiter, number, len(row), _before(before, delimiter))
-            if is_number(row[0]):
+            if only or is_number(row[0]):
                 if not row[-1] and any(len(one) == len(row) - 1 for one in found.rows):
                     found = found._replace(width=len(row) - 1)  # a delimiter behind each row
                 return found
             likely = likely or found
-        if line.strip():
+        if line.strip("".join(DELIMITERS) + "\r\n"):
             first = first or f", which begin with {line.strip()[:40]!r}"
             before = [*before[1 - NAME_LINES :], line]
     if likely:
@@ -250,9 +250,9 @@ def _is_of_numbers(row: Sequence[str], *, only: bool) -> bool:
     if len(row) < 2 or row[0].startswith(COMMENTS):
         return False
     numbers = sum(map(is_number, row))
-    if only:
-        return is_number(row[0]) and numbers + sum(map(is_missing, row)) == len(row)
-    return numbers > len(row) / 2
+    if only and numbers + sum(map(is_missing, row)) < len(row):
+        return False
+    return numbers > len(row) / 2 or (only and is_number(row[0]))
 
 
 def _is_unit(text: str) -> bool:

@@ -124,6 +124,13 @@ def test_a_table_has_the_numbers_that_people_wrote(
     assert (table.read("", [first, *NAMES[1:]])[:, 1:] == ROWS).all()
 
 
+def test_a_row_without_a_time_is_no_header(tmp_path: Path) -> None:
+    times = ["" if k % 7 == 0 else f"{0.005 * k:.4f}" for k in range(COUNT)]
+    table = TextTable(written(tmp_path, lines_of(times)))
+    assert table.columns("") == NAMES
+    assert np.flatnonzero(np.isnan(table.read("", ["t"])[:, 0])).tolist() == [*range(0, COUNT, 7)]
+
+
 @pytest.mark.parametrize("before", ["true,", "HOVER,"])
 def test_words_before_the_numbers_of_each_row_are_no_numbers(tmp_path: Path, before: str) -> None:
     times = [f"{0.005 * k:.4f}" for k in range(COUNT)]
