@@ -102,7 +102,8 @@ class Files:
         if isinstance(source, JoinedTables) and "time" in names:
             self.notes += source.put_in_order(rows.table, names["time"][0])
         noted = len(source.notes)
-        table = source.read(rows.table, [one for found in names.values() for one in found])
+        with np.errstate(invalid="ignore"):  # a NaN of any kind
+            table = source.read(rows.table, [one for found in names.values() for one in found])
         self.notes += source.notes[noted:]
         self._check_whole(source)
         edges = np.cumsum([len(found) for found in names.values()])[:-1]

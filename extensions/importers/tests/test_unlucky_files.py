@@ -390,6 +390,18 @@ def test_a_missing_part_of_a_bag_is_noted(bag: Path, tmp_path: Path) -> None:
     assert notes == ["flight: its metadata.yaml names flight_1.mcap, missing"]
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_nan_of_any_kind_leaves_its_row_out(tmp_path: Path) -> None:
+    rows = np.zeros(COUNT, [("t", "f8"), *((name, "f4") for name in NAMES[1:])])
+    rows["t"] = 0.005 * np.arange(COUNT)
+    for name, values in zip(NAMES[1:], ROWS.T, strict=True):
+        rows[name] = values
+    rows["wx"].view("u4")[7] = 0x7FA00000  # one that signals
+    path = tmp_path / "flight.npy"
+    np.save(path, rows)
+    assert len(read(path)[0]) == COUNT - 1
+
+
 def test_integers_beyond_64_bits_are_no_other_numbers(tmp_path: Path) -> None:
     path = tmp_path / "flight.npy"
     np.save(path, np.array([[2**64 - 1, 1], [3, 2]], np.uint64))
