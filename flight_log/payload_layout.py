@@ -37,6 +37,23 @@ HEADERS = frozenset({"header", "stamp"})
 """Fields that are not signals: times are handled separately."""
 HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """Numbers of a header, read on demand."""
+SERVICE_EVENT = """service_msgs/ServiceEventInfo info
+{name}_Request[<=1] request
+{name}_Response[<=1] response
+{cut}
+MSG: service_msgs/ServiceEventInfo
+uint8 event_type
+builtin_interfaces/Time stamp
+char[16] client_gid
+int64 sequence_number
+{cut}
+MSG: {name}_Request
+{request}
+{cut}
+MSG: {name}_Response
+{response}
+"""
+"""The message of a service's event, of which a log describes the service alone."""
 _LENGTH = struct.Struct("<I")
 _OCTETS = {"byte": "uint8", "char": "uint8", "bool": "uint8", "octet": "uint8"}
 
@@ -88,7 +105,7 @@ class SchemaLayouts:
             )
         try:
             self._name = stored_name(schema.name)
-            found = get_types_from_msg(schema.data.decode(), self._name)
+            found = get_types_from_msg(_definition(schema), self._name)
         except UsageError as error:
             raise LogFormatError(
                 f"{schema.name!r:.80} is not the name of a ROS 2 type; read are package/msg/Name "
@@ -136,6 +153,20 @@ class SchemaLayouts:
         except (struct.error, KeyError, RecursionError) as error:
             raise LogFormatError(f"{len(payload)} bytes are not a {self._name}") from error
         return walk.layout
+
+
+def _definition(schema: Schema) -> str:
+    """Return the description of a message. Raises UnicodeDecodeError."""
+    text = schema.data.decode()
+    request, cut, response = text.partition("\n---\n")
+    if not (cut or text.startswith("---\n")) or not schema.name.endswith("_Event"):
+        return text
+    if not cut:
+        request, response = "", text.removeprefix("---\n")
+    package, *_, name = schema.name.removesuffix("_Event").split("/")
+    return SERVICE_EVENT.format(
+        name=f"{package}/{name}", request=request, response=response, cut="=" * 80
+    )
 
 
 class _Walk:

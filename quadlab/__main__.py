@@ -9,6 +9,7 @@ import atexit
 import contextlib
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -47,17 +48,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if words[0] == "completion":
             words = ["--tyro-print-completion", _shell(words[1:])]
         return parse(words).run()
-    except UsageError as error:
-        print(f"quadlab: {error}", file=sys.stderr)
-        return 2
     except QuadlabError as error:
-        print(f"quadlab: {error}", file=sys.stderr)
-        return 1
+        print(f"quadlab: {_as_line(error)}", file=sys.stderr)
+        return 2 if isinstance(error, UsageError) else 1
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+
+
+def _as_line(error: QuadlabError) -> str:
+    """Return an error as one line; a name of a file may have any characters."""
+    return re.sub(r"[\x00-\x1f\x7f]+", " ", str(error))
 
 
 def _shell(words: Sequence[str]) -> str:

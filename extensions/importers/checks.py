@@ -49,11 +49,12 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
     rate = turning * _rate_unit(imu, turning, scales, notes)
     if not raw.tracks:
         notes.append("no truth and no estimate: frames are checked against gravity alone")
-    base_ns = round(raw.base * 1e9)
+    base_ns = raw.base_ns
     if base_ns < FIRST_NS:
         epoch = raw.epoch_ns
         if epoch is None:
-            epoch = modified_ns - round(imu.seconds[-1] * 1e9) - base_ns
+            ended = float(imu.seconds[-1]) + raw.later
+            epoch = modified_ns - round(ended * 1e9) - base_ns
             notes.append("the log does not know its date: that of its file is taken")
         base_ns += epoch
     at = np.round(imu.seconds * 1e9).astype(np.int64) + base_ns

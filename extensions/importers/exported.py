@@ -54,7 +54,9 @@ class TopicTable(NamedTuple):
 
 def is_exported(path: Path) -> bool:
     """Return whether a file or folder is what `quadlab log export` writes."""
-    return bool(_tables_in(path)) if path.is_dir() else _begins(path, MAT_HEAD)
+    if path.is_dir():
+        return bool(_tables_in(path))
+    return path.is_file() and _begins(path, MAT_HEAD) and _is_run_of_mat(path)
 
 
 def read_exported(path: Path) -> tuple[list[TopicTable], list[str]]:
@@ -92,12 +94,32 @@ def write_exported(
 
 
 def _begins(path: Path, head: bytes) -> bool:
-    with path.open("rb") as file:
+    with os_errors(lambda why: f"cannot read {path}: {why}"), path.open("rb") as file:
         return file.read(len(head)) == head
 
 
+def _is_run_of_mat(path: Path) -> bool:
+    """Return whether a .mat file begins with the structure `run`, or cannot be read."""
+    from scipy.io import whosmat
+
+    try:
+        names = whosmat(path)
+    except Exception:  # `read_exported` says what is wrong with it
+        return True
+    return bool(names) and names[0][0] == "run" and {kind for *_, kind in names} == {"struct"}
+
+
+def _is_run_of_parquet(path: Path) -> bool:
+    from pyarrow import ArrowException, parquet
+
+    try:
+        return RUN in (parquet.read_schema(path).metadata or {})
+    except ArrowException:  # `read_exported` says what is wrong with it
+        return True
+
+
 def _tables_in(folder: Path) -> list[Path]:
-    found = sorted(folder.glob("*.parquet"))
+    found = [one for one in sorted(folder.glob("*.parquet")) if _is_run_of_parquet(one)]
     return found or [one for one in sorted(folder.glob("*.csv")) if _begins(one, CSV_HEAD)]
 
 

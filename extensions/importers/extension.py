@@ -15,7 +15,13 @@ EXTENSION = Extension(
             examples={"quadlab log import FLIGHT.ulg": "import a flight that PX4 recorded"},
         ),
         Importer(
-            name="hdf5", starts=(b"\x89HDF\r\n\x1a\n",), target=".readers.tables:Hdf5Table.opened"
+            name="hdf5",
+            starts=(b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),
+            target=".readers.tables:Hdf5Table.opened",
+        ),
+        Importer(name="parquet", starts=(b"PAR1",), target=".readers.parquet:ParquetTable.opened"),
+        Importer(
+            name="mat", starts=(b"MATLAB 5.0 MAT-file",), target=".readers.mat:MatTable.opened"
         ),
         Importer(name="npy", starts=(b"\x93NUMPY",), target=".readers.tables:NumpyTable.opened"),
         Importer(
@@ -34,7 +40,7 @@ EXTENSION = Extension(
         ),
         Importer(
             name="dataflash",
-            starts=(b"\xa3\x95\x80",),
+            starts=(b"\xa3\x95",),
             target=".readers.dataflash:DataFlashTables.opened",
         ),
         Importer(

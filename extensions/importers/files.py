@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping as Mapping_
 from collections.abc import Sequence
 from contextlib import ExitStack
+from fractions import Fraction
 from pathlib import Path
 from typing import Self
 
@@ -16,10 +18,28 @@ from extensions.importers.physics import measurable
 from extensions.importers.readers.formats import source_of
 from extensions.importers.readers.joined import JoinedTables
 from extensions.importers.readers.tables import Source
-from extensions.importers.stamps import RATES, RATES_OF_IMU, continued, judged_seconds
-from extensions.importers.units import TIME_UNITS, unit_of
+from extensions.importers.stamps import (
+    RATES,
+    RATES_OF_IMU,
+    continued,
+    judged_seconds,
+    without_strays,
+)
+from extensions.importers.units import FORCE_UNITS, LENGTH_UNITS, RATE_UNITS, TIME_UNITS, unit_of
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.records import Array
+
+UNITS = {
+    "time": TIME_UNITS,
+    "angular_velocity": RATE_UNITS,
+    "specific_force": FORCE_UNITS,
+    "position": LENGTH_UNITS,
+}
+"""Units that a file may tell of the columns of a word of the mapping."""
+FINEST = 0.5e-9
+"""s by which stamps may be rounded."""
+COARSE = 0.3
+"""Share of rows with the stamp of the row before from which on stamps are taken for rounded."""
 
 
 class Files:
@@ -39,6 +59,12 @@ class Files:
         self._opened: dict[Path, Source] = {}
         self._stack = ExitStack()
         self.notes: list[str] = []
+        self._base: Fraction | None = None
+
+    @property
+    def base_ns(self) -> int:
+        """The time of the first row that was read, ns on the clock of its file."""
+        return round((self._base or 0) * 10**9)
 
     def __enter__(self) -> Self:
         return self
@@ -60,12 +86,12 @@ class Files:
     def read(
         self, rows: Rows, section: str, columns: dict[str, tuple[Columns, int]]
     ) -> list[Array]:
-        """Return the times (N,), s, then each of `columns`, given by names and count."""
+        """Return the times (N,), s since the first row that was read from the files, then each of
+        `columns`, given by names and count.
+        """
         source = self.source(rows)
         where = f"{source.path.name}, [{section}]"
-        if rows.table not in source.tables():
-            tables = ", ".join(sorted(filter(None, source.tables()))[:20]) or "none"
-            raise LogFormatError(f"{where}: there is no table {rows.table!r}; there are {tables}")
+        self._check_table(source, rows.table, where)
         known = source.columns(rows.table)
         if rows.time is not None:
             columns = {"time": (rows.time, 1), **columns}
@@ -75,36 +101,109 @@ class Files:
         }
         if isinstance(source, JoinedTables) and "time" in names:
             self.notes += source.put_in_order(rows.table, names["time"][0])
-        table = source.read(rows.table, [one for found in names.values() for one in found])
+        noted = len(source.notes)
+        with np.errstate(invalid="ignore"):  # a NaN of any kind
+            table = source.read(rows.table, [one for found in names.values() for one in found])
+        self.notes += source.notes[noted:]
         self._check_whole(source)
         edges = np.cumsum([len(found) for found in names.values()])[:-1]
         parts = dict(zip(names, np.split(table, edges, axis=1), strict=True))
-        certain = False
+        certain = self._check_units(source, names, rows, where)
         if rows.time is None:
-            seconds = np.arange(len(table)) / (rows.rate or 1.0)
+            stamps = np.arange(len(table)) / (rows.rate or 1.0)
         else:
-            certain = self._check_unit(source, names["time"][0], rows.time_unit, where)
-            seconds = parts.pop("time")[:, 0]
-        known_rows = np.isfinite(seconds) & np.isfinite(table).all(axis=1)
+            stamps = parts.pop("time")[:, 0]
+        known_rows = np.isfinite(stamps) & np.isfinite(table).all(axis=1)
         if lost := int((~known_rows).sum()):
-            self.notes.append(f"{where}: {lost} of {len(seconds)} rows without numbers left out")
+            self.notes.append(f"{where}: {lost} of {len(stamps)} rows without numbers left out")
         possible, notes = measurable(parts, rows, where)
         known_rows &= possible
         self.notes += notes
-        seconds, kept = self._rising(seconds, known_rows, rows, section, where, certain=certain)
-        return [seconds * rows.time_scale, *(one[kept] for one in parts.values())]
+        unit = "s" if rows.time is None else rows.time_unit
+        found, kept = self._rising(stamps, known_rows, rows, section, where, certain=certain)
+        self._check_fineness(stamps, known_rows, parts, section, where)
+        rest = None
+        if rows.time is not None and np.spacing(np.abs(found).max()) * TIME_UNITS[unit] > FINEST:
+            rest = source.remainders(rows.table, names["time"][0])
+        seconds = self._since_base(
+            found, None if rest is None else rest[kept], unit, rows.time_scale
+        )
+        return [seconds, *(one[kept] for one in parts.values())]
 
-    def _check_unit(self, source: Source, name: str, stated: str, where: str) -> bool:
-        """Return whether the file tells the unit of its time. Raises LogFormatError where it is
+    @staticmethod
+    def _check_table(source: Source, table: str, where: str) -> None:
+        """Raise LogFormatError where a file has no such table, or one that cannot be read."""
+        if table in source.unreadable:
+            raise LogFormatError(f"{where}: {table} cannot be read: {source.unreadable[table]}")
+        if table in source.tables():
+            return
+        tables = ", ".join(sorted(filter(None, source.tables()))[:20]) or "none"
+        why = f"; it is incomplete: {source.torn}" if source.torn else ""
+        why += "".join(f"; {note}" for note in source.notes[:2])
+        raise LogFormatError(f"{where}: there is no table {table!r}; there are {tables}{why}")
+
+    def _since_base(self, stamps: Array, rest: Array | None, unit: str, scale: float) -> Array:
+        """Return times in s since the first row that was read, which become the base if there is
+        none, without the rounding of large numbers.
+
+        Args:
+            stamps: (N,), in `unit`. rest: by how much more they are, (N,).
+            scale: of this clock to that of the base.
+        """
+        first = Fraction(stamps[0]) + Fraction(0.0 if rest is None else rest[0])
+        in_seconds = Fraction(1, round(1.0 / TIME_UNITS[unit])) * Fraction(scale)
+        if self._base is None:
+            self._base = Fraction(round(first * in_seconds * 10**9), 10**9)
+        steps = stamps - stamps[0]
+        if rest is not None:
+            steps = steps + (rest - rest[0])
+        found: Array = steps * (TIME_UNITS[unit] * scale)
+        return found + float(first * in_seconds - self._base)
+
+    @staticmethod
+    def _check_fineness(
+        stamps: Array,
+        known: npt.NDArray[np.bool_],
+        parts: Mapping_[str, Array],
+        section: str,
+        where: str,
+    ) -> None:
+        """Raise LogFormatError where many rows with other values have the stamp of the row before,
+        as rounded stamps have.
+        """
+        again = np.flatnonzero(np.diff(stamps[known]) == 0.0)
+        if section == "battery" or len(again) <= COARSE * known.sum():
+            return
+        rows = np.concatenate([one[known] for one in parts.values()], axis=1)
+        rounded = int((rows[again] != rows[again + 1]).any(axis=1).sum())
+        if rounded > COARSE * len(rows):
+            raise LogFormatError(
+                f"{where}: {rounded} of {len(rows)} rows have other values and the stamp of the "
+                "row before: the stamps have too few digits; write all of them, or give rate "
+                "instead of time"
+            )
+
+    def _check_units(
+        self, source: Source, names: Mapping_[str, Sequence[str]], rows: Rows, where: str
+    ) -> bool:
+        """Return whether the file tells the unit of its time. Raises LogFormatError where a unit is
         another one than the mapping's.
         """
-        written = source.units.get(name, "")
-        if (told := unit_of(written)) and told != stated and told in TIME_UNITS:
-            raise LogFormatError(
-                f"{where}: the header has {name!r} in {written}, the mapping in {stated}: write "
-                f'time_unit = "{told}", or correct the header'
-            )
-        return told == stated
+        certain = False
+        for word, columns in names.items():
+            if word not in UNITS:
+                continue
+            stated = getattr(rows, f"{word}_unit", None)
+            for name in columns:
+                written = source.units.get(name, "")
+                told = unit_of(written)
+                certain |= word == "time" and told == stated
+                if told in UNITS[word] and told != stated and isinstance(stated, str):
+                    raise LogFormatError(
+                        f"{where}: the file has {name!r} in {written}, the mapping in {stated}: "
+                        f'write {word}_unit = "{told}", or correct the file'
+                    )
+        return certain
 
     def _rising(
         self,
@@ -116,7 +215,8 @@ class Files:
         *,
         certain: bool,
     ) -> tuple[Array, npt.NDArray[np.int64]]:
-        """Return rising times of the flight in s without duplicates, and their rows in the table.
+        """Return rising times of the flight without duplicates, in the file's unit, and their rows
+        in the table.
 
         Raises LogFormatError.
         """
@@ -124,11 +224,13 @@ class Files:
         fewest = 1 if section == "battery" else FEWEST
         rows = np.flatnonzero(known)
         self._check_count(len(rows), fewest, where)
-        stamps, notes = continued(stamps[known], rows + 1, where)
+        fitting, strays = without_strays(stamps[known], rows + 1, where)
+        rows = rows[fitting]
+        stamps, notes = continued(stamps[rows], rows + 1, where)
         chosen = self._flight_in(stamps * TIME_UNITS[unit], section, asked, where)
         stamps, rows = stamps[chosen], rows[chosen]
         self._check_count(len(rows), fewest, where)
-        self.notes += notes
+        self.notes += strays + notes
         seconds = stamps * TIME_UNITS[unit]
         if len(rows) > 1:
             rates = RATES_OF_IMU if section == "imu" else RATES
@@ -137,8 +239,11 @@ class Files:
         if same := int((~kept).sum()):
             self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
         if kept.sum() < fewest:
-            raise LogFormatError(f"{where}: {kept.sum()} different stamps in {len(seconds)} rows")
-        return seconds[kept], rows[kept]
+            raise LogFormatError(
+                f"{where}: {kept.sum()} different stamps in {len(seconds)} rows: have they too few "
+                "digits?"
+            )
+        return stamps[kept], rows[kept]
 
     def _flight_in(
         self, seconds: Array, section: str, asked: Rows, where: str

@@ -38,6 +38,8 @@ class Flights:
     def __init__(self, number: int | None) -> None:
         self._number = number
         self.count = 1
+        self.later = 0.0
+        """s from the end of the flight to that of the file, without pauses between two starts."""
         self._start = 0  # how often the clock had begun anew before the flight
         self._starts = 1
         self._span = (-np.inf, np.inf)
@@ -71,6 +73,10 @@ class Flights:
                 + (f"are {len(parts)} ({told})" if len(parts) > 1 else "is one, without --flight")
             )
         chosen = parts[self._number - 1]
+        runs = np.split(seconds, starts[starts >= chosen.stop])
+        self.later = float(
+            runs[0][-1] - seconds[chosen][-1] + sum(one[-1] - one[0] for one in runs[1:])
+        )
         self._start = int(np.searchsorted(starts, chosen.start, "right"))
         self._starts = len(starts) + 1
         self._span = (float(seconds[chosen][0]) - MARGIN, float(seconds[chosen][-1]) + MARGIN)

@@ -113,8 +113,9 @@ def _of_flight(path: Path, mapping: Mapping, flight: int) -> tuple[Mapping, int 
 
 
 def shown(path: Path) -> str:
-    """Return a file's name as text; a byte that is no UTF-8 becomes a replacement character."""
-    return os.fsencode(path.name).decode(errors="replace")
+    """Return a file's name as one line; what cannot be in it becomes a replacement character."""
+    name = os.fsencode(path.name).decode(errors="replace")
+    return "".join(one if one.isprintable() else "\ufffd" for one in name)
 
 
 def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:

@@ -251,6 +251,7 @@ def column_names(asked: Columns, known: list[str], count: int, where: str) -> li
         )
     if len(found) != count:
         raise LogFormatError(
-            f"{where}: {count} columns are needed, {', '.join(found)} are {len(found)}"
+            f"{where}: {count} columns are needed, {', '.join(found[:12])}"
+            f"{' …' * (len(found) > 12)} are {len(found)}"
         )
     return found

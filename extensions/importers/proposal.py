@@ -104,7 +104,10 @@ def _table(source: Source, name: str) -> Table | None:
     names = [one for one in known if known.count(one) == 1][:MOST_COLUMNS]
     columns = {}
     for one in names:
-        with suppress(LogFormatError):  # words, or numbers with separators of thousands
+        with (
+            suppress(LogFormatError),
+            np.errstate(invalid="ignore"),
+        ):  # words, or numbers with separators of thousands
             columns[one] = source.read(name, [one])[:, 0]
     rows = len(next(iter(columns.values()), ()))
     return Table(name, columns, source.units) if rows >= FEWEST else None

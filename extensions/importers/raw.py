@@ -50,9 +50,9 @@ class RawTrack:
 
 @dataclass
 class RawFlight:
-    """A file read by its mapping; times in s after `base`, the time of the IMU's first sample."""
+    """A file read by its mapping; times in s after `base_ns`, that of the IMU's first sample."""
 
-    base: float  # s
+    base_ns: int
     epoch_ns: int | None
     imu: RawImu
     tracks: list[RawTrack]
@@ -60,6 +60,7 @@ class RawFlight:
     events: list[tuple[float, int, str]] = field(default_factory=list)  # s, level, text
     notes: list[str] = field(default_factory=list)
     sweeps: Record | None = None  # (N,) SWEEPS_SAMPLE, ns after base
+    later: float = 0.0  # s, of flights behind it in the file
 
 
 def read_raw(
@@ -82,25 +83,25 @@ def read_raw(
                 "angular_velocity": (rows.angular_velocity, 3),
             },
         )
-        base = float(seconds[0])
         tracks = [
             track
             for name in ("truth", "estimate")
             if (track := _track(files, name, getattr(mapping, name))) is not None
         ]
-        for track in tracks:
-            track.seconds -= base
         battery = None
         if mapping.battery and not _left_out(files, mapping.battery):
             voltage = (mapping.battery.voltage, 1)
             found = files.read(mapping.battery, "battery", {"voltage": voltage})
-            battery = (found[0] - base, found[1][:, 0])
+            battery = (found[0], found[1][:, 0])
         source = files.source(rows)
+        if source.epoch_ns is None and len(source.flights) > 1:
+            files.notes.append("flights without a date all get that of the file")
+        base = 1e-9 * files.base_ns
         events = [(time - base, level, text) for time, level, text in source.events]
-        imu = RawImu(rows, seconds - base, force, rate)
+        imu = RawImu(rows, seconds, force, rate)
         sweeps = read_sweeps(source, base, files.notes)
         return RawFlight(
-            base,
+            files.base_ns,
             source.epoch_ns,
             imu=imu,
             tracks=tracks,
@@ -108,6 +109,7 @@ def read_raw(
             events=events,
             notes=files.notes,
             sweeps=sweeps,
+            later=files.flights.later,
         )
 
 

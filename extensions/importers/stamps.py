@@ -26,6 +26,10 @@ EARLIEST = -86400.0
 """s: stamps may begin before the time that they count from, but not by days."""
 SLOWER = 4.0
 """Ratio below the likely rates at which another unit that fits is taken for the right one."""
+LONGEST_STRAY = 3
+"""Largest number of stray stamps in a row."""
+STRAYS = 0.01
+"""Largest share of stray stamps that is left out."""
 YEAR = 365.25 * 86400.0
 
 
@@ -83,8 +87,8 @@ def judged_seconds(
             f"{where}: row {rows[k + 1]} is {_duration(steps[k])} after row {rows[k]}; if one of "
             "the two has a wrong stamp, leave it out" + f"; or {hint}" * bool(hint)
         )
-    rate = 1.0 / max(float(np.median(steps)), 1e-12)
-    if rate > rates.largest and steps.any():
+    rate = _rate(steps)
+    if rate > rates.largest:
         raise LogFormatError(
             f"{where}: {rate:.6g} rows a second in the {unit} of the mapping, more than any "
             f"instrument has: {hint or is_right}"
@@ -120,16 +124,52 @@ def continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[A
     return stamps, []
 
 
+def without_strays(
+    stamps: Array, rows: npt.NDArray[np.int64], where: str
+) -> tuple[npt.NDArray[np.bool_], list[str]]:
+    """Return which stamps go on from those before, (N,), and a note about others.
+
+    A stray stamp is away from those around it, which go on without it. More than a few of them are
+    left for the judgement of all.
+    """
+    kept = np.ones(len(stamps), bool)
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    odd = np.flatnonzero((steps < 0.0) | (steps > AT_WRAP * usual))
+    if len(odd) > STRAYS * len(stamps) + 2:
+        return kept, []
+    for k in odd.tolist():
+        if not kept[k]:
+            continue
+        for after in range(k + 2, min(k + 2 + LONGEST_STRAY, len(stamps))):
+            if 0.0 < stamps[after] - stamps[k] <= AT_WRAP * usual:
+                kept[k + 1 : after] = False
+                break
+    lost = np.flatnonzero(~kept)
+    if not len(lost) or len(lost) > max(1.0, STRAYS * len(stamps)):
+        return np.ones(len(stamps), bool), []
+    return kept, [
+        f"{where}: {len(lost)} rows whose stamps are away from those around them left out, the "
+        f"first is row {rows[lost[0]]}"
+    ]
+
+
 def fits(seconds: Array, rates: Rates) -> bool:
     """Return whether stamps in s can be those of a flight."""
     steps = np.diff(seconds)
     slow, fast = rates.likely
-    rate = 1.0 / max(float(np.median(steps)), 1e-12)
+    rate = _rate(steps)
     return bool(
         EARLIEST <= np.median(seconds) <= LAST_DATE
         and slow <= rate <= fast
         and steps.max() <= LONGEST_GAP
     )
+
+
+def _rate(steps: Array) -> float:
+    """Return the usual rate in Hz of rows with different stamps; 0 where there are none."""
+    ahead = steps[steps > 0.0]
+    return 1.0 / max(float(np.median(ahead)), 1e-12) if len(ahead) else 0.0
 
 
 def _duration(seconds: float) -> str:

@@ -61,6 +61,7 @@ class TlogTables:
         self.units = {"time_boot_ms": "ms", "time_usec": "us", LOGGED: "s"}
         self.notes: list[str] = []
         self.flights: list[str] = []
+        self.unreadable: dict[str, str] = {}
         names = {re.sub(r"^\d+/|[#@].*", "", one) for one in wanted} | {"SYSTEM_TIME"}
         if IMU in names:
             names |= SOURCES_OF_IMU.keys()
@@ -91,6 +92,9 @@ class TlogTables:
 
     def read(self, table: str, names: list[str]) -> Array:
         return self._table(table, names)
+
+    def remainders(self, table: str, name: str) -> None:
+        """Return nothing: its integers fit into float64."""
 
     def _add_imu(self, suffix: str) -> None:
         for source, (time, to_us, force, rate) in SOURCES_OF_IMU.items():

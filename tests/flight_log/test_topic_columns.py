@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
 from flight_log import LogWriter, read_log
+from flight_log.check import check_log
 from flight_log.topic_columns import ColumnReader
 from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.messages import decode, encode, header, new
@@ -188,6 +190,31 @@ def test_another_writers_log_of_another_type_is_read_by_its_own_description(
     assert found["/other"]["counts[1]"].tolist() == (-steps).tolist()
     assert found["/other"]["inner.right"].tolist() == (0.5 * steps).tolist()
     assert "json" in reader.problems["/json"]
+
+
+def test_events_of_a_service_are_read_by_the_description_of_the_service(tmp_path: Path) -> None:
+    log = tmp_path / "service.mcap"
+    with log.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start("ros2", "other")
+        schema = writer.register_schema(
+            "demo/srv/Add_Event", "ros2msg", b"int64 a\nint64 b\n---\nint64 sum\n"
+        )
+        channel = writer.register_channel("/add/_service_event", "cdr", schema)
+        # type, 3 B, stamp, 16 B of an identity, 4 B, sequence, number of requests, 4 B, …
+        head = struct.pack("<B3xiI16B4xq", 1, 7, 8, *range(16), 9)
+        asked = head + struct.pack("<I4xqqI", 1, 3, 4, 0)
+        answered = head + struct.pack("<IIq", 0, 1, 7)
+        for k, body in enumerate((asked, answered)):
+            writer.add_message(channel, k, b"\x00\x01\x00\x00" + body, k)
+        writer.finish()
+    reader, found = read(log)
+    assert not reader.problems
+    events = found["/add/_service_event"]
+    assert events["info.sequence_number"].tolist() == [9, 9]
+    assert (events["request[0].a"][0], events["request[0].b"][0]) == (3, 4)
+    assert events["response[0].sum"][1] == 7
+    assert check_log(log).problems == []
 
 
 def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:

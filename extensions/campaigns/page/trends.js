@@ -3,6 +3,8 @@
 
 import { get } from "/static/core/api.js";
 import { $, attempt, element, optionsOf, setText, svg } from "/static/core/dom.js";
+import { day } from "/static/core/format.js";
+import { timeZone } from "/static/core/time_zone.js";
 import { here } from "/static/core/vehicle_path.js";
 import { query } from "/static/runs/labels.js";
 import { short } from "./drawings.js";
@@ -37,6 +39,7 @@ class Trends {
       this.drawing,
     );
     place.append(this.all);
+    timeZone.addEventListener("change", () => this.read());
     for (const id of ["search", "tag", "of-vehicle"]) $(id)?.addEventListener("change", () => this.read());
   }
 
@@ -93,7 +96,6 @@ function drawn({ name, points }, metric, [first, last], [low, high]) {
     const dot = svg("circle", { cx: x(time), cy: y(value), r: 3.5 }, title);
     return svg("a", { href: here(`/replay/${encodeURIComponent(run)}`) }, dot);
   });
-  const day = (time) => new Date(1000 * time).toLocaleDateString();
   const label = `${metric} of ${name}, ${points.length} runs in ${short((last - first) / DAY, 2)} days`;
   return svg(
     "svg",

@@ -49,6 +49,9 @@ class Kind(NamedTuple):
     layout: np.dtype[np.void]
 
 
+HEAD = Kind("FMT", 89, {}, np.dtype([]))
+
+
 class DataFlashTables(FileTables):
     """The messages `wanted` that the log has."""
 
@@ -108,8 +111,8 @@ class DataFlashTables(FileTables):
 
         Raises LogFormatError.
         """
-        head = Kind("FMT", 89, {}, np.dtype([]))
-        kinds, sizes = {FMT: head}, {FMT: head.size}
+        kinds = {**_described_later(data, self.path.name), FMT: HEAD}
+        sizes = {number: kind.size for number, kind in kinds.items()}
         places: dict[int, list[int]] = defaultdict(list)
         seen: set[int] = set()
         at, damages = 0, 0
@@ -166,6 +169,20 @@ def _kind(data: bytes, at: int, name: str) -> tuple[int, Kind]:
     if size < 3:
         raise LogFormatError(f"{name}: messages {title!r:.20} of {size} bytes cannot be")
     return number, Kind(title, size, dict(zip(columns, letters, strict=True)), layout)
+
+
+def _described_later(data: bytes, name: str) -> dict[int, Kind]:
+    """Return the kinds of which messages may precede the description, as in a log that was begun in
+    flight.
+    """
+    found: dict[int, Kind] = {}
+    at, mark = -1, START + bytes([FMT])
+    while (at := data.find(mark, at + 1)) >= 0 and at + HEAD.size <= len(data):
+        if data[at + 4] >= 3:
+            number, kind = _kind(data, at, name)
+            if kind.letters:  # a description that is consistent, and no other bytes
+                found.setdefault(number, kind)
+    return found
 
 
 def _instances(

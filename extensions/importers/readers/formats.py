@@ -9,7 +9,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from extensions.importers.readers.joined import JoinedTables
-from extensions.importers.readers.packed import first_bytes, is_packed, unpacked
+from extensions.importers.readers.packed import GZIP, ZSTD, first_bytes, is_packed, unpacked
 from extensions.importers.readers.tables import Source
 from extensions.importers.readers.text_table import TextTable
 from flight_log.run_folder import STATION
@@ -21,6 +21,15 @@ BAG, TEXT = "rosbag", "csv"
 HEAD = 4096
 """Number of bytes by which a format is recognised."""
 UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+INSTEAD = (
+    (b"PK\x03\x04", "an archive or a workbook: unpack it, or save its sheet as CSV"),
+    ((b"BZh", b"\xfd7zXZ\0", b"7z\xbc\xaf", b"Rar!", GZIP, ZSTD), "packed: unpack it first"),
+    (b"ARROW1", "of Arrow or Feather: write it as Parquet or CSV"),
+    (b"version https://git-lfs.", "the place of a file in Git LFS: fetch it by `git lfs pull`"),
+    ((b"<!DOCTYPE", b"<!doctype", b"<html"), "a page of the web, perhaps of a failed download"),
+    (b"%PDF-", "a document"),
+)
+"""Beginnings of files that people take for a log, and what to try."""
 SHOWN = 6
 """Largest number of files listed in a message."""
 
@@ -34,6 +43,8 @@ def format_of(path: Path) -> str:
             return BAG
         if path.is_dir():
             raise _folder_error(path)
+        if not path.is_file():  # a pipe or a device may never end
+            raise LogFormatError(f"{path} is no regular file: write what it has into one")
         with path.open("rb") as file:
             head = file.read(HEAD)
     if is_packed(head):
@@ -44,6 +55,8 @@ def format_of(path: Path) -> str:
     found = next((n for n, one in known.items() if head.startswith(one.offer.starts)), None)
     if found is None:
         found = next((n for n, one in known.items() if _begins(head, one.offer.pattern)), None)
+    if found is None and (hint := next((h for start, h in INSTEAD if head.startswith(start)), "")):
+        raise LogFormatError(f"{path.name} is no recorded flight: it is {hint}")
     if found is None and b"\0" in head and not head.startswith(UTF16):
         raise LogFormatError(
             f"{path.name} has an unknown format; known are {', '.join((*known, TEXT))}"
@@ -93,7 +106,12 @@ def open_source(path: Path, wanted: Collection[str]) -> Source:
         return TextTable(path)
     if found == BAG and (parts := _mcap_parts(path)):
         # Other than the bag's reader, that of MCAP passes over what it cannot decode.
-        return JoinedTables([open_source(one, wanted) for one in parts])
+        joined = JoinedTables([open_source(one, wanted) for one in parts])
+        if missing := _missing_parts(path):
+            joined.notes.append(
+                f"{path.name}: its metadata.yaml names {', '.join(missing)}, missing"
+            )
+        return joined
     source: Source = registry().offers(Importer)[found].load()(path, wanted)
     return source
 
@@ -102,6 +120,17 @@ def _mcap_parts(bag: Path) -> list[Path]:
     """Return the files of a folder that is a bag of plain MCAP files; none for other bags."""
     if not bag.is_dir() or any(bag.glob("*.zst*")):
         return []
-    described = (bag / "metadata.yaml").read_text(encoding="utf-8", errors="replace")
-    is_packed_inside = re.search(r"compression_mode:\s*['\"]?[A-Za-z]", described)
+    is_packed_inside = re.search(r"compression_mode:\s*['\"]?[A-Za-z]", _described(bag))
     return [] if is_packed_inside else sorted(bag.glob("*.mcap"))
+
+
+def _missing_parts(bag: Path) -> list[str]:
+    """Return the files that the description of a bag names and its folder does not have."""
+    named = re.findall(
+        r"^\s*(?:-|path:)\s+['\"]?([^'\"\n]+\.mcap)\b", _described(bag), re.MULTILINE
+    )
+    return [one for one in dict.fromkeys(named) if not (bag / one).exists()]
+
+
+def _described(bag: Path) -> str:
+    return (bag / "metadata.yaml").read_text(encoding="utf-8", errors="replace")

@@ -22,6 +22,8 @@ class JoinedTables(FileTables):
         self.torn = next((f"{one.path.name}: {one.torn}" for one in sources if one.torn), "")
         self.events = [event for one in sources for event in one.events]
         self.notes = [note for one in sources for note in one.notes]
+        for one in sources:
+            self.unreadable |= one.unreadable
 
     def tables(self) -> list[str]:
         return list(dict.fromkeys(name for one in self._sources for name in one.tables()))
@@ -32,6 +34,17 @@ class JoinedTables(FileTables):
 
     def read(self, table: str, names: list[str]) -> Array:
         return np.concatenate([one.read(table, names) for one in self._having(table)])
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        found = [one.remainders(table, name) for one in self._having(table)]
+        if all(one is None for one in found):
+            return None
+        return np.concatenate(
+            [
+                np.zeros(len(source.read(table, [name]))) if one is None else one
+                for source, one in zip(self._having(table), found, strict=True)
+            ]
+        )
 
     def _having(self, table: str) -> list[Source]:
         return [one for one in self._sources if table in one.tables()]

@@ -9,7 +9,7 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from extensions.importers.readers.ros_bags import LOGGED
-from extensions.importers.readers.tables import FileTables
+from extensions.importers.readers.tables import FileTables, seconds_of
 from flight_log.format import parsed
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.records import WalkState, walk
@@ -48,7 +48,14 @@ class McapTables(FileTables):
                 if columns.topic in wanted:
                     kept.append(columns)
         self.torn = f"it {reader.log.tear}" if reader.log.tear else ""
-        self._columns = {topic: _joined(found) for topic, found in parts.items()}
+        self.unreadable = {
+            topic: why for topic, why in reader.problems.items() if not parts.get(topic)
+        }
+        self.notes += [f"{topic}: {why}" for topic, why in reader.problems.items()]
+        if lost := reader.log.damaged_chunks:
+            self.notes.append(f"{path.name}: {lost} damaged chunks, whose messages are lost")
+        self._remainders: dict[str, dict[str, Array]] = {}
+        self._columns = {topic: self._joined(topic, found) for topic, found in parts.items()}
 
     def tables(self) -> list[str]:
         return sorted(self._columns)
@@ -59,6 +66,29 @@ class McapTables(FileTables):
     def read(self, table: str, names: list[str]) -> Array:
         return np.stack([self._columns[table][name] for name in names], axis=1)
 
+    def remainders(self, table: str, name: str) -> Array | None:
+        return self._remainders[table].get(name)
+
+    def _joined(self, topic: str, parts: list[Columns]) -> dict[str, Array]:
+        """Return the columns of a topic's messages in the order of their reception, those of
+        numbers that all of them have.
+        """
+        rest = self._remainders[topic] = {}
+        if not parts:
+            return {}
+        shared = set(parts[0].numbers).intersection(*(one.numbers for one in parts))
+        names = [name for name in parts[0].numbers if name in shared]
+        logged = np.concatenate([one.log_ns for one in parts])
+        order = np.argsort(logged, kind="stable")  # a file may have them in any order
+        found = {name: np.concatenate([one.numbers[name] for one in parts]) for name in names}
+        found = {name: values[order] for name, values in found.items()}
+        seconds, nanoseconds = (found.pop(name, None) for name in HEADER_STAMP)
+        if seconds is not None and nanoseconds is not None:
+            found["stamp"], rest["stamp"] = seconds_of(seconds, nanoseconds)
+        whole, part = np.divmod(logged[order], 1_000_000_000)
+        found[LOGGED], rest[LOGGED] = seconds_of(whole.astype(float), part.astype(float))
+        return found
+
 
 def library_of(path: Path) -> str:
     """Return which library wrote an MCAP file, as its head says; empty where there is no head.
@@ -67,17 +97,3 @@ def library_of(path: Path) -> str:
     """
     opcode, data = next(walk(path, WalkState()), (0, b""))
     return str(parsed(opcode, data).library) if opcode == Opcode.HEADER else ""
-
-
-def _joined(parts: list[Columns]) -> dict[str, Array]:
-    """Return the columns of a topic's messages, those of numbers that all of them have."""
-    if not parts:
-        return {}
-    shared = set(parts[0].numbers).intersection(*(one.numbers for one in parts))
-    names = [name for name in parts[0].numbers if name in shared]
-    found = {name: np.concatenate([one.numbers[name] for one in parts]) for name in names}
-    seconds, nanoseconds = (found.pop(name, None) for name in HEADER_STAMP)
-    if seconds is not None and nanoseconds is not None:
-        found["stamp"] = seconds + 1e-9 * nanoseconds
-    found[LOGGED] = 1e-9 * np.concatenate([one.log_ns for one in parts])
-    return found

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
+Column = npt.NDArray[Any]  # (N,), numbers as a file has them
 MAX_VALUES = 16_000_000
 """Largest number of values read from a table, 128 MB: half an hour of an IMU at 1000 Hz."""
 
@@ -31,6 +33,8 @@ class Source(Protocol):
     """What a user should know about the file, in sentences."""
     flights: list[str]
     """Tables of the IMU, one for each flight, where the format tells flights apart; else empty."""
+    unreadable: dict[str, str]
+    """Tables that the file has but cannot be read, and why."""
 
     def tables(self) -> list[str]: ...
 
@@ -38,6 +42,12 @@ class Source(Protocol):
 
     def read(self, table: str, names: list[str]) -> Array:
         """Return (N, len(names)), NaN where a number is missing. Raises LogFormatError."""
+        ...
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        """Return by how much more each number of a column is than its float64, (N,), as an integer
+        beyond 2^53 can be; None where the file has no more digits. Raises LogFormatError.
+        """
         ...
 
 
@@ -52,6 +62,7 @@ class FileTables:
         self.notes: list[str] = []
         self.units: dict[str, str] = {}
         self.flights: list[str] = []
+        self.unreadable: dict[str, str] = {}
 
     @classmethod
     def opened(cls, path: Path, _: Collection[str]) -> FileTables:
@@ -60,6 +71,27 @@ class FileTables:
 
     def tables(self) -> list[str]:
         return [""]
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        return None
+
+
+def beyond_float(values: Column) -> Array | None:
+    """Return by how much integers are more than their float64, (N,); None for other numbers."""
+    if values.dtype.kind not in "iu":
+        return None
+    rounded = values.astype(np.float64)
+    inside = np.abs(rounded) < 2.0**63  # others are no times
+    whole = np.where(inside, rounded, 0.0).astype(np.int64)
+    found: Array = np.where(inside, values.astype(np.int64) - whole, 0).astype(np.float64)
+    return found
+
+
+def seconds_of(seconds: Array, nanoseconds: Array) -> tuple[Array, Array]:
+    """Return times in s as float64, and by how much more they are, (N,) each."""
+    rounded = seconds + 1e-9 * nanoseconds
+    whole = np.floor(rounded)
+    return rounded, (seconds - whole) + (1e-9 * nanoseconds - (rounded - whole))
 
 
 def check_size(path: Path, rows: int, columns: int) -> None:
@@ -80,6 +112,7 @@ class Hdf5Table(FileTables):
 
         super().__init__(path)
         self._widths: dict[str, int] = {}
+        self._turned: set[str] = set()
 
         def note(name: str, found: object) -> None:
             if (
@@ -87,7 +120,11 @@ class Hdf5Table(FileTables):
                 and found.dtype.kind in "fiu"
                 and found.ndim in (1, 2)
             ):
-                self._widths[name] = found.shape[1] if found.ndim == 2 else 0
+                rows, width = found.shape if found.ndim == 2 else (len(found), 0)
+                if width > rows and "MATLAB_class" in found.attrs:  # which writes them turned
+                    self._turned.add(name)
+                    width = rows if rows > 1 else 0
+                self._widths[name] = width
 
         try:
             with h5py.File(path) as file:
@@ -105,6 +142,18 @@ class Hdf5Table(FileTables):
         ]
 
     def read(self, table: str, names: list[str]) -> Array:
+        found = self._columns(names)
+        lengths = {name: len(one) for name, one in zip(names, found, strict=True)}
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise LogFormatError(f"{self.path.name}: columns of several lengths: {listed}")
+        return np.stack(found, axis=1, dtype=np.float64)
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        return beyond_float(self._columns([name])[0])
+
+    def _columns(self, names: list[str]) -> list[Column]:
+        """Return columns as the file has them. Raises LogFormatError."""
         import h5py
 
         found = []
@@ -112,15 +161,16 @@ class Hdf5Table(FileTables):
             with h5py.File(self.path) as file:
                 for name in names:
                     stem, _, item = name.partition("[")
-                    check_size(self.path, len(file[stem]), len(names))
-                    found.append(file[stem][:, int(item[:-1])] if item else file[stem][:])
+                    rows = file[stem]
+                    if stem in self._turned:
+                        check_size(self.path, rows.shape[1], len(names))
+                        found.append(rows[int(item[:-1]) if item else 0])
+                    else:
+                        check_size(self.path, len(rows), len(names))
+                        found.append(rows[:, int(item[:-1])] if item else rows[:])
         except (OSError, RuntimeError) as error:
             raise LogFormatError(f"{self.path.name} is damaged: {error!s:.120}") from None
-        lengths = {name: len(one) for name, one in zip(names, found, strict=True)}
-        if len(set(lengths.values())) > 1:
-            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise LogFormatError(f"{self.path.name}: columns of several lengths: {listed}")
-        return np.stack(found, axis=1, dtype=np.float64)
+        return found
 
 
 class NumpyTable(FileTables):
@@ -139,7 +189,19 @@ class NumpyTable(FileTables):
         elif found.ndim == 2:
             self._columns = {str(k): column for k, column in enumerate(found.T)}
         else:
-            raise LogFormatError(f"{path.name} has the shape {found.shape}; rows are needed")
+            self._columns = {}
+        for name, column in self._columns.items():
+            if column.dtype.kind in "Mm":
+                self._columns[name] = column.astype(f"{column.dtype.kind}8[ns]").view(np.int64)
+                self.units[name] = "ns"
+        self._columns = {
+            name: one for name, one in self._columns.items() if one.dtype.kind in "biuf"
+        }
+        if not self._columns:
+            raise LogFormatError(
+                f"{path.name} has the shape {found.shape} of {found.dtype!s:.40}; rows of numbers "
+                "are needed"
+            )
 
     def columns(self, table: str) -> list[str]:
         return list(self._columns)
@@ -148,3 +210,6 @@ class NumpyTable(FileTables):
         columns = [self._columns[name] for name in names]
         check_size(self.path, len(columns[0]), len(columns))
         return np.stack(columns, axis=1, dtype=np.float64)
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        return beyond_float(self._columns[name])

@@ -13,6 +13,7 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
+from extensions.importers.readers.cells import Cells, is_missing, is_number, remainder
 from extensions.importers.readers.tables import FileTables, check_size
 from extensions.importers.units import unit_of
 from quadrotor.errors import LogFormatError
@@ -22,12 +23,20 @@ HEAD_LINES = 2000
 """Number of lines of a text file in which its first row of numbers is searched."""
 LONGEST_LINE = 1 << 20
 """Longest line in characters; a file with a longer one is not a table."""
-DELIMITERS = (";", "\t", ",", " ")
+DELIMITERS = (";", "\t", ",", "|", " ")
 """In the order of trial: a comma may also precede decimals, and a space may follow a comma."""
 TAIL = 4096
 """Number of bytes at the end of a file in which its last line is searched."""
-MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
-"""Words for a number that is missing, in lower case."""
+COMMENTS = ("#", "%", "//")
+"""Signs with which a line begins that is a remark, or names columns behind them."""
+MARKS = {
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+"""Encodings by the byte order mark; a longer mark before one with which it begins."""
+NAME_LINES = 8
+"""Largest number of lines over which names in quotation marks extend."""
 UNIT = re.compile(r"(?P<name>.*\S)(?P<space>\s*)[\[(](?P<unit>[^\])]*)[\])]")
 """A column's name with its unit behind it, in brackets."""
 
@@ -43,6 +52,13 @@ class Head(NamedTuple):
     rows: list[list[str]]
     """The cells of up to two lines before it."""
 
+    @property
+    def names(self) -> list[list[str]]:
+        """Return the lines that have as many cells as a row, without what frames them."""
+        framed = [one for one in self.rows if len(one) == self.width + 1]
+        inside = [one[:-1] if one[0] else one[1:] for one in framed if not (one[0] and one[-1])]
+        return [one for one in self.rows if len(one) == self.width] or inside
+
 
 class TextTable(FileTables):
     """CSV, also with ; or spaces; columns by their header, else by their number from 0."""
@@ -54,19 +70,44 @@ class TextTable(FileTables):
         with self._open() as file:
             self._head = _head(path, file)
         self._names, self.units = _names(self._head)
+        self._first_name = next((one[0] for one in self._head.names[-1:]), "")
         self._rows = self._rows_of_torn()
 
     def columns(self, table: str) -> list[str]:
         return self._names
 
     def read(self, table: str, names: list[str]) -> Array:
-        wanted = [self._names.index(one) for one in names]
-        values = array("d")
+        wanted = [(self._names.index(one), one) for one in names]
+        values, cells, dates = array("d"), Cells(), set()
         with self._open() as file:
             for number, row in enumerate(self._complete_rows(file), 1):
                 check_size(self.path, number, len(wanted))
-                values.extend([self._value(row, column, number) for column in wanted])
+                if plain := cells.plain([row[column] for column, _ in wanted]):
+                    values.extend(plain)
+                    continue
+                for column, name in wanted:
+                    text = row[column].strip()
+                    try:
+                        values.append(cells.number(text))
+                    except ValueError as error:
+                        raise LogFormatError(
+                            f"{self.path.name}: row {number}, column {name!r}: {text[:40]!r} "
+                            f"{error!s}"
+                        ) from None
+                    if cells.dates:
+                        dates.add(name)
+        self.units |= dict.fromkeys(dates, "s")
+        if cells.zoneless:
+            self.notes.append(f"{self.path.name}: its dates have no zone: they are taken as UTC")
         return np.frombuffer(values, dtype=np.float64).reshape(-1, len(wanted))
+
+    def remainders(self, table: str, name: str) -> Array:
+        column = self._names.index(name)
+        with self._open() as file:
+            found = array(
+                "d", (remainder(row[column].strip()) for row in self._complete_rows(file))
+            )
+        return np.frombuffer(found, dtype=np.float64)
 
     def _open(self) -> TextIO:
         return self.path.open(encoding=self._encoding, errors="replace", newline="")
@@ -86,31 +127,30 @@ class TextTable(FileTables):
                     f"{self.path.name}: row {number} has {width} values, the first one has "
                     f"{self._head.width}: write it again, or cut the file before it"
                 )
+            if row[0] == self._first_name and _stripped(row) in self._head.rows:
+                continue  # the header again, as of a logger that was started again
             yield row
 
     def _rows_of_torn(self) -> int | None:
         """Return the number of complete rows if the last one is torn, else None."""
+        size = self.path.stat().st_size
+        start = max(0, (size - TAIL) // 4 * 4)  # where a character of any encoding begins
         with self.path.open("rb") as file:
-            file.seek(-min(TAIL, self.path.stat().st_size), 2)
-            text = file.read().decode(self._encoding.removesuffix("-sig"), errors="replace")
-        lines = [one for one in text.splitlines() if one.strip() and not one.startswith("#")]
-        last = len(_split(lines[-1], self._head.delimiter))
+            mark = _mark(file.read(4))
+            file.seek(start)
+            text = (mark * (start > 0) + file.read()).decode(self._encoding, errors="replace")
+        lines = [one for one in text.splitlines() if one.strip() and not one.startswith(COMMENTS)]
+        last = len(_split(lines[-1], self._head.delimiter)) if lines else self._head.width
         if last >= self._head.width:
             return None
         self.torn = f"its last line has {last} of {self._head.width} values"
         with self._open() as file:
             return sum(map(_has_values, self._all_rows(file))) - 1
 
-    def _value(self, row: Sequence[str], column: int, number: int) -> float:
-        """Return a value of a row. Raises LogFormatError."""
-        text = row[column].strip()
-        try:
-            return _float(text, self._head.delimiter)
-        except ValueError as error:
-            raise LogFormatError(
-                f"{self.path.name}: row {number}, column {self._names[column]!r}: {text[:40]!r} "
-                f"{str(error) or 'is no number'}"
-            ) from None
+
+def _mark(start: bytes) -> bytes:
+    """Return the byte order mark with which a file begins, if any."""
+    return next((one for one in MARKS if start.startswith(one)), b"")
 
 
 def _encoding(path: Path) -> str:
@@ -118,8 +158,8 @@ def _encoding(path: Path) -> str:
     decoder = codecs.getincrementaldecoder("utf-8")()
     with path.open("rb") as file:
         start = file.read(LONGEST_LINE)
-    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
+    if mark := _mark(start):
+        return MARKS[mark]
     try:
         decoder.decode(start)
     except UnicodeDecodeError:
@@ -142,87 +182,86 @@ def _readable(path: Path, reader: Iterable[list[str]]) -> Iterator[list[str]]:
 
 
 def _has_values(row: Sequence[str]) -> bool:
-    return any(row) and not row[0].startswith("#")
+    if not any(row):
+        return False
+    return not row[0].startswith(COMMENTS) or is_missing(row[0].strip())
+
+
+def _stripped(row: Sequence[str]) -> list[str]:
+    return [one.strip() for one in row]
 
 
 def _split(line: str, delimiter: str) -> list[str]:
     """Return the cells of a line, none of what is no line of a table."""
     try:
-        cells = next(_reader([line], delimiter), [])
+        return _stripped(next(_reader(line.splitlines(keepends=True), delimiter), []))
     except csv.Error:
         return []
-    return [one.strip(' "\r\n') for one in cells]
 
 
 def _head(path: Path, file: TextIO) -> Head:
     """Return the head of a table. Raises LogFormatError."""
     before: list[str] = []
+    first = ""
+    likely: Head | None = None  # if all rows begin with words
     for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), "")):
         if number > HEAD_LINES or len(line) == LONGEST_LINE:
             break
-        for only in (True, False):
-            for delimiter in DELIMITERS:
-                row = _split(line, delimiter)
-                if _is_of_numbers(row, delimiter, only=only):
-                    words = [_words(one, delimiter) for one in before]
-                    if not row[-1] and any(len(one) == len(row) - 1 for one in words):
-                        row.pop()  # behind a delimiter at the end of each row
-                    return Head(delimiter, number, len(row), words)
-        if line.strip():
-            before = [*before[-1:], line]
-    raise LogFormatError(f"{path.name} has no rows of numbers in its first {HEAD_LINES} lines")
+        for only, delimiter in itertools.product((True, False), DELIMITERS):
+            row = _split(line, delimiter)
+            if not _is_of_numbers(row, only=only):
+                continue
+            found = Head(delimiter, number, len(row), _before(before, delimiter))
+            if only or is_number(row[0]):
+                if not row[-1] and any(len(one) == len(row) - 1 for one in found.rows):
+                    found = found._replace(width=len(row) - 1)  # a delimiter behind each row
+                return found
+            likely = likely or found
+        if line.strip("".join(DELIMITERS) + "\r\n"):
+            first = first or f", which begin with {line.strip()[:40]!r}"
+            before = [*before[1 - NAME_LINES :], line]
+    if likely:
+        return likely
+    raise LogFormatError(
+        f"{path.name} has no rows of numbers in its first {HEAD_LINES} lines{first}; times are "
+        "numbers or dates like 2026-11-29T12:00:00.5Z"
+    )
+
+
+def _before(lines: Sequence[str], delimiter: str) -> list[list[str]]:
+    """Return the cells of the last two lines; a line break within quotation marks ends none."""
+    quotes = list(itertools.accumulate(one.count('"') for one in reversed(lines)))
+    joined = list(lines[-2:])
+    if quotes and quotes[0] % 2:  # the last line ends what another one began
+        count = next((k for k, many in enumerate(quotes, 1) if many % 2 == 0), 1)
+        joined = ["".join(lines[-count:])]
+    return [_words(one, delimiter) for one in joined]
 
 
 def _words(line: str, delimiter: str) -> list[str]:
     """Return the names in a line. A comment sign may precede them, also as a separate word."""
-    return _split(line.lstrip("# \ufeff") if line.startswith(("#", "\ufeff")) else line, delimiter)
+    if line.startswith((*COMMENTS, "\ufeff")):
+        line = line.lstrip("#%/ \ufeff")
+    return _split(line, delimiter)
 
 
-def _is_of_numbers(row: Sequence[str], delimiter: str, *, only: bool) -> bool:
+def _is_of_numbers(row: Sequence[str], *, only: bool) -> bool:
     """Return whether a row has numbers: none but numbers and missing ones, or most of them."""
-    if len(row) < 2 or not _is_number(row[0], delimiter):
+    if len(row) < 2 or row[0].startswith(COMMENTS):
         return False
-    numbers = sum(_is_number(one, delimiter) for one in row)
-    if only:
-        return numbers + sum(one.lower() in MISSING for one in row) == len(row)
-    return numbers > len(row) / 2
-
-
-def _is_number(text: str, delimiter: str) -> bool:
-    try:
-        _float(text, delimiter)
-    except ValueError:
+    numbers = sum(map(is_number, row))
+    if only and numbers + sum(map(is_missing, row)) < len(row):
         return False
-    return text.lower() not in MISSING
-
-
-def _float(text: str, delimiter: str) -> float:
-    """Return a number as people write it; a comma before decimals where it separates no values.
-
-    Raises ValueError.
-    """
-    if "," in text and delimiter != ",":
-        if "." in text or text.count(",") > 1:
-            raise ValueError("has a separator of thousands: write numbers without")
-        text = text.replace(",", ".")
-    if text.lower() in MISSING:
-        return float("nan")
-    if "_" in text:
-        raise ValueError
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError from None
+    return numbers > len(row) / 2 or (only and is_number(row[0]))
 
 
 def _is_unit(text: str) -> bool:
-    return text.lower() in MISSING or unit_of(text.strip("[]()")) is not None
+    return is_missing(text) or unit_of(text.strip("[]()")) is not None
 
 
 def _names(head: Head) -> tuple[list[str], dict[str, str]]:
     """Return the names of the columns, and their units as far as the header tells them."""
-    rows = [row[1:] if len(row) == head.width + 1 and not row[0] else row for row in head.rows]
-    fitting = [row for row in rows if len(row) == head.width]
+    fitting = head.names
     units = [""] * head.width
     if len(fitting) == 2 and all(map(_is_unit, fitting[-1])):
         units = [one.strip("[]()") for one in fitting.pop()]

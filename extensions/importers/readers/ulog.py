@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Collection
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from extensions.importers.readers.tables import FileTables
+from extensions.importers.readers.tables import FileTables, beyond_float
 from flight_log.limits import bounded_reader
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.records import Array
@@ -52,7 +53,8 @@ class UlogTables(FileTables):
         super().__init__(path)
         topics = sorted({name.partition("#")[0] for name in wanted} | {DATED})
         try:
-            with _Watched(io.FileIO(path)) as file:
+            # The library prints what it finds wrong; `torn` says it.
+            with _Watched(io.FileIO(path)) as file, redirect_stdout(io.StringIO()):
                 log = ULog(file, topics, disable_str_exceptions=True)
                 if file.short_at is not None:
                     self.torn = f"it ends within a message at byte {file.short_at}"
@@ -83,6 +85,9 @@ class UlogTables(FileTables):
 
     def read(self, table: str, names: list[str]) -> Array:
         return np.stack([self._data[table][name].astype(np.float64) for name in names], axis=1)
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        return beyond_float(self._data[table][name])
 
 
 def _level(name: str) -> int:

@@ -106,6 +106,19 @@ def test_a_flight_is_what_it_was(tmp_path: Path) -> None:
     assert any(text == "ArduCopter V4" for _, _, text in found.events)
 
 
+def test_messages_before_their_description_are_read(tmp_path: Path) -> None:
+    place = LOG.rfind(b"\xa3\x95\x80", 0, LOG.index(b"IMU\0"))
+    described = LOG[place : place + 89]
+    path = tmp_path / "late.bin"
+    path.write_bytes(LOG[:place] + LOG[place + 89 :] + described)
+    whole = tmp_path / "whole.bin"
+    whole.write_bytes(LOG)
+    late, found = (DataFlashTables(one, ["IMU"]) for one in (path, whole))
+    assert not late.notes
+    names = found.columns("IMU")
+    assert (late.read("IMU", names) == found.read("IMU", names)).all()
+
+
 def test_instances_are_tables_and_scaled_letters_are_scaled(tmp_path: Path) -> None:
     log = flight_of(60)
     log.describe("POS", "QLeEnM", "TimeUS,Lat,Alt,Low,Id,Mode")

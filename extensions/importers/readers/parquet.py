@@ -1,0 +1,96 @@
+"""Parquet files: columns of numbers or times by their names, those of structures by their path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from extensions.importers.readers.tables import Column, FileTables, beyond_float, check_size
+from quadrotor.errors import LogFormatError
+from quadrotor.records import Array
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+class ParquetTable(FileTables):
+    """One table; times as integers of ns, rows without a number as NaN."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the file. Raises LogFormatError."""
+        from pyarrow import ArrowException, parquet
+
+        super().__init__(path)
+        try:
+            self._file = parquet.ParquetFile(path)
+            found = list(_leaves(self._file.schema_arrow))
+        except (ArrowException, OSError) as error:
+            raise LogFormatError(
+                f"{path.name} is not a complete Parquet file: {error!s:.120}"
+            ) from None
+        self._names = [name for name, _ in found]
+        self.units = dict.fromkeys((name for name, is_time in found if is_time), "ns")
+
+    def columns(self, table: str) -> list[str]:
+        return self._names
+
+    def read(self, table: str, names: list[str]) -> Array:
+        check_size(self.path, self._file.metadata.num_rows, len(names))
+        return np.stack([self._column(name) for name in names], axis=1, dtype=np.float64)
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        return beyond_float(self._column(name))
+
+    def _column(self, name: str) -> Column:
+        """Return a column as the file has it. Raises LogFormatError."""
+        import pyarrow as pa
+
+        try:
+            table = self._file.read([name])
+            while any(pa.types.is_struct(one.type) for one in table.schema):
+                table = table.flatten()
+            column = table[name]
+            if pa.types.is_dictionary(column.type):
+                column = pa.chunked_array([one.dictionary_decode() for one in column.chunks])
+            if pa.types.is_timestamp(column.type):
+                column = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64())
+            elif not pa.types.is_integer(column.type):
+                column = column.cast(pa.float64())
+            return _numpy(column)
+        except (pa.ArrowException, OSError, KeyError) as error:
+            raise LogFormatError(f"{self.path.name}, {name}: {error!s:.120}") from None
+
+
+def _numpy(column: pyarrow.ChunkedArray) -> Column:
+    """Return numbers with NaN where one is missing. Arrow's `to_numpy` would load pandas."""
+    kind, parts = column.type.to_pandas_dtype(), []
+    for chunk in filter(len, column.chunks):
+        valid, data = chunk.buffers()
+        rows = slice(chunk.offset, chunk.offset + len(chunk))
+        values = np.frombuffer(data, kind)[rows]
+        if chunk.null_count:
+            bits = np.unpackbits(np.frombuffer(valid, np.uint8), bitorder="little")[rows]
+            values = np.where(bits.astype(bool), values, np.nan)
+        parts.append(values)
+    return np.concatenate([np.zeros(0, kind), *parts])
+
+
+def _leaves(
+    fields: pyarrow.Schema | pyarrow.StructType, path: str = ""
+) -> Iterator[tuple[str, bool]]:
+    """Yield the name of each column of numbers or times, and whether it is one of times."""
+    from pyarrow import types
+
+    for field in fields:
+        name, kind = path + field.name, field.type
+        if types.is_struct(kind):
+            yield from _leaves(kind, f"{name}.")
+            continue
+        kind = kind.value_type if types.is_dictionary(kind) else kind
+        if types.is_timestamp(kind):
+            yield name, True
+        elif types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+            yield name, False
