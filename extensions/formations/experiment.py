@@ -73,10 +73,9 @@ class FormationExperiment:
 
     def start_places(self, count: int, seed: int) -> Sequence[tuple[float, float]]:
         """Return random starts. Raises UsageError for a formation that cannot be flown."""
-        if self.parameters.fails > count:
-            raise UsageError(
-                f"experiment.fails={self.parameters.fails}: there are vehicles 1 to {count}"
-            )
+        for name in ("fails", "joins"):
+            if (number := getattr(self.parameters, name)) > count:
+                raise UsageError(f"experiment.{name}={number}: there are vehicles 1 to {count}")
         if self.parameters.near:
             return starts_near(self._shape(count).places, seed, self.parameters.near)
         return random_starts(self._shape(count).places, seed, self.parameters.crossing)
@@ -98,12 +97,18 @@ class FormationExperiment:
         draws = Draws(self._company.seed, 77)
         height, turned = LOW + (HIGH - LOW) * draws.uniform(), 2.0 * draws.uniform() - 1.0
         yaw = math.remainder(self._pilot.desired_yaw + self.parameters.turn * turned, math.tau)
+        gathered = GATHERED
+        if self.parameters.joins == self._company.index + 1:
+            radio = self._pilot.radio
+            self._stay(client, radio, GATHERED + 0.5 * self.parameters.converge)
+            gathered = 0.0
         arm(client)
         take_off(client, height)
         x, y, z = client.view().position_w.tolist()
         client.start("fly_to", x=x, y=y, z=z, yaw=yaw)
         client.wait_until(lambda v: v.behavior == "hover", what="the turn", timeout=10)
-        client.wait_until(lambda v: v.time >= GATHERED, what="the others", timeout=GATHERED)
+        client.wait_until(lambda v: v.time >= gathered, what="the others", timeout=GATHERED)
+        self._pilot.radio.has_left = False
         self._fly_formation(client, self._pilot)
         come_down(client)
 
@@ -132,11 +137,15 @@ class FormationExperiment:
         pilot.is_flying = False
         brake(client)
 
-    @staticmethod
-    def _leave(client: Client, radio: Radio, end: float) -> None:
+    def _leave(self, client: Client, radio: Radio, end: float) -> None:
         """Land, and broadcast the own place alone until the others land, too."""
-        radio.has_left = True
         client.start("land")
+        self._stay(client, radio, end)
+
+    @staticmethod
+    def _stay(client: Client, radio: Radio, end: float) -> None:
+        """Fly no part of the formation, and broadcast the own place alone."""
+        radio.has_left = True
         last = client.view()
         while last.time < end:
             client.wait(STEP)
