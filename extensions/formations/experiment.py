@@ -13,11 +13,10 @@ from console.evaluation.result import Result
 from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, brake, come_down, take_off, wait_ready
 from console.experiments.together import Company
-from control.trajectories.velocity_filter import BANDWIDTH
 from extensions.formations.mathematics.steering import NullMotion
 from extensions.formations.messages import Radio, Whereabouts
 from extensions.formations.options import FormationOptions
-from extensions.formations.pilot import Pilot
+from extensions.formations.pilot import AS_LATE, STEP, Pilot
 from extensions.formations.separation import Guard
 from extensions.formations.shape import Shape, shape_of
 from extensions.formations.starts import random_starts, starts_near
@@ -33,12 +32,8 @@ VOLUME = {
 }
 LOW, HIGH = 0.9, 1.5
 """Smallest and largest height (m) of the random starts."""
-STEP = 0.02
 FAST = {"behavior.joy_speed_xy": 1.5}
 """m/s: the law, the commanded speed and the turn about the centroid together."""
-AS_LATE = 1.0 - math.exp(-BANDWIDTH * STEP)
-"""Share of a step by which yaw rates follow: the reference's velocity passes three poles, its yaw
-rate two, and a formation that turns keeps its bearings when both are equally late."""
 SPEEDS = "behavior.joy_speed_xy", "behavior.joy_speed_z", "behavior.joy_yaw_rate"
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from bearing_sim.sampling import Draws, pair
 from console.experiments.together import Company
+from control.trajectories.velocity_filter import BANDWIDTH
 from extensions.formations.mathematics.law import Gains, formation_velocity
 from extensions.formations.mathematics.steering import NullMotion, steering_pace, steering_velocity
 from extensions.formations.messages import Message, Radio
@@ -32,6 +33,11 @@ SPEED, YAW_RATE = 0.7, 0.6
 """Limits of the law, m/s and rad/s."""
 DISTANCE_SIGMA = 0.05
 """m, noise of the one measured distance."""
+STEP = 0.02
+"""s between two commands."""
+AS_LATE = 1.0 - math.exp(-BANDWIDTH * STEP)
+"""Share of a step by which yaw rates follow: the reference's velocity passes three poles, its yaw
+rate two, and a formation that turns keeps its bearings when both are equally late."""
 SECOND = 1_000_000_000
 REMEMBERED = 64
 """Frames whose own yaw is remembered, for messages that arrive late: 2 s."""
@@ -45,7 +51,7 @@ class Pilot:
             flies.
         velocity_y, yaw_rate: what it wants to fly, m/s and rad/s.
         eigenvalue: of the formation by the edges that count; least: the smallest so far.
-        is_flying: whether it steers, and so tells what it misses.
+        is_flying: whether it steers, and so, after a second, tells what it misses.
         radio: the link to the others. desired_yaw: rad, of this vehicle in the desired shape.
     """
 
@@ -66,6 +72,7 @@ class Pilot:
         self._was_rigid, self._is_slow, self._slow_ns = True, False, -SECOND
         self._view = View(options.bearings)
         self.command, self.is_flying = NullMotion(), False
+        self._tells, self._idle_ns = False, 0
         self.velocity_y: Array = np.zeros(3)
         self.yaw_rate = self.eigenvalue = 0.0
         self.least = math.inf
@@ -132,7 +139,10 @@ class Pilot:
 
     def _decide(self, now_ns: int) -> None:
         fresh = self._fresh(now_ns)
-        if self.is_flying:
+        if not (self.is_flying and self._idle_ns):
+            self._idle_ns = now_ns
+        self._tells = now_ns - self._idle_ns > SILENT * SECOND
+        if self._tells:
             self._tell(now_ns)
         edges = frozenset(
             edge
@@ -208,7 +218,7 @@ class Pilot:
     def _hold_together(self, edges: frozenset[Edge], vehicles: frozenset[int]) -> bool:
         """Return whether the edges in use make the formation rigid; tell when this changes."""
         is_rigid = self.eigenvalue > 0.0
-        if self.is_flying and is_rigid != self._was_rigid:
+        if self._tells and is_rigid != self._was_rigid:
             if is_rigid:
                 self._company.event("formation: rigid again")
             elif len(vehicles) < 2:
