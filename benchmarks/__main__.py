@@ -72,6 +72,7 @@ FOLDERS = {
         "real_flights",
         "camera_flight",
         "campaigns",
+        "formation_faults",
     ),
     "page": (
         "replay",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,8 @@ RADIUS = 0.377
 """m, of a sphere around the rotors of a vehicle, which hides those behind it."""
 OUT_OF_RANGE = (1e6, 1e6, 1e6)
 """m, place of a vehicle of which no place is known: no sensor sees it."""
+MEETING_NS, MEETINGS_MAX = 50_000_000, 12
+"""Largest time between two meetings, and the number of meetings that are made up for."""
 SMOOTH = 0.1
 """Weight of a new bearing in the error of its edge."""
 SEEN_NS = 500_000_000
@@ -173,6 +175,20 @@ class Squad:
         for the separation alone. One that was never heard, or was on the ground when it was heard
         last, is not there; one that is not heard any more in the air is silent.
         """
+        before_ns, before = self._now_ns, [one.pose for one in self.members]
+        count = math.ceil((now_ns - before_ns) / MEETING_NS)
+        # A busy computer calls late; between two calls the vehicles have met all the same.
+        for part in range(1, count if count <= MEETINGS_MAX else 1):
+            share = part / count
+            between = [
+                replace(one, pose=_between(pose, one.pose, share))
+                for pose, one in zip(before, situations, strict=True)
+            ]
+            self._meet(before_ns + round(share * (now_ns - before_ns)), between, command)
+        self._meet(now_ns, situations, command)
+        return {k: self._sticks(k, situations[k], now_ns) for k in self.flying}
+
+    def _meet(self, now_ns: int, situations: Sequence[Situation], command: NullMotion) -> None:
         self._now_ns = now_ns
         for k, one in enumerate(situations):
             self._note(k, one, now_ns)
@@ -185,7 +201,6 @@ class Squad:
                 for call in self.members[k].calls:
                     call(now_ns)
                 self._note_errors(k)
-        return {k: self._sticks(k, situations[k], now_ns) for k in self.flying}
 
     def _note(self, k: int, situation: Situation, now_ns: int) -> None:
         pilot, pose = self._pilots[k], situation.pose
@@ -220,3 +235,22 @@ class Squad:
             is_new = sent.stamp_ns - stamp_ns > SEEN_NS
             mean = error if is_new else mean + SMOOTH * (error - mean)
             self._errors[k, j] = sent.stamp_ns, mean
+
+
+def _between(one: Pose, other: Pose | None, share: float) -> Pose | None:
+    """Return the pose at a share of the way; the other one where there is no way."""
+    if other is None or one.stamp_ns == 0 or other.stamp_ns <= one.stamp_ns:
+        return other
+
+    def mixed(a: Sequence[float], b: Sequence[float]) -> list[float]:
+        return [(1.0 - share) * p + share * q for p, q in zip(a, b, strict=True)]
+
+    x, y, z = mixed(one.position_w, other.position_w)
+    u, v, w = mixed(one.velocity_w, other.velocity_w)
+    a, b = one.quaternion_wb, other.quaternion_wb
+    sign = math.copysign(1.0, sum(p * q for p, q in zip(a, b, strict=True)))
+    q = mixed([sign * p for p in a], b)
+    length = math.hypot(*q)
+    stamp_ns = one.stamp_ns + round(share * (other.stamp_ns - one.stamp_ns))
+    turned = q[0] / length, q[1] / length, q[2] / length, q[3] / length
+    return Pose(stamp_ns, (x, y, z), (u, v, w), turned)

@@ -11,7 +11,7 @@ import { InOrder } from "./order.js";
 import { FAIR, GOOD, Scene } from "./scene.js";
 import { Steering } from "./steering.js";
 
-const HEIGHT = 1.2; // m, of the take-off
+const HEIGHTS = [1.6, 1]; // m, of the take-off, in turn: none hides others that stand in a line with it
 
 export function show(place, { session, land, vehicles }) {
   new Formation(place, session, land, vehicles);
@@ -82,8 +82,10 @@ class Formation {
       element(
         "div",
         { className: "buttons" },
-        button("Take off in order", `arm and take off, one after the other, to ${HEIGHT} m`, () =>
-          this.order.takeOff(HEIGHT),
+        button(
+          "Take off in order",
+          `arm and take off, one after the other, to ${HEIGHTS.join(" and ")} m in turn`,
+          () => this.order.takeOff(HEIGHTS),
         ),
         button("Velocity", "all that fly obey the sticks of the formation", () =>
           this.order.all("velocity", "fly velocity"),

@@ -22,12 +22,13 @@ export class InOrder {
     return this.states().find((one) => one.name === name) ?? {};
   }
 
-  // Arm and take off, in the order of the names.
-  takeOff(height) {
+  // Arm and take off, in the order of the names, to these heights (m) in turn.
+  takeOff(heights) {
     return this.each(this.names, "up", async (name, turn) => {
       if (this.stateOf(name).airborne) return;
       if (!this.stateOf(name).armed) await request("POST", `/v/${name}/api/commands/arm`, {});
       await this.until(turn, () => this.stateOf(name).armed, "it did not arm");
+      const height = heights[this.names.indexOf(name) % heights.length];
       await start(name, "take_off", { height });
       await this.until(turn, () => this.stateOf(name).behavior === "hover", "it does not hover");
     });

@@ -5,8 +5,8 @@ import { element } from "/static/core/dom.js";
 import { fixed } from "/static/core/format.js";
 import { faint, font, onTheme, paint } from "/static/core/theme.js";
 
-export const GOOD = 1,
-  FAIR = 2.5; // deg, of a bearing's error
+export const GOOD = 1; // deg, of a bearing's error
+export const FAIR = 2.5;
 const LEAST = 2, // m from the middle to the side of what is shown, at least
   FLOOR = 6, // m, side of the floor that is drawn
   ARM = 0.25,

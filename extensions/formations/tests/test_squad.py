@@ -139,3 +139,12 @@ def test_a_formation_that_cannot_be_flown_is_refused() -> None:
     options = FormationOptions(desired="1 2 0 0")
     with pytest.raises(UsageError, match="not rigid"):
         Squad(NAMES, options, lambda _, line: None)
+
+
+def test_a_loop_that_is_late_leaves_the_vehicles_seeing_each_other(sky: Sky) -> None:
+    for _ in range(5):
+        sky.now_ns += 300_000_000
+        sky.fly(STEP)
+    assert len(sky.squad.errors) == 12
+    assert sky.error < 2.0
+    assert sky.told == []
