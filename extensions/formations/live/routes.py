@@ -12,8 +12,7 @@ from __future__ import annotations
 import asyncio
 import struct
 import time
-from collections.abc import Coroutine
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from fastapi import FastAPI, WebSocket
@@ -69,19 +68,18 @@ def add_formation(app: FastAPI, context: VehicleContext) -> None:
 
     @app.websocket("/formation")
     async def show(socket: WebSocket) -> None:
-        await _serve(socket, formations, talk_of(socket, formations))
+        if await _opened(socket, formations):
+            with formations.watched():
+                await converse(socket, talk_of(socket, formations))
 
     @app.websocket("/formation/sticks")
     async def steer(socket: WebSocket) -> None:
         session: Session = socket.scope["session"]
         if not session.role.may(Role.OPERATOR):
             await socket.close(1008, "viewers cannot use the sticks; ask an operator")
-            return
-        steering = Steering(formations, session)
-        try:
-            await _serve(socket, formations, steering.talk(socket), steering.listen(socket))
-        finally:
-            steering.end()
+        elif await _opened(socket, formations):
+            with formations.watched():
+                await Steering(formations, session).serve(socket)
 
 
 FEATURE = Feature(add_formation)
@@ -122,19 +120,14 @@ async def talk_of(socket: WebSocket, formations: Formations) -> None:
         await asyncio.sleep(PERIOD)
 
 
-async def _serve(
-    socket: WebSocket,
-    formations: Formations,
-    talk: Coroutine[Any, Any, None],
-    listen: Coroutine[Any, Any, None] | None = None,
-) -> None:
-    """Serve one socket until it is closed; closes it where no formation can fly."""
+async def _opened(socket: WebSocket, formations: Formations) -> bool:
+    """Accept a socket; return whether it stays open, as it does where a formation can fly."""
     await socket.accept()
     try:
-        with formations.watched():
-            await converse(socket, talk, listen)
-    except (UsageError, ValueError) as error:
+        return bool(formations.squad.names)
+    except UsageError as error:
         await socket.close(1008, str(error))
+        return False
 
 
 class Steering:
@@ -145,13 +138,20 @@ class Steering:
         self._answers: asyncio.Queue[JsonObject] = asyncio.Queue()
         self._switch, self._hand = DeadManSwitch(), Hand(session.label, self._dropped)
 
-    async def talk(self, socket: WebSocket) -> None:
-        """Send the answers until the page is gone."""
+    async def serve(self, socket: WebSocket) -> None:
+        """Take frames and answer them until the page is gone; closes it for anything else."""
+        try:
+            await converse(socket, self._talk(socket), self._listen(socket))
+        except ValueError as error:
+            await socket.close(1008, str(error))
+        finally:
+            self._formations.release(self._hand, "the page closed" if self._switch.on else "")
+
+    async def _talk(self, socket: WebSocket) -> None:
         while True:
             await send_json(socket, await self._answers.get())
 
-    async def listen(self, socket: WebSocket) -> None:
-        """Take frames until the page is gone. Raises ValueError for anything else."""
+    async def _listen(self, socket: WebSocket) -> None:
         while (event := await socket.receive())["type"] != "websocket.disconnect":
             self.take(event.get("bytes") or b"")
 
@@ -175,10 +175,6 @@ class Steering:
         if not self._switch.on:
             self._formations.release(self._hand)
         self._answer(frame)
-
-    def end(self) -> None:
-        """Let go, as the page is gone."""
-        self._formations.release(self._hand, "the page closed" if self._switch.on else "")
 
     def _answer(self, frame: Frame) -> None:
         while self._answers.qsize() >= _ANSWERS:

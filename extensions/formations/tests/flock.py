@@ -98,6 +98,12 @@ class Flock:
         self.pilots[index].is_flying = False
         self.pilots[index].radio.has_left = True
 
+    def bring_back(self, index: int) -> None:
+        """Let a vehicle that has left be part of the formation again."""
+        self._landing.discard(index)
+        self.pilots[index].is_flying = True
+        self.pilots[index].radio.has_left = False
+
     def fly(self, seconds: float) -> None:
         i, j = np.triu_indices(self.count, 1)
         for _ in range(round(seconds / MEETING)):
