@@ -51,6 +51,7 @@ FOLDERS = {
         "tags",
         "active_sensing",
         "network_localisation",
+        "formation_faults",
     ),
     "explanation": ("explanations", "diagnosis"),
     "firmware": ("firmware",),
@@ -72,7 +73,6 @@ FOLDERS = {
         "real_flights",
         "camera_flight",
         "campaigns",
-        "formation_faults",
     ),
     "page": (
         "replay",

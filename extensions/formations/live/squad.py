@@ -38,7 +38,7 @@ SEEN_NS = 500_000_000
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a vehicle is.
+    """The place, motion and attitude of a vehicle.
 
     Attributes:
         position_w: m. velocity_w: m/s. quaternion_wb: w, x, y, z.
@@ -52,7 +52,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What is known of a vehicle now.
+    """The state of a vehicle, as far as it is known now.
 
     Attributes:
         pose: where it is, for the sensors of the others; None where it is not known.

@@ -119,7 +119,7 @@ def test_one_station_that_drops_the_sticks_stops_all_and_is_named(
 
     monkeypatch.setattr(second, "publish_stick", refuse)
     _pressed(hand, until)
-    answer = {"on": True}
+    answer: dict[str, Any] = {"on": True}
 
     def dropped() -> bool:
         answer.update(hand.send())

@@ -36,7 +36,7 @@ class Sky:
         change: Callable[[int, Situation], Situation] = lambda k, one: one,
     ) -> list[Collection[int]]:
         """Fly on; return who was sent sticks in each step."""
-        sent = []
+        sent: list[Collection[int]] = []
         for _ in range(round(seconds / STEP)):
             self.now_ns += round(1e9 * STEP)
             known = [change(k, self._situation(k)) for k in range(len(NAMES))]

@@ -71,7 +71,7 @@ CASES = (
 
 def run(size: Size = Size.FULL) -> Report:
     """Run all cases."""
-    count = size.of(100, 10, 1)
+    count = size.of(100, 5, 1)
     report = Report(
         "formation_faults",
         "Formations with a fault",
