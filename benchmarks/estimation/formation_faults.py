@@ -83,7 +83,7 @@ def run(size: Size = Size.FULL) -> Report:
             f"at {END:g} s, the worst flight; eigenvalue: the smallest that a vehicle knew",
         ],
     )
-    for case in size.some(CASES, 2):
+    for case in size.some(CASES):
         flown = [fly(case, seed) for seed in range(1, count + 1)]
         nearest, errors, eigenvalues, named = (list(one) for one in zip(*flown, strict=True))
         collisions = sum(one < TOUCH for one in nearest)

@@ -11,6 +11,7 @@ const REACH = 15, // px from the centre of a pad to full stick
   RISE = 0.5, // s to full
   GROW = { r: 1, f: -1 },
   CROSS = { 12: 1, 13: -1 }, // buttons of a standard gamepad
+  AGAIN = " Release the button, then press it again.",
   HOW =
     "Hold Shift: W A S D move all, arrows up, down and turn about the middle, R and F grow and shrink. " +
     "On a gamepad hold a shoulder button; the cross grows and shrinks.";
@@ -79,8 +80,9 @@ export class Steering {
       );
     }
     const why = sticks.held && sticks.refusal;
-    if (why) return `Off: ${why}. Release the button, then press it again.`;
-    return sticks.dropped ? `Dropped: ${sticks.dropped}. Release the button, then press it again.` : HOW;
+    if (why) return `Off: ${why}.${/release|press/.test(why) ? "" : AGAIN}`;
+    const next = sticks.held ? AGAIN : " Press the button again.";
+    return sticks.dropped ? `Dropped: ${sticks.dropped}.${next}` : HOW;
   }
 }
 
