@@ -51,6 +51,7 @@ FOLDERS = {
         "tags",
         "active_sensing",
         "network_localisation",
+        "formation_faults",
     ),
     "explanation": ("explanations", "diagnosis"),
     "firmware": ("firmware",),

@@ -72,6 +72,7 @@ class VehicleContext:
 
     Attributes:
         closing: ends the services that a feature has for this vehicle.
+        wanted: fast topics that a feature wants now, whatever pages show.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class VehicleContext:
         self.base_url, self.tls = shared.base_url, shared.tls
         self.people, self.catalogue, self.links = shared.people, shared.catalogue, shared.links
         self.closing = contextlib.ExitStack()
+        self.wanted: frozenset[str] = frozenset()
         self.history = ParameterHistory(shared.catalogue.engine, vehicle)
         self.presets = ParameterPresets(shared.catalogue.engine, vehicle)
         hub.begin(kept_lines(EventBook(shared.catalogue.engine, vehicle), self.history))

@@ -13,11 +13,10 @@ from console.evaluation.result import Result
 from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, brake, come_down, take_off, wait_ready
 from console.experiments.together import Company
-from control.trajectories.velocity_filter import BANDWIDTH
 from extensions.formations.mathematics.steering import NullMotion
 from extensions.formations.messages import Radio, Whereabouts
 from extensions.formations.options import FormationOptions
-from extensions.formations.pilot import Pilot
+from extensions.formations.pilot import AS_LATE, STEP, Pilot
 from extensions.formations.separation import Guard
 from extensions.formations.shape import Shape, shape_of
 from extensions.formations.starts import random_starts, starts_near
@@ -33,12 +32,8 @@ VOLUME = {
 }
 LOW, HIGH = 0.9, 1.5
 """Smallest and largest height (m) of the random starts."""
-STEP = 0.02
 FAST = {"behavior.joy_speed_xy": 1.5}
 """m/s: the law, the commanded speed and the turn about the centroid together."""
-AS_LATE = 1.0 - math.exp(-BANDWIDTH * STEP)
-"""Share of a step by which yaw rates follow: the reference's velocity passes three poles, its yaw
-rate two, and a formation that turns keeps its bearings when both are equally late."""
 SPEEDS = "behavior.joy_speed_xy", "behavior.joy_speed_z", "behavior.joy_yaw_rate"
 
 
@@ -73,10 +68,9 @@ class FormationExperiment:
 
     def start_places(self, count: int, seed: int) -> Sequence[tuple[float, float]]:
         """Return random starts. Raises UsageError for a formation that cannot be flown."""
-        if self.parameters.fails > count:
-            raise UsageError(
-                f"experiment.fails={self.parameters.fails}: there are vehicles 1 to {count}"
-            )
+        for name in ("fails", "joins"):
+            if (number := getattr(self.parameters, name)) > count:
+                raise UsageError(f"experiment.{name}={number}: there are vehicles 1 to {count}")
         if self.parameters.near:
             return starts_near(self._shape(count).places, seed, self.parameters.near)
         return random_starts(self._shape(count).places, seed, self.parameters.crossing)
@@ -98,12 +92,18 @@ class FormationExperiment:
         draws = Draws(self._company.seed, 77)
         height, turned = LOW + (HIGH - LOW) * draws.uniform(), 2.0 * draws.uniform() - 1.0
         yaw = math.remainder(self._pilot.desired_yaw + self.parameters.turn * turned, math.tau)
+        gathered = GATHERED
+        if self.parameters.joins == self._company.index + 1:
+            radio = self._pilot.radio
+            self._stay(client, radio, GATHERED + 0.5 * self.parameters.converge)
+            gathered = 0.0
         arm(client)
         take_off(client, height)
         x, y, z = client.view().position_w.tolist()
         client.start("fly_to", x=x, y=y, z=z, yaw=yaw)
         client.wait_until(lambda v: v.behavior == "hover", what="the turn", timeout=10)
-        client.wait_until(lambda v: v.time >= GATHERED, what="the others", timeout=GATHERED)
+        client.wait_until(lambda v: v.time >= gathered, what="the others", timeout=GATHERED)
+        self._pilot.radio.has_left = False
         self._fly_formation(client, self._pilot)
         come_down(client)
 
@@ -132,11 +132,15 @@ class FormationExperiment:
         pilot.is_flying = False
         brake(client)
 
-    @staticmethod
-    def _leave(client: Client, radio: Radio, end: float) -> None:
+    def _leave(self, client: Client, radio: Radio, end: float) -> None:
         """Land, and broadcast the own place alone until the others land, too."""
-        radio.has_left = True
         client.start("land")
+        self._stay(client, radio, end)
+
+    @staticmethod
+    def _stay(client: Client, radio: Radio, end: float) -> None:
+        """Fly no part of the formation, and broadcast the own place alone."""
+        radio.has_left = True
         last = client.view()
         while last.time < end:
             client.wait(STEP)

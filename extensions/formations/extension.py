@@ -1,6 +1,15 @@
 """The declaration of the extension `formations`."""
 
-from quadrotor.extension import Command, Evidence, Experiment, Extension, Group, Judged
+from quadrotor.extension import (
+    Command,
+    Evidence,
+    Experiment,
+    Extension,
+    Group,
+    Judged,
+    PageFeature,
+    PagePanel,
+)
 
 EXTENSION = Extension(
     name="formations",
@@ -9,6 +18,14 @@ EXTENSION = Extension(
     offers=(
         Experiment(name="formation", target=".experiment:FormationExperiment"),
         Experiment(name="look_around", target=".look_around:LookAroundExperiment"),
+        PageFeature(name="formation", target=".live.routes:FEATURE"),
+        PagePanel(
+            name="formation",
+            target="page/formation.js:show",
+            place="fleet",
+            title="Formation",
+            styles=("formation.css",),
+        ),
         Command(
             name="formations",
             target=".dataset:Dataset",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from bearing_sim.sampling import DelayLine, Draws
@@ -21,6 +21,8 @@ _HEAD = struct.Struct("<qff2B")
 _BEARING = struct.Struct("<B3h")
 _PLACE = struct.Struct("<q6f")
 _UNIT = 32767.0
+AHEAD, BEHIND = 0.1, 1.0
+"""s, by which the stamps of a message may be ahead of and behind the clock of its receiver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +91,9 @@ class Radio:
         sent: the newest own message. mute: whether nothing is broadcast.
         has_left: whether the own place alone is broadcast, for the separation. left: vehicles
             that have told so.
+        absent: vehicles that are known not to be there, and so need not be heard.
+        apart: s, by vehicle, by which its stamps are ahead of the own clock; its messages are not
+            used.
     """
 
     def __init__(self, company: Company, parameters: MessageParameters) -> None:
@@ -99,17 +104,26 @@ class Radio:
         self.sent: Message | None = None
         self.mute = self.has_left = False
         self.left: set[int] = set()
+        self.absent: set[int] = set()
+        self.apart: dict[int, float] = {}
 
     def send(self, message: Message) -> None:
         """Broadcast a message, and the own place."""
         if self.has_left:
             message = Message(message.stamp_ns, message.yaw, 0.0, {}, has_left=True)
         self.sent = message
-        if not self.mute:
-            self._company.broadcast(message.encode() + (self.own.encode() if self.own else b""))
+        ahead_ns = round(1e9 * self._parameters.clock)
+        own = self.own and self.own._replace(stamp_ns=self.own.stamp_ns + ahead_ns)
+        sent = replace(message, stamp_ns=message.stamp_ns + ahead_ns)
+        if not (self.mute or self._is_cut(message.stamp_ns)):
+            self._company.broadcast(sent.encode() + (own.encode() if own else b""))
+
+    def _is_cut(self, now_ns: int) -> bool:
+        return 0.0 < self._parameters.cut <= 1e-9 * now_ns
 
     def arrived(self, now_ns: int) -> Iterator[tuple[int, Message]]:
-        """Yield sender and message of those that have arrived, but for those that have left.
+        """Yield sender and message of those that have arrived, but for those that have left, and
+        those whose stamps contradict the own clock.
 
         It is called after each meeting.
         """
@@ -119,9 +133,17 @@ class Radio:
                 self._line.put(now_ns + round(1e9 * self._parameters.delay), (k, mail))
         for k, mail in self._line.due(now_ns):
             message = Message.decode(mail)
+            ahead = 1e-9 * (message.stamp_ns - now_ns) - self._parameters.clock
+            if self._is_cut(now_ns):
+                continue
+            if not -BEHIND <= ahead <= AHEAD:
+                self.apart[k] = ahead
+                continue
+            self.apart.pop(k, None)
             if place := mail[message.size :]:
                 self.places[k] = Whereabouts.decode(place)
             if message.has_left:
                 self.left.add(k)
             else:
+                self.left.discard(k)
                 yield k, message

@@ -13,6 +13,10 @@ class MessageParameters(Parameters):
     """share of the messages that each receiver loses"""
     delay: float = parameter(0.02, unit="s", ge=0, le=1, step=0.01)
     """from sender to receiver"""
+    clock: float = parameter(0.0, unit="s", ge=-100, le=100, step=0.1)
+    """by which the stamps of this vehicle's own clock are ahead of those of the others"""
+    cut: float = parameter(0.0, unit="s", ge=0, le=600, step=1)
+    """time from which this vehicle neither sends nor hears; 0: never"""
 
 
 class FormationOptions(Parameters):
@@ -40,6 +44,8 @@ class FormationOptions(Parameters):
     """bound of the rigidity eigenvalue, at which commanded motions stop"""
     fails: int = parameter(0, ge=0, le=8, step=1)
     """vehicle, from 1, that lands in the middle of the hold; 0 none"""
+    joins: int = parameter(0, ge=0, le=8, step=1)
+    """vehicle, from 1, that joins from the ground in the middle of the convergence; 0 none"""
     near: float = parameter(0.0, unit="m", ge=0, le=0.5, step=0.05)
     """largest distance, on each axis, of the starts from the desired formation; 0: anywhere"""
     turn: float = parameter(1.0, unit="rad", ge=0, le=3, step=0.05)

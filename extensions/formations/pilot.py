@@ -7,11 +7,14 @@ never sees a position of anybody: those that `separation` uses, beneath it, are 
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 
 from bearing_sim.sampling import Draws, pair
 from console.experiments.together import Company
+from control.trajectories.velocity_filter import BANDWIDTH
 from extensions.formations.mathematics.law import Gains, formation_velocity
 from extensions.formations.mathematics.steering import NullMotion, steering_pace, steering_velocity
 from extensions.formations.messages import Message, Radio
@@ -30,17 +33,25 @@ SPEED, YAW_RATE = 0.7, 0.6
 """Limits of the law, m/s and rad/s."""
 DISTANCE_SIGMA = 0.05
 """m, noise of the one measured distance."""
+STEP = 0.02
+"""s between two commands."""
+AS_LATE = 1.0 - math.exp(-BANDWIDTH * STEP)
+"""Share of a step by which yaw rates follow: the reference's velocity passes three poles, its yaw
+rate two, and a formation that turns keeps its bearings when both are equally late."""
 SECOND = 1_000_000_000
+REMEMBERED = 64
+"""Frames whose own yaw is remembered, for messages that arrive late: 2 s."""
 
 
 class Pilot:
     """The program on board.
 
     Attributes:
-        command: the null motion that is commanded, in the yaw frame of the first vehicle.
+        command: the null motion that is commanded, in the yaw frame of the first vehicle that
+            flies.
         velocity_y, yaw_rate: what it wants to fly, m/s and rad/s.
         eigenvalue: of the formation by the edges that count; least: the smallest so far.
-        is_flying: whether it steers, and so tells what it misses.
+        is_flying: whether it steers, and so, after a second, tells what it misses.
         radio: the link to the others. desired_yaw: rad, of this vehicle in the desired shape.
     """
 
@@ -53,6 +64,7 @@ class Pilot:
         self.desired_yaw = float(shape.yaws[self._own])
         self.radio = Radio(company, options.messages)
         self._newest: dict[int, Message] = {}
+        self._yaws: deque[tuple[int, float]] = deque(maxlen=REMEMBERED)
         self._suspicion, self._out = Suspicion(), set[int]()
         self._silent: set[int] = set()
         sigma = math.radians(options.bearings.sigma)
@@ -60,6 +72,7 @@ class Pilot:
         self._was_rigid, self._is_slow, self._slow_ns = True, False, -SECOND
         self._view = View(options.bearings)
         self.command, self.is_flying = NullMotion(), False
+        self._tells, self._idle_ns = False, 0
         self.velocity_y: Array = np.zeros(3)
         self.yaw_rate = self.eigenvalue = 0.0
         self.least = math.inf
@@ -89,25 +102,47 @@ class Pilot:
         for number, bearing in bearings_b.items():
             x, y, z = (sum(a * b for a, b in zip(row, bearing, strict=True)) for row in rows)
             found[number - 1] = (c * x + s * y, c * y - s * x, z)
-        message = Message(stamp_ns, yaw, self._distance(stamp_ns), found)
+        self._yaws.append((stamp_ns, yaw))
+        leads = self._leader(self._fresh(stamp_ns)) == self._own
+        message = Message(stamp_ns, yaw, self._distance(stamp_ns) if leads else 0.0, found)
         self._newest[self._own] = message
         self.radio.send(message)
 
     def _distance(self, stamp_ns: int) -> float:
-        """Return the distance that the first vehicle measures to the second, for the scale."""
-        if self._own:
-            return 0.0
-        here, there = (np.array(self._company.neighbour(k).position_w) for k in (0, 1))
+        """Return the distance that this vehicle measures to the one after it, for the scale."""
+        pair_of = self._own, self._own + 1
+        here, there = (np.array(self._company.neighbour(k).position_w) for k in pair_of)
         noise = pair(Draws(self._company.seed, 1, stamp_ns), math.inf)[0]
         return float(np.linalg.norm(there - here)) + DISTANCE_SIGMA * noise
 
-    def _decide(self, now_ns: int) -> None:
-        fresh = {
+    def _fresh(self, now_ns: int) -> dict[int, Message]:
+        """Return the messages that are used, the own one among them."""
+        return {
             k: one
             for k, one in self._newest.items()
             if now_ns - one.stamp_ns <= FRESH * SECOND or k == self._own
         }
-        if self.is_flying:
+
+    @staticmethod
+    def _leader(fresh: Mapping[int, Message]) -> int | None:
+        """Return the first vehicle that flies with the one after it: it measures the distance of
+        both, and commands are in its yaw frame.
+        """
+        return next((k for k in sorted(fresh) if k + 1 in fresh), None)
+
+    def _turned(self, message: Message) -> float:
+        """Return the own yaw less that of another vehicle, rad, both at the stamp of its message:
+        in a formation that turns, it has turned on by the time that the message arrives.
+        """
+        yaw = min(self._yaws, key=lambda one: abs(one[0] - message.stamp_ns))[1]
+        return math.remainder(yaw - message.yaw, 2.0 * math.pi)
+
+    def _decide(self, now_ns: int) -> None:
+        fresh = self._fresh(now_ns)
+        if not (self.is_flying and self._idle_ns):
+            self._idle_ns = now_ns
+        self._tells = now_ns - self._idle_ns > SILENT * SECOND
+        if self._tells:
             self._tell(now_ns)
         edges = frozenset(
             edge
@@ -131,9 +166,7 @@ class Pilot:
         mine = fresh[own]
         seen = {j: mine.bearings_y[j] for i, j in edges if i == own}
         seen_by = {
-            i: (fresh[i].bearings_y[own], math.remainder(mine.yaw - fresh[i].yaw, 2.0 * math.pi))
-            for i, j in edges
-            if j == own
+            i: (fresh[i].bearings_y[own], self._turned(fresh[i])) for i, j in edges if j == own
         }
         desired = {edge: self._shape.desired[edge] for edge in edges}
         velocity_y, yaw_rate = formation_velocity(
@@ -154,13 +187,14 @@ class Pilot:
 
     def _scale(self, fresh: dict[int, Message]) -> float:
         """Return m in a unit of the desired shape, by the one measured distance; 0: not known."""
-        first, places = fresh.get(0), self._shape.places
-        if first is None:
+        leader, places = self._leader(fresh), self._shape.places
+        if leader is None:
             return 0.0
-        return first.distance / float(np.linalg.norm(places[1] - places[0]))
+        apart = float(np.linalg.norm(places[leader + 1] - places[leader]))
+        return fresh[leader].distance / apart
 
     def _steered(self, fresh: dict[int, Message], now_ns: int) -> tuple[Array, float]:
-        if not (scale := self._scale(fresh)):
+        if not (scale := self._scale(fresh)) or (leader := self._leader(fresh)) is None:
             return np.zeros(3), 0.0
         places, yaws = self._shape.places, self._shape.yaws
         c, s = math.cos(yaws[self._own]), math.sin(yaws[self._own])
@@ -168,8 +202,7 @@ class Pilot:
         place_y = (c * x + s * y, c * y - s * x, z)
         pace = steering_pace(self.eigenvalue, self._options.eigenvalue_min)
         self._tell_pace(pace, now_ns)
-        yaw = fresh[self._own].yaw - fresh[0].yaw
-        return steering_velocity(self.command, place_y, yaw, pace)
+        return steering_velocity(self.command, place_y, self._turned(fresh[leader]), pace)
 
     def _tell_pace(self, pace: float, now_ns: int) -> None:
         """Tell when the commanded motion slows down, and, 1 s after, when it no longer does."""
@@ -185,7 +218,7 @@ class Pilot:
     def _hold_together(self, edges: frozenset[Edge], vehicles: frozenset[int]) -> bool:
         """Return whether the edges in use make the formation rigid; tell when this changes."""
         is_rigid = self.eigenvalue > 0.0
-        if self.is_flying and is_rigid != self._was_rigid:
+        if self._tells and is_rigid != self._was_rigid:
             if is_rigid:
                 self._company.event("formation: rigid again")
             elif len(vehicles) < 2:
@@ -202,13 +235,14 @@ class Pilot:
     def _tell(self, now_ns: int) -> None:
         """Tell who is silent, and whose bearings contradict those of the others."""
         for k, name in enumerate(self._company.names):
+            if k in self.radio.absent:
+                continue
             newest = self._newest.get(k)
             is_silent = newest is None or now_ns - newest.stamp_ns > SILENT * SECOND
             if is_silent and k not in self._silent and k != self._own:
                 self._silent.add(k)
                 self._suspicion.forget(k)
-                told = "has left" if k in self.radio.left else "is silent; it is left out"
-                self._company.event(f"formation: {name} {told}")
+                self._company.event(f"formation: {self._why_silent(k)}")
             elif not is_silent and k in self._silent:
                 self._silent.remove(k)
                 self._company.event(f"formation: {name} is heard again")
@@ -220,6 +254,18 @@ class Pilot:
                 f"formation: the bearings of {self._name(suspect)} contradict those of the "
                 "others; they are left out"
             )
+
+    def _why_silent(self, k: int) -> str:
+        name = self._name(k)
+        if k in self.radio.left:
+            return f"{name} has left"
+        if (ahead := self.radio.apart.get(k)) is not None:
+            side = "ahead of" if ahead > 0.0 else "behind"
+            return (
+                f"the stamps of {name} are {abs(ahead):.1f} s {side} the clock of "
+                f"{self._name(self._own)}; it is left out: set its clock"
+            )
+        return f"{name} is silent; it is left out"
 
     def _name(self, k: int) -> str:
         return self._company.names[k]

@@ -86,6 +86,8 @@ class Guard:
         near: dict[int, Array] = {}
         missing: list[int] = []
         for k in self._others:
+            if k in self._radio.absent:
+                continue
             place = self._radio.places.get(k)
             age = math.inf if place is None else 1e-9 * (now_ns - place.stamp_ns)
             if place is not None and age <= SILENT:

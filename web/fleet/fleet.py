@@ -87,7 +87,9 @@ class Fleet:
                 now = loop.time()
                 if one.is_looked_at:
                     self._seen[one.vehicle] = now
-                wanted = (POSITION if self._plots else frozenset()) | one.feed.topics & FAST
+                wanted = one.wanted | one.feed.topics & FAST
+                if self._plots:
+                    wanted |= POSITION
                 if now - self._seen[one.vehicle] <= LINGER:
                     wanted |= SEEN
                 if wanted == self._taken.get(one.vehicle, frozenset()):

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from console.experiments.together import Neighbour
+from extensions.formations.messages import Whereabouts
 from extensions.formations.options import FormationOptions
 from extensions.formations.pilot import Pilot
 from extensions.formations.separation import Guard
@@ -15,6 +16,8 @@ from extensions.formations.shape import shape_of
 from quadrotor.records import Array
 
 MEETING = 0.01
+DESCENT = 0.4
+"""m/s"""
 LIMITS = np.array([1.0, 1.0, 0.5])
 """m/s"""
 
@@ -77,6 +80,7 @@ class Flock:
             Guard(here, pilot.radio) for here, pilot in zip(self.all, self.pilots, strict=True)
         ]
         self.nearest, self._share = math.inf, MEETING / max(MEETING, lag)
+        self._landing: set[int] = set()
 
     def quaternion(self, index: int) -> tuple[float, float, float, float]:
         half = 0.5 * float(self.yaws[index])
@@ -87,6 +91,18 @@ class Flock:
         self.fly(0.2)
         for pilot in self.pilots:
             pilot.is_flying = True
+
+    def land(self, index: int) -> None:
+        """Let a vehicle leave the formation and land."""
+        self._landing.add(index)
+        self.pilots[index].is_flying = False
+        self.pilots[index].radio.has_left = True
+
+    def bring_back(self, index: int) -> None:
+        """Let a vehicle that has left be part of the formation again."""
+        self._landing.discard(index)
+        self.pilots[index].is_flying = True
+        self.pilots[index].radio.has_left = False
 
     def fly(self, seconds: float) -> None:
         i, j = np.triu_indices(self.count, 1)
@@ -103,6 +119,10 @@ class Flock:
                 if pilot.is_flying:
                     x, y, z = self.guards[k].keep((x, y, z), self.places[k], self.now_ns, LIMITS)
                 wanted = np.array([c * x - s * y, s * x + c * y, z])
+                if k in self._landing:
+                    wanted = np.array([0.0, 0.0, -DESCENT if self.places[k, 2] > 0.0 else 0.0])
+                    place, velocity = self.places[k].tolist(), self.velocities[k].tolist()
+                    pilot.radio.own = Whereabouts(self.now_ns, tuple(place), tuple(velocity))
                 self.velocities[k] += self._share * (wanted - self.velocities[k])
                 self.yaws[k] += MEETING * pilot.yaw_rate
             self.places += MEETING * self.velocities

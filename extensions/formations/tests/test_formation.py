@@ -44,6 +44,9 @@ CONTRADICTING = (
             "experiment.desired: '1 2 north' is no bearing; write 'observer observed azimuth",
         ),
         (4, ["experiment.fails=5"], "experiment.fails=5: there are vehicles 1 to 4"),
+        (4, ["experiment.joins=6"], "experiment.joins=6: there are vehicles 1 to 4"),
+        (0, [], "--vehicles 0"),
+        (1000, [], "--vehicles 1000"),
         (
             3,
             ["simulator.start_x=0", "simulator.start_y=0"],

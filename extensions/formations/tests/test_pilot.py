@@ -71,11 +71,49 @@ def test_lost_messages_leave_it_converging(loss: float) -> None:
     assert flock.nearest > 0.8
 
 
-def test_messages_that_are_late_leave_it_converging() -> None:
+def test_messages_that_are_late_leave_it_converging_and_turning() -> None:
     flock = _flock(_options(messages__delay=0.2))
     flock.fly(9.0)
     assert flock.error() < 1.2
     assert flock.nearest > 0.8
+    for pilot in flock.pilots:
+        pilot.command = NullMotion(yaw_rate=0.3)
+    flock.fly(2.0)
+    assert flock.error() < 1.2, "3.4 deg, where yaws of different times are compared"
+
+
+def test_a_clock_that_is_apart_is_told_and_its_vehicle_is_left_out() -> None:
+    options = _options()
+    options[1].messages.clock = 12.0
+    flock = _flock(options)
+    flock.fly(2.0)
+    for here in (flock.all[0], flock.all[2]):
+        own = here.names[here.index]
+        assert here.events == [
+            f"formation: the stamps of quad2 are 12.0 s ahead of the clock of {own}; it is left "
+            "out: set its clock"
+        ]
+    assert "formation: no other vehicle is in contact; it brakes" in flock.all[1].events
+    assert np.abs(flock.velocities[1]).max() < 1e-9
+    assert min(pilot.eigenvalue for k, pilot in enumerate(flock.pilots) if k != 1) > 0.0
+
+
+def test_the_next_vehicle_leads_when_the_first_one_leaves_and_it_may_return() -> None:
+    flock = _flock(_options())
+    flock.fly(8.0)
+    flock.land(0)
+    for pilot in flock.pilots:
+        pilot.command = NullMotion((0.0, 0.0, 0.1))
+    flock.fly(2.0)
+    height = flock.places[1:, 2].mean()
+    flock.fly(1.0)
+    assert flock.places[1:, 2].mean() - height == pytest.approx(0.1, abs=0.03)
+    first = flock.pilots[0]
+    flock.bring_back(0)
+    flock.fly(1.0)
+    assert first.is_flying
+    for here in flock.all[1:]:
+        assert here.events == ["formation: quad1 has left", "formation: quad1 is heard again"]
 
 
 def test_without_any_message_it_brakes_and_tells_who_is_silent() -> None:

@@ -149,6 +149,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /fleet": (VIEWER, None),
     "GET /api/fleet": (VIEWER, None),
     "POST /api/fleet/land": (VIEWER, {}),
+    "GET /api/formation": (VIEWER, None),
+    "PUT /api/formation": (OPERATOR, {"speed": 0.5}),
     "POST /api/foxglove/link": (VIEWER, {}),
     "GET /api/foxglove/layout": (VIEWER, None),
     "GET /setup": (VIEWER, None),
@@ -177,6 +179,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "WEBSOCKET /ws/picture/{camera}": (VIEWER, None),
     "WEBSOCKET /camera": (VIEWER, None),
     "WEBSOCKET /ws/fleet": (VIEWER, None),
+    "WEBSOCKET /formation": (VIEWER, None),
+    "WEBSOCKET /formation/sticks": (OPERATOR, None),
     "WEBSOCKET /foxglove": (VIEWER, None),
 }
 HTTP = [route for route in LEAST if not route.startswith("WEBSOCKET")]

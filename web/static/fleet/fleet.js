@@ -3,6 +3,7 @@
 import { get } from "../core/api.js";
 import { begin, followConnection } from "../core/connection.js";
 import { $ } from "../core/dom.js";
+import { showPanels } from "../console/panels.js";
 import { LandAll } from "./land.js";
 import { FleetPlot } from "./plot.js";
 import { FleetTable } from "./table.js";
@@ -37,6 +38,7 @@ async function start() {
     if (silence > 0.8)
       table.show(vehicles.map((one) => ({ ...one, age: one.age === null ? null : one.age + silence })));
   }, 500);
+  showPanels({ session, land, vehicles: () => vehicles });
   followConnection(socket, "; Emergency land all still tries");
 }
 

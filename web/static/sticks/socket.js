@@ -17,12 +17,15 @@ export const CAUSES = [
 const KEPT = 100; // round trips: 2 s
 
 export class StickLink extends EventTarget {
-  constructor() {
+  // more(): further axes of a frame, after those of every vehicle.
+  /** @param {() => number[]} more */
+  constructor(path = "/ws/stick", more = () => []) {
     super();
+    this.more = more;
     this.number = 0;
     this.waiting = new Map(); // number → when it was sent
     this.trips = []; // ms
-    this.socket = new Socket("/ws/stick");
+    this.socket = new Socket(path);
     this.socket.addEventListener("message", ({ data }) => this.receive(JSON.parse(data)));
     this.socket.addEventListener("close", () => {
       this.waiting.clear();
@@ -37,11 +40,13 @@ export class StickLink extends EventTarget {
 
   // Returns the frame's number.
   send(axes, held, cause = "released") {
-    const frame = new DataView(new ArrayBuffer(28));
+    const more = held ? this.more() : this.more().fill(0),
+      frame = new DataView(new ArrayBuffer(28 + 4 * more.length));
     axes.forEach((value, i) => frame.setFloat32(4 * i, value, true));
     frame.setFloat32(16, held ? 1 : 0, true);
     frame.setUint32(20, ++this.number, true);
     frame.setUint32(24, CAUSES.indexOf(cause), true);
+    more.forEach((value, i) => frame.setFloat32(28 + 4 * i, value, true));
     if (held) this.waiting.set(this.number, performance.now());
     this.socket.send(frame.buffer);
     return this.number;

@@ -29,9 +29,10 @@ export class Sticks {
 
   since;
 
-  // emergency: {press(action)}
-  constructor(emergency) {
+  // emergency: {press(action)}; newLink(): where the frames go.
+  constructor(emergency, newLink = () => new StickLink()) {
     this.emergency = emergency;
+    this.newLink = newLink;
     this.keys = new StickKeys();
     this.touch = new TouchSticks();
     this.link = null; // made at the first sign of use
@@ -210,7 +211,7 @@ export class Sticks {
   }
 
   connect() {
-    this.link = new StickLink();
+    this.link = this.newLink();
     this.link.addEventListener("answer", ({ detail }) => {
       if (!this.on || detail.n <= this.since) return;
       this.note = detail.why;
