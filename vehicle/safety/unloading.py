@@ -28,6 +28,9 @@ learnt, and may be wrong; a fall of the thrust that nothing follows shows the gr
 """
 DWELL = 0.03
 """Time, in s, for which the one or the other must show."""
+STUCK_SAMPLES = 60
+"""Number of equal readings after which the accelerometer is stuck; calm axes in whole counts stay
+the same for up to 26 samples at 500 Hz."""
 LONGEST = 0.4
 """Time, in s, after which a test ends: on the ground where the specific force is that of rest, as
 no air carries a vehicle that has given up so much thrust; else in the air."""
@@ -52,6 +55,12 @@ class Unloading:
         self.share = 0.0
         self._lift = self._thrust_lift = self._began_at = GRAVITY
         self._lasted = self._carried = self._falling = 0.0
+        self._reading, self._repeats = math.nan, 0
+
+    @property
+    def is_blind(self) -> bool:
+        """Return whether the accelerometer repeats one reading, so that a test shows nothing."""
+        return self._repeats >= STUCK_SAMPLES
 
     @property
     def is_running(self) -> bool:
@@ -76,6 +85,8 @@ class Unloading:
         """
         if not math.isfinite(lift + thrust_lift):
             return
+        self._repeats = self._repeats + 1 if lift == self._reading else 0
+        self._reading = lift
         self._lift += min(1.0, dt / SMOOTHING) * (lift - self._lift)
         self._thrust_lift += min(1.0, dt / LAG) * (thrust_lift - self._thrust_lift)
 

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.onboard.landings import Disturbance, hovering, land
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.safety.ground_contact import GroundContact
@@ -80,6 +81,17 @@ def test_a_reading_that_is_no_number_does_not_outlast_its_sample() -> None:
     assert Verdict.AIR not in verdicts
 
 
+def test_an_accelerometer_that_repeats_its_reading_shows_nothing() -> None:
+    test = Unloading()
+    for _ in range(60):
+        test.observe(GRAVITY, GRAVITY, DT)
+    assert not test.is_blind, "calm axes stay the same for some samples"
+    test.observe(GRAVITY, GRAVITY, DT)
+    assert test.is_blind
+    test.observe(1.01 * GRAVITY, GRAVITY, DT)
+    assert not test.is_blind
+
+
 CASES = {
     "a push of 11 % of the weight": Disturbance("push", {"push_z": 1.4}, 1.5, 0.3),
     "a released payload": Disturbance(
@@ -92,8 +104,13 @@ CASES = {
 }
 
 
-def test_what_lifts_a_landing_vehicle_is_not_taken_for_the_ground() -> None:
-    flight = hovering(1)
+@pytest.fixture(scope="module")
+def flight() -> WatchedFlight:
+    """Return a hovering flight, of which each landing is a copy."""
+    return hovering(1)
+
+
+def test_what_lifts_a_landing_vehicle_is_not_taken_for_the_ground(flight: WatchedFlight) -> None:
     descents = [(name, "land") for name in CASES] + [("a released payload", "emergency_landing")]
     refuted = 0
     for name, behavior in descents:
@@ -103,6 +120,20 @@ def test_what_lifts_a_landing_vehicle_is_not_taken_for_the_ground() -> None:
         assert found.impact < 0.7, (name, behavior, found)
         assert found.told is not None, (name, behavior, found)
     assert refuted >= len(descents) // 2, "what looks like the ground and is none is told"
+
+
+@pytest.mark.parametrize("behavior", ["land", "emergency_landing"])
+def test_a_stuck_accelerometer_is_no_witness_of_the_ground(
+    flight: WatchedFlight, behavior: str
+) -> None:
+    """A stuck reading shows the weight at rest, however little the motors give."""
+    stuck = Disturbance("none", {"faults": "imu.stuck sensor=accelerometer axis=z"}, 0.5)
+    found = land(flight, stuck, behavior)
+    assert found.contact is not None
+    assert found.told is not None, "the landing ends nevertheless"
+    assert not found.is_in_the_air, found
+    assert found.impact < 0.8, found
+    assert found.told - found.contact < 1.5
 
 
 def test_a_hard_touch_down_is_recognised_although_the_climb_rate_is_wrong_after_it() -> None:
