@@ -1,0 +1,76 @@
+"""Forces and torques of a moment, and poses that scatter, where all other witnesses agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from console.evaluation.findings import Finding
+from extensions.explanation.explain import explain
+from extensions.explanation.tests.made_flight import PARAMETERS, Flight
+from extensions.explanation.tests.test_diagnosis import numbers
+from quadrotor.records import Array
+
+INERTIA = np.array([0.0154, 0.0154, 0.025])
+KNOWN = PARAMETERS | {
+    f"model.inertia_{axis}": float(value)
+    for axis, value in zip(("xx", "yy", "zz"), INERTIA, strict=True)
+}
+AT, LASTS = 20.0, 0.4  # s
+
+
+def explained(wrong: Callable[[Flight, Array], object]) -> list[Finding]:
+    """Return what is found where something is wrong for a moment; the torques are those flown."""
+    flight = Flight()
+    smooth = np.apply_along_axis(np.convolve, 0, flight.rates, np.full(50, 0.02), "same")
+    flight.torque = INERTIA * np.gradient(smooth, 0.002, axis=0)
+    wrong(flight, (flight.time >= AT) & (flight.time < AT + LASTS))
+    return explain(flight.topics(), KNOWN)
+
+
+def torque(flight: Flight, during: Array) -> None:
+    flight.torque[during, 1] -= 0.08
+
+
+def little_torque(flight: Flight, during: Array) -> None:
+    flight.torque[during, 1] -= 0.02
+
+
+def push(flight: Flight, during: Array) -> None:
+    flight.thrust[during] *= 0.88
+
+
+def misread(flight: Flight, during: Array) -> None:
+    flight.felt[during, 2] += 1.5
+
+
+def noise(flight: Flight, during: Array) -> None:
+    noisy = (flight.poses >= AT) & (flight.poses < AT + 6.0)
+    flight.tracked[noisy] += 0.02 * flight.chance.normal(size=(int(noisy.sum()), 3))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "kind", "figure", "near"),
+    [
+        (torque, "outside_torque", 80.0, 4.0),
+        (push, "thrust_off", 1.2, 0.1),
+        (noise, "tracker_noisy", 20.0, 4.0),
+    ],
+)
+def test_what_acts_for_a_moment_is_named_with_its_figure(
+    wrong: Callable[[Flight, Array], None], kind: str, figure: float, near: float
+) -> None:
+    [found] = [one for one in explained(wrong) if not one.follows]
+    assert found.kind == kind
+    assert found.start == pytest.approx(AT, abs=0.4 if kind != "tracker_noisy" else 2.0)
+    assert any(abs(one - figure) <= near for one in numbers(found.claim)), found.claim
+
+
+@pytest.mark.parametrize("wrong", [lambda flight, during: None, little_torque, misread])
+def test_no_force_is_claimed_that_one_witness_alone_shows(
+    wrong: Callable[[Flight, Array], None],
+) -> None:
+    kinds = [one.kind for one in explained(wrong)]
+    assert not {"outside_torque", "outside_force", "thrust_off"} & set(kinds)
