@@ -36,6 +36,8 @@ NEUTRAL = {"factor": 1.0, "gain": 1.0}
 """Value of a parameter of a fault with which it would do nothing, where that is not 0."""
 PLACES = ("world.updraught", "world.wake", "world.wall")
 """Faults whose x, y and at are places, which are moved by some decimetres instead."""
+SMALLEST = {"imu.clip": {"accelerometer": 11.0}}
+"""Values below which a sensor would be none: an accelerometer has to hold the weight."""
 LEAST, MOST = 0.3, 5.0
 """Smallest and largest size over that of the declaration."""
 SEVERAL, NONE = 0.35, 0.1
@@ -98,7 +100,9 @@ def _values(name: str, chance: np.random.Generator) -> str:
         elif name in PLACES and one.name in ("x", "y", "at"):
             words.append(f"{one.name}={float(one.default) + chance.normal(0.0, 0.3):.2f}")
         else:
-            words.append(f"{one.name}={_sized(one, described, size, chance):.5g}")
+            value = _sized(one, described, size, chance)
+            value = max(value, SMALLEST.get(name, {}).get(one.name, value))
+            words.append(f"{one.name}={value:.5g}")
     return " ".join(words)
 
 

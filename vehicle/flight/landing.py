@@ -114,7 +114,8 @@ class Landing:
             wanted, flown = (s["velocity_w"].item(2) for s in (tick.reference, tick.state))
         else:
             wanted, flown = level.climb or 0.0, self.altitude.climb
-        is_stopped = wanted < -LEAST_DESCENT and flown > STOPPED * wanted
+        most = LEAST_DESCENT if self.unloading.is_blind else math.inf  # no test follows
+        is_stopped = wanted < -LEAST_DESCENT and STOPPED * wanted < flown < most
         waits = self.stopped < 0.0 or is_stopped
         self.stopped = self.stopped + dt if waits else 0.0
         if self.unloading.unexplained > BLOW * GRAVITY:
