@@ -54,8 +54,9 @@ KINDS: dict[str, set[str]] = {}
 """Kinds of finding that name a fault, by its name."""
 for _one in NAMED:
     KINDS.setdefault(_one.text.split()[0], set()).update(_one.kinds)
-_PUSH, _TURN = {"outside_force", "thrust_off"}, {"outside_torque"}
+_PUSH, _TURN, _MOVED = {"outside_force", "thrust_off"}, {"outside_torque"}, {"tracker_jumped"}
 MORE: dict[str, set[str]] = {
+    "imu.gaps": {"ended_in_flight"},
     "motors.fade": _TURN,
     "motors.flicker": _TURN,
     "simulator.corrupted_bytes": {"imu_gaps"},
@@ -65,6 +66,9 @@ MORE: dict[str, set[str]] = {
     "simulator.thrust_efficiency": {"thrust_off"},
     "tracker.attitude_noise": {"tracker_noisy"},
     "tracker.position_noise": {"tracker_noisy"},
+    "tracker.handedness": _MOVED,
+    "tracker.scale": _MOVED,
+    "tracker.tilt": _MOVED,
     "vehicle.centre": _TURN,
     "world.updraught": _PUSH,
     "world.wake": _PUSH,

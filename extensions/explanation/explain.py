@@ -27,6 +27,7 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
     repetitions.tracker_frozen,
     repetitions.imu_stuck,
     repetitions.imu_gaps,
+    repetitions.ended_in_flight,
     repetitions.barometer_stuck,
     repetitions.barometer_off,
     repetitions.battery_stuck,
@@ -91,6 +92,8 @@ CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
     "outside_force": ("drag_off",),
 }
 """Kinds of finding that another one can bring about: those come after it, not beside it."""
+_JUMPED = "tracker_jumped"
+"""Kind that any other finding about the tracker brings about."""
 
 
 def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
@@ -113,6 +116,8 @@ def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
     for cause, kinds in CONSEQUENCES.items():
         if cause in found and not found[cause].follows:
             found |= {k: replace(found[k], follows=True) for k in kinds if k in found}
+    if _JUMPED in found and any(k.startswith("tracker_") for k in found if k != _JUMPED):
+        found[_JUMPED] = replace(found[_JUMPED], follows=True)
     return sorted(_with_confidence(found.values()), key=lambda one: (one.follows, -one.weight))
 
 

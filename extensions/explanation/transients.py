@@ -13,15 +13,18 @@ import numpy as np
 from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics
 from extensions.explanation.blocks import SETTLING, has, longest, number
 from extensions.explanation.residuals import Motion, integrated, motion_of
-from flight_log.fields import RATE, TORQUE_B, axes
+from flight_log.fields import RATE, TORQUE_B, TRACKED, axes
 
 LENGTH, STEP = 0.25, 0.125
 """Length of a change and time between two, in s."""
 EDGE = 0.03
 """Time in s about its ends over which rates and places are averaged, to both sides."""
-TURN, PUSH = 3.0, 0.75
-"""Limits in rad/s² and m/s² beside what the motors were commanded. In the rough world gusts make
-up to 1.2 rad/s² and 0.5 m/s²."""
+TURN, PUSH = (1.0, 3.0), (0.3, 0.75)
+"""Least and largest limits in rad/s² and m/s² beside what the motors were commanded."""
+USUAL = 5.0
+"""Multiple of a flight's usual changes that is the limit between those: gusts make them larger."""
+ALONE = (0.5, 1.2)
+"""Least and largest limit in m/s² of what the poses alone show."""
 PRECISE = 0.3
 """Largest standard deviation in m/s² of the poses' acceleration with which they are a witness."""
 LEAST_POSES = 4
@@ -54,12 +57,13 @@ def _torques(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[F
     excess = np.array([row if row is not None else np.zeros(3) for row in rows]).reshape(-1, 3)
     excess -= np.median(excess, axis=0, keepdims=True) if len(excess) else 0.0  # what always acts
     size = np.linalg.norm(excess, axis=1)
-    for start, end in longest(starts, size, TURN, 2, STEP):
+    limit = _limit(size, TURN)
+    for start, end in longest(starts, size, limit, 2, STEP):
         worst = int(np.argmax(np.where((starts >= start) & (starts < end), size, 0.0)))
         x, y, z = 1e3 * inertia * excess[worst]
         yield _finding(
             kind="outside_torque",
-            figures=(float(size[worst]) / TURN, start, end + LENGTH - STEP),
+            figures=(float(size[worst]) / limit, start, end + LENGTH - STEP),
             claim=f"For {end - start + LENGTH - STEP:.1f} s a torque acted that the motors were "
             f"not commanded, up to {x:+.0f}, {y:+.0f}, {z:+.0f} mN m (body axes).",
             alike=(
@@ -69,7 +73,7 @@ def _torques(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[F
                 "a gust",
             ),
             signals=("torque.x", "torque.y", *(f"imu/{name}" for name in RATE)),
-            evidence=("angular acceleration that was not commanded", "rad/s²", TURN),
+            evidence=("angular acceleration that was not commanded", "rad/s²", limit),
             time=starts,
             values=size,
         )
@@ -113,24 +117,52 @@ def _forces(motion: Motion, pushed: Array, spans: Spans) -> Iterator[Finding]:
         return
     size = np.linalg.norm(excess, axis=2)
     apart = np.linalg.norm(excess[:, 0] - excess[:, 1], axis=1)
+    by_motors = np.linalg.norm(excess[:, 1], axis=1)
+    yield from _jumped(starts, np.minimum(apart, by_motors), known)
     both = np.where(known & (apart < 0.5 * size.max(axis=1)), size.min(axis=1), 0.0)
-    for start, end in longest(starts, both, PUSH, 2, STEP):
+    limit = _limit(both, PUSH)
+    for start, end in longest(starts, both, limit, 2, STEP):
         inside = (starts >= start) & (starts < end)
         worst = int(np.argmax(np.where(inside, both, 0.0)))
         x, y, z = excess[worst, 0]
         is_up = abs(z) > np.hypot(x, y)
         yield _finding(
             kind="thrust_off" if is_up else "outside_force",
-            figures=(float(both[worst]) / PUSH, start, end + LENGTH - STEP),
+            figures=(float(both[worst]) / limit, start, end + LENGTH - STEP),
             claim=f"For {end - start + LENGTH - STEP:.1f} s a force acted beside the commanded "
             f"thrust, up to {x:+.1f}, {y:+.1f}, {z:+.1f} m/s² times the mass (world axes).",
             alike=("a push", "a gust", "motors that give less or more")
             if is_up
             else ("a push", "a gust", "a wall", "a cable"),
             signals=("thrust", *axes("disturbance")),
-            evidence=("acceleration beside the commanded thrust", "m/s²", PUSH),
+            evidence=("acceleration beside the commanded thrust", "m/s²", limit),
             time=starts,
             values=both,
+        )
+
+
+def _limit(size: Array, between: tuple[float, float]) -> float:
+    least, largest = between
+    usual = 1.48 * float(np.median(size)) if len(size) else 0.0
+    return min(largest, max(least, USUAL * usual))
+
+
+def _jumped(starts: Array, apart: Array, known: Array) -> Iterator[Finding]:
+    """Find poses that jump or move although neither accelerometer nor motors show it."""
+    size = np.where(known, apart, 0.0)
+    limit = _limit(apart[known], ALONE)
+    for start, end in longest(starts, size, limit, 1, STEP):
+        most = float(size[(starts >= start) & (starts < end)].max())
+        yield _finding(
+            kind="tracker_jumped",
+            figures=(most / limit, start, end + LENGTH - STEP),
+            claim=f"The tracker's poses moved with up to {most:.1f} m/s² that neither the "
+            "accelerometer nor the motors had.",
+            alike=("a jump", "axes or a scale that changed", "stamps that changed"),
+            signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
+            evidence=("acceleration that the poses alone show", "m/s²", limit),
+            time=starts,
+            values=size,
         )
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from console.evaluation.findings import Finding
 from extensions.explanation.explain import explain
-from extensions.explanation.tests.made_flight import PARAMETERS, Flight
+from extensions.explanation.tests.made_flight import PARAMETERS, Columns, Flight
 from extensions.explanation.tests.test_diagnosis import numbers
 from quadrotor.records import Array
 
@@ -35,7 +35,7 @@ def torque(flight: Flight, during: Array) -> None:
 
 
 def little_torque(flight: Flight, during: Array) -> None:
-    flight.torque[during, 1] -= 0.02
+    flight.torque[during, 1] -= 0.01
 
 
 def push(flight: Flight, during: Array) -> None:
@@ -74,3 +74,33 @@ def test_no_force_is_claimed_that_one_witness_alone_shows(
 ) -> None:
     kinds = [one.kind for one in explained(wrong)]
     assert not {"outside_torque", "outside_force", "thrust_off"} & set(kinds)
+
+
+def test_poses_that_jump_alone_are_named_and_follow_from_another_cause_of_the_tracker() -> None:
+    def jump(flight: Flight, during: Array) -> None:
+        flight.tracked[flight.poses >= AT, 0] += 0.03
+
+    def noisy_jump(flight: Flight, during: Array) -> None:
+        jump(flight, during)
+        noise(flight, during)
+
+    [alone] = [one for one in explained(jump) if not one.follows]
+    assert (alone.kind, alone.start) == ("tracker_jumped", pytest.approx(AT, abs=0.4))
+    found = {one.kind: one.follows for one in explained(noisy_jump)}
+    assert found == {"tracker_noisy": False, "tracker_jumped": True}
+
+
+def test_a_log_that_ends_in_flight_is_named() -> None:
+    topics = Flight().topics()
+    status = topics["status"]
+    flown = status.time < 30.0
+    topics["status"] = Columns(status.time[flown], {"airborne": status.values("airborne")[flown]})
+    [found] = explain(topics, KNOWN | {"model.inertia_xx": 0.0})
+    assert (found.kind, round(found.end)) == ("ended_in_flight", 30)
+
+
+def test_a_flight_of_some_seconds_is_explained_too() -> None:
+    flight = Flight()
+    flight.airborne = (flight.time > 18.0) & (flight.time < 22.0)
+    flight.tracked[(flight.poses >= 20.0) & (flight.poses < 20.5)] = flight.tracked[0]
+    assert explain(flight.topics(), PARAMETERS)[0].kind == "tracker_frozen"
