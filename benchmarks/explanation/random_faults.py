@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,7 +109,7 @@ def _values(name: str, chance: np.random.Generator) -> str:
 
 def _sized(
     one: ParameterDescription,
-    described: list[ParameterDescription],
+    described: Sequence[ParameterDescription],
     size: float,
     chance: np.random.Generator,
 ) -> float:

@@ -5,48 +5,51 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from console.evaluation.findings import Finding
 from extensions.explanation.explain import explain
 from extensions.explanation.tests.made_flight import PARAMETERS, Columns, Flight
 from extensions.explanation.tests.test_diagnosis import numbers
-from quadrotor.records import Array
 
 INERTIA = np.array([0.0154, 0.0154, 0.025])
 KNOWN = PARAMETERS | {
     f"model.inertia_{axis}": float(value)
     for axis, value in zip(("xx", "yy", "zz"), INERTIA, strict=True)
 }
+Rows = npt.NDArray[np.bool_]
+Wrong = Callable[[Flight, Rows], None]
 AT, LASTS = 20.0, 0.4  # s
 
 
-def explained(wrong: Callable[[Flight, Array], object]) -> list[Finding]:
+def explained(wrong: Wrong) -> list[Finding]:
     """Return what is found where something is wrong for a moment; the torques are those flown."""
     flight = Flight()
     smooth = np.apply_along_axis(np.convolve, 0, flight.rates, np.full(50, 0.02), "same")
     flight.torque = INERTIA * np.gradient(smooth, 0.002, axis=0)
-    wrong(flight, (flight.time >= AT) & (flight.time < AT + LASTS))
+    during = (flight.time >= AT) & (flight.time < AT + LASTS)
+    wrong(flight, during)
     return explain(flight.topics(), KNOWN)
 
 
-def torque(flight: Flight, during: Array) -> None:
+def torque(flight: Flight, during: Rows) -> None:
     flight.torque[during, 1] -= 0.08
 
 
-def little_torque(flight: Flight, during: Array) -> None:
+def little_torque(flight: Flight, during: Rows) -> None:
     flight.torque[during, 1] -= 0.01
 
 
-def push(flight: Flight, during: Array) -> None:
+def push(flight: Flight, during: Rows) -> None:
     flight.thrust[during] *= 0.88
 
 
-def misread(flight: Flight, during: Array) -> None:
+def misread(flight: Flight, during: Rows) -> None:
     flight.felt[during, 2] += 1.5
 
 
-def noise(flight: Flight, during: Array) -> None:
+def noise(flight: Flight, during: Rows) -> None:
     noisy = (flight.poses >= AT) & (flight.poses < AT + 6.0)
     flight.tracked[noisy] += 0.02 * flight.chance.normal(size=(int(noisy.sum()), 3))
 
@@ -60,7 +63,7 @@ def noise(flight: Flight, during: Array) -> None:
     ],
 )
 def test_what_acts_for_a_moment_is_named_with_its_figure(
-    wrong: Callable[[Flight, Array], None], kind: str, figure: float, near: float
+    wrong: Wrong, kind: str, figure: float, near: float
 ) -> None:
     [found] = [one for one in explained(wrong) if not one.follows]
     assert found.kind == kind
@@ -69,23 +72,22 @@ def test_what_acts_for_a_moment_is_named_with_its_figure(
 
 
 @pytest.mark.parametrize("wrong", [lambda flight, during: None, little_torque, misread])
-def test_no_force_is_claimed_that_one_witness_alone_shows(
-    wrong: Callable[[Flight, Array], None],
-) -> None:
+def test_no_force_is_claimed_that_one_witness_alone_shows(wrong: Wrong) -> None:
     kinds = [one.kind for one in explained(wrong)]
     assert not {"outside_torque", "outside_force", "thrust_off"} & set(kinds)
 
 
 def test_poses_that_jump_alone_are_named_and_follow_from_another_cause_of_the_tracker() -> None:
-    def jump(flight: Flight, during: Array) -> None:
+    def jump(flight: Flight, during: Rows) -> None:
         flight.tracked[flight.poses >= AT, 0] += 0.03
 
-    def noisy_jump(flight: Flight, during: Array) -> None:
+    def noisy_jump(flight: Flight, during: Rows) -> None:
         jump(flight, during)
         noise(flight, during)
 
     [alone] = [one for one in explained(jump) if not one.follows]
-    assert (alone.kind, alone.start) == ("tracker_jumped", pytest.approx(AT, abs=0.4))
+    assert alone.kind == "tracker_jumped"
+    assert alone.start == pytest.approx(AT, abs=0.4)
     found = {one.kind: one.follows for one in explained(noisy_jump)}
     assert found == {"tracker_noisy": False, "tracker_jumped": True}
 
