@@ -47,7 +47,10 @@ def with_groups(
 
 def faults_to_come(parameters: FlightParameters, lasted: float) -> list[str]:
     """Return the faults whose schedules begin only after a flight of this duration (s)."""
-    of = (parameters.simulator, parameters.tracker, parameters.bearings)
-    catalogues = (table.CATALOGUE, tracker.CATALOGUE, bearings.CATALOGUE)
-    entries = [e for c, p in zip(catalogues, of, strict=True) for e in c.parse(p.faults, p)]
+    p = parameters
+    entries = [
+        *table.CATALOGUE.parse(p.simulator.faults, p.simulator),
+        *tracker.CATALOGUE.parse(p.tracker.faults, p.tracker),
+        *bearings.CATALOGUE.parse(p.bearings.faults, p.bearings),
+    ]
     return [entry.text for entry in entries if entry.schedule.begin_ns > lasted * 1e9]
