@@ -53,7 +53,7 @@ FOLDERS = {
         "network_localisation",
         "formation_faults",
     ),
-    "explanation": ("explanations", "diagnosis"),
+    "explanation": ("explanations", "diagnosis", "fault_verdicts"),
     "firmware": ("firmware",),
     "flights": (
         "bearing_flights",
@@ -108,6 +108,7 @@ OWN_OPTIONS = {
     "seed": (
         "fuzz_logs",
         "fuzz_imports",
+        "fault_verdicts",
         "firmware",
         "hostile_bytes",
         "hostile_doors",
@@ -117,7 +118,7 @@ OWN_OPTIONS = {
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
     "only": ("hostile_plugins",),
-    "flights": ("hostile_flights", "hostile_plugins", "tracking_faults"),
+    "flights": ("fault_verdicts", "hostile_flights", "hostile_plugins", "tracking_faults"),
 }
 """Options that only some benchmarks have, with the names of these."""
 
@@ -142,7 +143,9 @@ def main() -> int:
         "--seed", type=int, help="number of the first mutated log or flight, or stream"
     )
     parser.add_argument(
-        "--flights", type=int, help="of hostile_flights, or a kind of hostile_plugins"
+        "--flights",
+        type=int,
+        help="of fault_verdicts, hostile_flights, or a kind of hostile_plugins",
     )
     parser.add_argument("--only", help="of hostile_plugins: law, estimator, behavior or sensor")
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")

@@ -60,6 +60,7 @@ AFTER = f"""
 - `share` and `spell` make it random. The seed is that of simulator, tracker or bearings.
 - Two faults of one name may not overlap, except on different motors, axes, sensors or beacons.
 - When a fault ends, what it had moved is back at once.
+- `quadlab fly` names the faults that would have begun after the end of the flight.
 - Faults act once for each sample or pose. Batches (`extensions.batches`) refuse them.
 
 ## Faults

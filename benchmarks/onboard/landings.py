@@ -62,7 +62,7 @@ class Disturbance:
     """
 
     kind: str
-    change: dict[str, float]
+    change: dict[str, float | str]
     at: float = 0.0
     lasting: float = ON
     before: dict[str, float] | None = None
@@ -78,6 +78,7 @@ class Landing:
         impact: m/s, the hardest.
         refuted: number of presumed touch-downs that were found to be none.
         doubted: whether the barometer, which is sound, was not believed.
+        what: behavior, disturbance and floor, in words.
     """
 
     kind: str
@@ -87,11 +88,25 @@ class Landing:
     impact: float = 0.0
     refuted: int = 0
     doubted: bool = False
+    what: str = ""
 
     @property
     def is_in_the_air(self) -> bool:
         """Return whether the vehicle took the air for the ground."""
         return self.height > DOWN
+
+    @property
+    def lasted(self) -> float:
+        """Return the time, in s, from contact to recognition; NaN without both."""
+        if self.told is None or self.contact is None or self.is_in_the_air:
+            return math.nan
+        return self.told - self.contact
+
+    @property
+    def is_bad(self) -> bool:
+        """Return whether the landing misses one of the limits."""
+        missed = self.is_in_the_air or self.told is None or self.impact > HARD
+        return missed or self.lasted > RECOGNISED
 
 
 def disturbance(kind: str, chance: np.random.Generator, scale: float = 1.0) -> Disturbance:
@@ -206,7 +221,9 @@ def fly_all(seed: int, count: int, board: str, behaviors: Sequence[str]) -> list
         disturbed = disturbance(KINDS[k % len(KINDS)], chance, _scale(board))
         slope = float(chance.choice([0.0, chance.uniform(-SLOPE, SLOPE)]))
         floor = {"ground_slope": slope, "ground_effect": float(chance.choice([0.0, 1.0]))}
-        landings.append(land(flight, disturbed, behaviors[k // len(KINDS) % len(behaviors)], floor))
+        behavior = behaviors[k // len(KINDS) % len(behaviors)]
+        landings.append(land(flight, disturbed, behavior, floor))
+        landings[-1].what = f"seed {seed}, landing {k}, {behavior}, {disturbed}, {floor}"
     return landings
 
 
@@ -244,6 +261,13 @@ def report(landings: Sequence[Landing], board: str, behaviors: Sequence[str]) ->
         Target("hardest touch-down, m/s", max(one.impact for one in landings), HARD),
         Target("recognised, s, median", statistics.median(_times(landings)), RECOGNISED),
         Target("recognised, s, 99 %", float(np.quantile(_times(landings), 0.99)), RECOGNISED),
+        Target("recognised later", sum(one.lasted > RECOGNISED for one in landings), 0),
+    ]
+    found.notes = [
+        f"{one.what}: {one.impact:.2f} m/s, recognised after {one.lasted:.2f} s, "
+        f"{one.height:.2f} m above the floor then"
+        for one in landings
+        if one.is_bad
     ]
     return found
 
@@ -264,12 +288,7 @@ def _figures(landings: Sequence[Landing]) -> dict[str, float | str]:
 
 def _times(landings: Sequence[Landing]) -> list[float]:
     """Return the times from contact to recognition; NaN alone when there is none."""
-    times = [
-        one.told - one.contact
-        for one in landings
-        if one.told is not None and one.contact is not None and not one.is_in_the_air
-    ]
-    return times or [float("nan")]
+    return [one.lasted for one in landings if math.isfinite(one.lasted)] or [math.nan]
 
 
 def main() -> None:

@@ -18,6 +18,8 @@ BLOCK = 2.0
 """Time in s over which most figures are computed."""
 SETTLING = 2.0
 """Seconds after take-off and before landing that are not judged, because of the ground effect."""
+SHORTEST = 3.0
+"""Shortest flight in s of which something is said."""
 AIRBORNE_HEIGHT = 0.5
 """Height in m above the lowest point that counts as flying, for logs without the status."""
 
@@ -36,7 +38,13 @@ def airborne(topics: Topics) -> Spans:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
     ends = np.append(series.time, series.time[-1:])
     spans = zip(ends[edges[::2]].tolist(), ends[edges[1::2]].tolist(), strict=True)
-    return [(a + SETTLING, b - SETTLING) for a, b in spans if b - a > 2.0 * SETTLING + BLOCK]
+    return [_settled(a, b) for a, b in spans if b - a > SHORTEST]
+
+
+def _settled(start: float, end: float) -> tuple[float, float]:
+    """Return the part of a flight that is judged: most of one that ends within seconds."""
+    left_out = min(SETTLING, (end - start) / 6.0)
+    return start + left_out, end - left_out
 
 
 def has(topics: Topics, topic: str, *names: str) -> bool:

@@ -15,8 +15,10 @@ from extensions.explanation import (
     instruments,
     motion,
     repetitions,
+    scatter,
     sightings,
     tracker,
+    transients,
 )
 from extensions.explanation.blocks import airborne
 
@@ -25,6 +27,7 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
     repetitions.tracker_frozen,
     repetitions.imu_stuck,
     repetitions.imu_gaps,
+    repetitions.ended_in_flight,
     repetitions.barometer_stuck,
     repetitions.barometer_off,
     repetitions.battery_stuck,
@@ -33,11 +36,13 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
     tracker.tracker_moved,
     motion.motion,
     motion.centre,
+    transients.transients,
     causes.weak_motor,
     causes.vibration,
     causes.tracker_late,
     causes.tracker_gaps,
     causes.tracker_outliers,
+    scatter.tracker_noisy,
     sightings.sightings,
     bearings.beacon_off,
     bearings.bearings_disagree,
@@ -62,28 +67,33 @@ _OF_BEARINGS = ("fell_back", "bearings_disagree", *_OF_THE_POSES)
 _SEEN = ("bearings_swapped", "bearings_distorted", "bearings_scattered")
 _SEEN_APART = ("tracker_against_bearings", *_SEEN)
 _OF_FORCES = ("thrust_off", "outside_force", "drag_off")
+_MISFELT = ("outside_torque", "outside_force", "thrust_off")
 CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
     "tracker_clock": ("tracker_gaps", "tracker_late", *_OF_THE_POSES, *_JUDGED_ON_BOARD),
     "tracker_frozen": (*_OF_THE_POSES, *_JUDGED_ON_BOARD, *_SEEN_APART, *_OF_THE_IMU),
-    "imu_stuck": (*_OF_THE_POSES, *_JUDGED_ON_BOARD, *_OF_THE_IMU),
-    "imu_clipped": (*_OF_THE_POSES, *_JUDGED_ON_BOARD, *_OF_THE_IMU),
-    "imu_gaps": ("tracker_late",),
+    "imu_stuck": (*_OF_THE_POSES, *_JUDGED_ON_BOARD, *_OF_THE_IMU, *_MISFELT),
+    "imu_clipped": (*_OF_THE_POSES, *_JUDGED_ON_BOARD, *_OF_THE_IMU, *_MISFELT),
+    "imu_gaps": ("tracker_late", *_MISFELT),
     "accelerometer_off": (*_JUDGED_ON_BOARD, "tracker_scale", "tracker_stamps", "gyroscope_off"),
     "tracker_moved": (*_SEEN_APART, *_OF_THE_IMU, "tracker_outliers", "tracker_tilted"),
     "tracker_tilted": (*_SEEN_APART, *_CONTRADICTED, "tracker_outliers", "tracker_stamps"),
     "tracker_contradicted": _SEEN_APART,
     "tracker_scale": (*_SEEN_APART, "tracker_stamps"),
-    "gyroscope_off": _CONTRADICTED,
+    "gyroscope_off": (*_CONTRADICTED, "outside_torque"),
     "bearings_swapped": (*_OF_BEARINGS, "beacon_off"),
     "bearings_distorted": (*_OF_BEARINGS, "beacon_off"),
     "beacon_off": _OF_BEARINGS,
-    "tracker_outliers": _SEEN_APART,
+    "tracker_outliers": (*_SEEN_APART, "tracker_noisy"),
+    "tracker_noisy": (*_SEEN_APART, *_CONTRADICTED, "tracker_scale", "tracker_stamps"),
     "bearings_scattered": _OF_BEARINGS,
-    "motor_weak": ("centre_off", *_OF_FORCES),
-    "vibration": ("inertial_suspect", "tracker_scale", "tracker_stamps"),
+    "motor_weak": ("centre_off", "outside_torque", *_OF_FORCES),
+    "centre_off": ("outside_torque",),
+    "vibration": ("outside_torque", "inertial_suspect", "tracker_scale", "tracker_stamps"),
     "outside_force": ("drag_off",),
 }
 """Kinds of finding that another one can bring about: those come after it, not beside it."""
+_JUMPED = "tracker_jumped"
+"""Kind that any other finding about the tracker brings about."""
 
 
 def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
@@ -106,6 +116,8 @@ def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
     for cause, kinds in CONSEQUENCES.items():
         if cause in found and not found[cause].follows:
             found |= {k: replace(found[k], follows=True) for k in kinds if k in found}
+    if _JUMPED in found and any(k.startswith("tracker_") for k in found if k != _JUMPED):
+        found[_JUMPED] = replace(found[_JUMPED], follows=True)
     return sorted(_with_confidence(found.values()), key=lambda one: (one.follows, -one.weight))
 
 

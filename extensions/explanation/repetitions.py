@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, within
+from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, stretches, within
 from extensions.explanation.blocks import blocks, has, longest, medians
 from flight_log.fields import FORCE, POSITION, RATE, TRACKED, TRACKED_ATTITUDE
 
@@ -29,6 +29,8 @@ STILL_VOLTAGE = 5.0
 """Limit in s of equal voltages, among them those before and after a take-off or a landing."""
 STARTED, STOPPED = 2.0, 0.4
 """Time in s after a take-off and after a landing within which the current moves the voltage."""
+ENDED = 1.0
+"""Least time in s of a flight that the end of the log cuts off."""
 MISSING = 0.01
 """Limit of the share of the IMU's samples that are missing."""
 ABOUT = 1.0
@@ -145,6 +147,23 @@ def imu_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
         time=time[1:],
         values=steps,
     )
+
+
+def ended_in_flight(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find a log that ends before its flight does."""
+    if not has(topics, "status", "airborne") or not spans:
+        return
+    status = topics["status"]
+    flown = stretches(status.time, status.values("airborne") > 0.5)
+    if flown and flown[-1][1] == status.time[-1] and flown[-1][1] - flown[-1][0] > ENDED:
+        end = float(status.time[-1])
+        yield _finding(
+            "ended_in_flight",
+            Repeated(end - ENDED, end, 0, 0),
+            ENDED,
+            "The log ends in flight: the board, its link or the recorder has failed.",
+            (),
+        )
 
 
 def barometer_stuck(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:

@@ -76,68 +76,82 @@ class Window:
 
 def windows(topics: Topics, parameters: Parameters, spans: Spans) -> list[Window]:
     """Return the residuals of a flight, window by window; empty where the log has no poses."""
+    flight = motion_of(topics, parameters)
+    return [] if flight is None else list(flight.windows(spans))
+
+
+def motion_of(topics: Topics, parameters: Parameters) -> Motion | None:
+    """Return what poses, IMU and motors say about the motion; None without poses or IMU."""
     if not has(topics, "tracker_pose", *TRACKED, *TRACKED_ATTITUDE):
-        return []
-    if not has(topics, "imu", *FORCE, *RATE):
-        return []
-    flight = _Flight(topics, parameters)
-    return list(flight.windows(spans))
+        return None
+    return Motion(topics, parameters) if has(topics, "imu", *FORCE, *RATE) else None
 
 
-class _Flight:
+class Motion:
+    """The motion of one flight, by each of its witnesses.
+
+    Attributes:
+        times, places: of the poses, in s, (N,), and in m, (N, 3).
+        time: of the IMU, in s, (M,).
+        R_wb: attitudes by the poses at the times of the IMU, (M, 3, 3).
+        felt: acceleration that the accelerometer felt, in m/s², (M, 3), world axes.
+        pushed: the same as the commanded thrust makes it; None where it is not logged.
+        rates: of the gyroscope, in rad/s, (M, 3).
+    """
+
     def __init__(self, topics: Topics, parameters: Parameters) -> None:
         imu, poses = topics["imu"], topics["tracker_pose"]
         fresh = np.concatenate([[True], np.diff(poses.time) > 0.0])
-        self._times = poses.time[fresh]
-        self._places = poses.rows(TRACKED)[fresh].astype(np.float64)
+        self.times = poses.time[fresh]
+        self.places = poses.rows(TRACKED)[fresh].astype(np.float64)
         self._attitudes = poses.rows(TRACKED_ATTITUDE)[fresh].astype(np.float64)
         make_continuous(self._attitudes)
-        self._time = imu.time
-        turned = [np.interp(self._time, self._times, one) for one in self._attitudes.T]
+        self.time = imu.time
+        turned = [np.interp(self.time, self.times, one) for one in self._attitudes.T]
         attitudes = np.stack(turned, axis=1)
         attitudes /= np.maximum(np.linalg.norm(attitudes, axis=1, keepdims=True), 1e-9)
-        self._R_wb = matrices_of(attitudes)
+        self.R_wb = matrices_of(attitudes)
         gravity = np.array([0.0, 0.0, GRAVITY])
         felt = imu.rows(FORCE).astype(np.float64)
-        self._felt = np.einsum("nij,nj->ni", self._R_wb, felt) - gravity
-        self._rates = imu.rows(RATE).astype(np.float64)
-        self._pushed: Array | None = None
+        self.felt = np.einsum("nij,nj->ni", self.R_wb, felt) - gravity
+        self.rates = imu.rows(RATE).astype(np.float64)
+        self.pushed: Array | None = None
         mass = number(parameters, "model.mass", 0.0)
         if has(topics, "actuators", "thrust") and mass > 0.0:
             thrust = np.interp(
-                self._time, topics["actuators"].time, topics["actuators"].values("thrust")
+                self.time, topics["actuators"].time, topics["actuators"].values("thrust")
             )
-            self._pushed = self._R_wb[:, :, 2] * (thrust / mass)[:, None] - gravity
+            self.pushed = self.R_wb[:, :, 2] * (thrust / mass)[:, None] - gravity
         self._drag = number(parameters, "model.drag", 0.0) / mass if mass > 0.0 else 0.0
 
     def windows(self, spans: Spans) -> Iterator[Window]:
-        usual = float(np.median(np.diff(self._time)))
+        usual = float(np.median(np.diff(self.time)))
         for start, end in spans:
             for begin in np.arange(start, end - WINDOW + 1e-9, STEP):
-                first, last = np.searchsorted(self._times, (begin, begin + WINDOW))
-                i, j = np.searchsorted(self._time, (begin, begin + WINDOW))
+                first, last = np.searchsorted(self.times, (begin, begin + WINDOW))
+                i, j = np.searchsorted(self.time, (begin, begin + WINDOW))
                 if last - first >= LEAST_POSES and (j - i) * usual >= LEAST_SHARE * WINDOW:
                     yield self._window(float(begin), slice(first, last), slice(i, j))
 
     def _window(self, start: float, poses: slice, samples: slice) -> Window:
-        imu = self._fit(self._felt[samples], poses, samples, with_drag=False)
+        imu = self._fit(self.felt[samples], poses, samples, with_drag=False)
         motors = None
-        if self._pushed is not None:
-            motors = self._fit(self._pushed[samples], poses, samples, with_drag=True)
+        if self.pushed is not None:
+            motors = self._fit(self.pushed[samples], poses, samples, with_drag=True)
         return Window(
             start=start,
             imu=imu,
             motors=motors,
             turning_b=self._turning(poses, samples),
-            spread=float(np.sqrt(self._places[poses].var(axis=0).sum())),
+            spread=float(np.sqrt(self.places[poses].var(axis=0).sum())),
         )
 
     def _fit(self, acceleration: Array, poses: slice, samples: slice, *, with_drag: bool) -> Fit:
-        time = self._time[samples]
-        times = self._times[poses]
-        velocity = _integrated(time, acceleration)
-        place = _integrated(time, velocity)
-        seen = self._places[poses]
+        time = self.time[samples]
+        times = self.times[poses]
+        velocity = integrated(time, acceleration)
+        place = integrated(time, velocity)
+        seen = self.places[poses]
         t = times - time[0]
         own = np.stack([np.ones(len(t)), t, t**2 / 2.0, t**3 / 6.0], axis=1)
         moved = _at(times, time, place)
@@ -161,7 +175,7 @@ class _Flight:
         rms = float(np.sqrt((off[keep] ** 2).mean() / 3.0))
         middle = 0.5 * (t[0] + t[-1])
         lacking = own_found[2] + middle * own_found[3]
-        R_wb = self._R_wb[samples][:: max(1, len(time) // 50)]
+        R_wb = self.R_wb[samples][:: max(1, len(time) // 50)]
         return Fit(
             acceleration_w=lacking,
             acceleration_b=np.einsum("nij,i->nj", R_wb, lacking).mean(axis=0),
@@ -173,27 +187,27 @@ class _Flight:
 
     def _turning(self, poses: slice, samples: slice) -> Array:
         """Return how much faster (rad/s) the gyroscope turned than the poses, median of steps."""
-        attitudes, times = self._attitudes[poses], self._times[poses]
+        attitudes, times = self._attitudes[poses], self.times[poses]
         step = max(1, len(times) // 12)
         one, two = attitudes[:-step:step], attitudes[step::step]
         lasted = (times[step::step] - times[:-step:step])[:, None]
         vectors_w = rotation_vectors_between(one, two)
         middle = attitudes[step // 2 :: step][: len(one)]
         vectors_b = np.einsum("nji,nj->ni", matrices_of(middle), vectors_w)
-        angle = _integrated(self._time[samples], self._rates[samples])
-        read = np.diff(_at(times[::step], self._time[samples], angle), axis=0)[: len(one)]
+        angle = integrated(self.time[samples], self.rates[samples])
+        read = np.diff(_at(times[::step], self.time[samples], angle), axis=0)[: len(one)]
         found: Array = np.median((read - vectors_b) / lasted, axis=0)
         return found
 
 
-def _integrated(time: Array, values: Array) -> Array:
+def integrated(time: Array, values: Array) -> Array:
     """Return the integral (N, 3) from the first sample on, by the trapezoidal rule."""
     steps = np.diff(time)[:, None] * 0.5 * (values[1:] + values[:-1])
     return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
 
 
 def _twice(time: Array, values: Array) -> Array:
-    return _integrated(time, _integrated(time, values))
+    return integrated(time, integrated(time, values))
 
 
 def _at(times: Array, time: Array, values: Array) -> Array:

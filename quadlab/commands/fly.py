@@ -68,6 +68,7 @@ class Fly:
         from console.plots import require_matplotlib
         from console.reports.writer import report_writer
         from quadlab.simulated.experiment import chosen, fly
+        from quadlab.simulated.parameters import faults_to_come
 
         experiment = chosen(self.experiment)
         if self.report:  # before the flight
@@ -89,6 +90,8 @@ class Fly:
             words = result.verdict.replace("_", " ")
             print(f"{experiment.name}: {words}{f' ({reason})' if reason else ''}")
         _print_metrics(result.metrics, result.limits)
+        for fault in faults_to_come(done.flight.parameters, done.flight.view().time):
+            print(f"  never came on: {fault}; the flight ended before")
         _print_pace(done)
         print(f"  log {done.path}")
         if proposal is not None and not self.json:

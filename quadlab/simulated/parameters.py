@@ -8,9 +8,11 @@ from typing import Any
 from pydantic import create_model
 
 from bearing_sim.bearing_parameters import BearingParameters
+from bearing_sim.faults import bearings, tracker
 from bearing_sim.tracker import TrackerParameters
 from quadrotor.parameters import Parameters
 from vehicle.parameters import VehicleParameters
+from vehicle.simulator.faults import table
 from vehicle.simulator.parameters import SimulatorParameters
 
 
@@ -41,3 +43,14 @@ def with_groups(
     values: dict[str, Any] = dict(parameters) | there
     chosen: FlightParameters = tree.model_construct(**values)
     return chosen
+
+
+def faults_to_come(parameters: FlightParameters, lasted: float) -> list[str]:
+    """Return the faults whose schedules begin only after a flight of this duration (s)."""
+    p = parameters
+    entries = [
+        *table.CATALOGUE.parse(p.simulator.faults, p.simulator),
+        *tracker.CATALOGUE.parse(p.tracker.faults, p.tracker),
+        *bearings.CATALOGUE.parse(p.bearings.faults, p.bearings),
+    ]
+    return [entry.text for entry in entries if entry.schedule.begin_ns > lasted * 1e9]

@@ -8,7 +8,7 @@ import pytest
 
 from quadlab.__main__ import main
 from quadlab.settings import parse_settings, split_faults
-from quadlab.simulated.parameters import FlightParameters
+from quadlab.simulated.parameters import FlightParameters, faults_to_come
 from quadlab.up.child_words import child_words
 from quadrotor.errors import UsageError
 
@@ -74,3 +74,11 @@ def test_a_wrong_fault_is_refused_in_one_line_by_every_command(
     [line] = capsys.readouterr().err.strip().splitlines()
     assert line.startswith("quadlab: ")
     assert said in line
+
+
+def test_a_fault_that_begins_after_the_end_of_the_flight_is_told() -> None:
+    parameters = FlightParameters().model_copy(deep=True)
+    parameters.tracker.faults = "tracker.freeze from=3 to=4; tracker.drift from=300"
+    parameters.simulator.faults = "imu.scale from=23.3"
+    assert faults_to_come(parameters, 23.2) == ["imu.scale from=23.3", "tracker.drift from=300"]
+    assert faults_to_come(parameters, 301.0) == []

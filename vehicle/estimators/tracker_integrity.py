@@ -47,7 +47,7 @@ _VERTICAL = (
 )
 GYROSCOPE, ACCELEROMETER, AXIS = "gyroscope", "accelerometer", "gyroscope's axis"
 _SUSPICIONS = {
-    AXIS: "an axis of the gyroscope is stuck",
+    AXIS: "an axis of the gyroscope is stuck, or beyond its range",
     ACCELEROMETER: "the accelerometer contradicts the tracker and the motors",
 }
 """Why the IMU is not to be flown on for long."""

@@ -33,6 +33,10 @@ BLOW, BLOW_LASTS = 0.35, 1.0
 """Specific force, in g, beyond that of the thrust, which a touch-down gives and moving air does
 not; time, in s, for which it presumes the ground, which the vehicle may leave again meanwhile."""
 
+BLIND = 1.0
+"""Time, in s, for which a commanded descent must not be flown where the accelerometer is stuck: no
+test can show the ground then."""
+
 
 @dataclass(kw_only=True, eq=False)
 class Landing:
@@ -85,7 +89,9 @@ class Landing:
                 return False
             if not self._is_presumed(dt):
                 return False
-        verdict = test.step(dt) if landing else Verdict.AIR
+            if test.is_blind:
+                return self.stopped >= BLIND
+        verdict = test.step(dt) if landing and not test.is_blind else Verdict.AIR
         if verdict is not Verdict.OPEN:
             test.end()
         self.behaviors.unloading = test.share
@@ -108,7 +114,8 @@ class Landing:
             wanted, flown = (s["velocity_w"].item(2) for s in (tick.reference, tick.state))
         else:
             wanted, flown = level.climb or 0.0, self.altitude.climb
-        is_stopped = wanted < -LEAST_DESCENT and flown > STOPPED * wanted
+        most = LEAST_DESCENT if self.unloading.is_blind else math.inf  # no test follows
+        is_stopped = wanted < -LEAST_DESCENT and STOPPED * wanted < flown < most
         waits = self.stopped < 0.0 or is_stopped
         self.stopped = self.stopped + dt if waits else 0.0
         if self.unloading.unexplained > BLOW * GRAVITY:

@@ -28,6 +28,12 @@ learnt, and may be wrong; a fall of the thrust that nothing follows shows the gr
 """
 DWELL = 0.03
 """Time, in s, for which the one or the other must show."""
+STUCK_SAMPLES = 60
+"""Number of equal readings after which the accelerometer is stuck; calm axes in whole counts stay
+the same for up to 26 samples at 500 Hz."""
+SHAKEN, SHAKEN_TIME, SANK = 2.0, 0.5, 0.3
+"""Vibration before a test, m/s², its time constant, s, and the speed in m/s lost in the test by the
+accelerometer, beyond all of which it is in the air: vibration hides a fall for some hundredths."""
 LONGEST = 0.4
 """Time, in s, after which a test ends: on the ground where the specific force is that of rest, as
 no air carries a vehicle that has given up so much thrust; else in the air."""
@@ -51,7 +57,13 @@ class Unloading:
     def __init__(self) -> None:
         self.share = 0.0
         self._lift = self._thrust_lift = self._began_at = GRAVITY
-        self._lasted = self._carried = self._falling = 0.0
+        self._lasted = self._carried = self._falling = self._sunk = 0.0
+        self._reading, self._repeats, self._shake = math.nan, 0, 0.0
+
+    @property
+    def is_blind(self) -> bool:
+        """Return whether the accelerometer repeats one reading, so that a test shows nothing."""
+        return self._repeats >= STUCK_SAMPLES
 
     @property
     def is_running(self) -> bool:
@@ -65,7 +77,7 @@ class Unloading:
 
     def end(self) -> None:
         """Give all thrust back."""
-        self.share = self._lasted = self._carried = self._falling = 0.0
+        self.share = self._lasted = self._carried = self._falling = self._sunk = 0.0
 
     def observe(self, lift: float, thrust_lift: float, dt: float) -> None:
         """Follow one sample, in a test and before it; one that is not finite is left out.
@@ -76,6 +88,12 @@ class Unloading:
         """
         if not math.isfinite(lift + thrust_lift):
             return
+        self._repeats = self._repeats + 1 if lift == self._reading else 0
+        self._reading = lift
+        if self.is_running:
+            self._sunk += dt * (GRAVITY - lift)
+        else:
+            self._shake += min(1.0, dt / SHAKEN_TIME) * (abs(lift - self._lift) - self._shake)
         self._lift += min(1.0, dt / SMOOTHING) * (lift - self._lift)
         self._thrust_lift += min(1.0, dt / LAG) * (thrust_lift - self._thrust_lift)
 
@@ -90,11 +108,12 @@ class Unloading:
         dropped = self._began_at - self._thrust_lift > DROPPED * GRAVITY
         gives_little = dropped or self._thrust_lift < LIFTED * GRAVITY
         rests = self._lift > CARRIED * GRAVITY
+        sinks = self._shake > SHAKEN and self._sunk > SANK
         is_over = self._lasted > LONGEST
         self._falling = self._falling + dt if falls else 0.0
         self._carried = self._carried + dt if gives_little and rests else 0.0
-        if self._carried >= DWELL or (is_over and rests):
+        if not sinks and (self._carried >= DWELL or (is_over and rests)):
             return Verdict.GROUND
-        if self._falling >= DWELL or is_over:
+        if self._falling >= DWELL or sinks or is_over:
             return Verdict.AIR
         return Verdict.OPEN

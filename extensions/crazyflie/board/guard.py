@@ -50,6 +50,10 @@ THRUST_LEAST, THRUST_MOST = 0.4, 1.5
 SUPPORT, DWELL_S = 0.1, 0.1
 """The ground is presumed, and tested, once it has carried this share of the weight for this time,
 in s."""
+STOPPED_SHARE, STOPPED_S, AGAIN_S = 0.3, 0.15, 0.5
+"""The ground is presumed, too, once less than this share of the commanded descent was flown for
+this time, in s; time, in s, from the start and from a test that found the air, in which it is not.
+"""
 AIRBORNE = 0.3
 """Height, in m by the barometer, above which the thrust carries it."""
 _IMU, _STATUS = struct.Struct("<6f"), struct.Struct("<2fH")
@@ -75,6 +79,7 @@ class Guard:
         self._descent = BlindDescent(self._altitude, lambda line: say(f"{name}: {line}"))
         self._unloading = Unloading()
         self._pressure = self._climb_wanted = self._lift = self._hover = 0.0
+        self._stopped_s = 0.0
         self._thrust = 0  # of the newest set-point
         self._setpoint_s = 0.0
         self._sample_ms: int | None = None
@@ -124,7 +129,7 @@ class Guard:
             self.lands, self._is_barred = True, True
             self._say(f"{self._name}: no set-point for {SILENT_S:g} s in flight; landing it")
             self._lift, self._climb_wanted = self._hover, self._altitude.climb
-            self._ground.carried = 0.0
+            self._ground.carried, self._stopped_s = 0.0, -AGAIN_S
             self._unloading.end()
         due, self._due = self._due, []
         return due
@@ -155,12 +160,17 @@ class Guard:
     def _is_down(self, dt: float) -> bool:
         """Return whether it stands on the ground, which is presumed first and tested then."""
         test = self._unloading
-        if not test.is_running and self._ground.carried <= DWELL_S:
+        is_stopped = self._altitude.climb > STOPPED_SHARE * self._climb_wanted
+        waits = self._stopped_s < 0.0 or (is_stopped and self._climb_wanted < 0.0)
+        self._stopped_s = self._stopped_s + dt if waits else 0.0
+        is_presumed = self._ground.carried > DWELL_S or self._stopped_s > STOPPED_S
+        if not (test.is_running or is_presumed):
             return False
         verdict = test.step(dt)
         if verdict is Verdict.AIR:
             test.end()
             self._ground.refute()
+            self._stopped_s = -AGAIN_S
         return verdict is Verdict.GROUND
 
     def _descend(self, dt: float) -> None:

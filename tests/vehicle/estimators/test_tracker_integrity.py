@@ -381,8 +381,8 @@ def with_fault(text: str) -> WatchedFlight:
     [
         ("imu.misalignment", "the accelerometer contradicts the tracker and the motors"),
         ("imu.scale", "the accelerometer contradicts the tracker and the motors"),
-        ("imu.stuck axis=x", "an axis of the gyroscope is stuck"),
-        ("imu.stuck axis=y", "an axis of the gyroscope is stuck"),
+        ("imu.stuck axis=x", "an axis of the gyroscope is stuck, or beyond its range"),
+        ("imu.stuck axis=y", "an axis of the gyroscope is stuck, or beyond its range"),
     ],
 )
 def test_a_wrong_imu_lands_the_vehicle_softly_on_the_tracker(fault: str, why: str) -> None:

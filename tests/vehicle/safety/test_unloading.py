@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.onboard.landings import Disturbance, hovering, land
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.safety.ground_contact import GroundContact
@@ -14,13 +15,16 @@ from vehicle.safety.unloading import MOST, Unloading, Verdict
 DT = 0.002
 
 
-def judged(carried: float, *, ground: bool, learnt: float = 1.0) -> tuple[Verdict, float]:
+def judged(
+    carried: float, *, ground: bool, learnt: float = 1.0, shaken: float = 0.0, phase: float = 0.0
+) -> tuple[Verdict, float]:
     """Return the verdict on a vehicle, and after how many seconds it came.
 
     Args:
         carried: share of the weight that something else than the motors carries at first.
         ground: whether that is the ground, which carries what the motors no longer do.
         learnt: what a thrust is taken to give, over what it gives.
+        shaken: amplitude, in weights, of a vibration of 12 Hz. phase: of it, rad.
     """
     test, thrust = Unloading(), 1.0 - carried
     for _ in range(500):
@@ -29,6 +33,7 @@ def judged(carried: float, *, ground: bool, learnt: float = 1.0) -> tuple[Verdic
     for k in range(1000):
         given += DT / 0.04 * (max(0.3, thrust - test.share) - given)  # the motors follow
         lift = 1.0 if ground else given + carried
+        lift += shaken * math.sin(75.0 * k * DT + phase)
         test.observe(GRAVITY * lift, learnt * GRAVITY * max(0.3, thrust - test.share), DT)
         if (verdict := test.step(DT)) is not Verdict.OPEN:
             return verdict, k * DT
@@ -57,6 +62,12 @@ def test_the_air_does_not_however_strong_the_updraught(carried: float) -> None:
     assert time <= 0.4
 
 
+@pytest.mark.parametrize("phase", [1.5, 2.5, 3.5, 4.5])
+def test_a_vibration_does_not_hide_a_fall(phase: float) -> None:
+    assert judged(0.0, ground=False, shaken=0.7, phase=phase)[0] is Verdict.AIR
+    assert judged(0.3, ground=True, shaken=0.1, phase=phase)[0] is Verdict.GROUND
+
+
 def test_all_thrust_comes_back_at_the_end() -> None:
     test = Unloading()
     for _ in range(200):
@@ -80,6 +91,14 @@ def test_a_reading_that_is_no_number_does_not_outlast_its_sample() -> None:
     assert Verdict.AIR not in verdicts
 
 
+def test_an_accelerometer_that_repeats_its_reading_shows_nothing() -> None:
+    test, blind = Unloading(), []
+    for lift in (*[GRAVITY] * 61, 1.01 * GRAVITY):
+        test.observe(lift, GRAVITY, DT)
+        blind.append(test.is_blind)
+    assert blind == [False] * 60 + [True, False], "calm axes stay the same for some samples"
+
+
 CASES = {
     "a push of 11 % of the weight": Disturbance("push", {"push_z": 1.4}, 1.5, 0.3),
     "a released payload": Disturbance(
@@ -92,8 +111,13 @@ CASES = {
 }
 
 
-def test_what_lifts_a_landing_vehicle_is_not_taken_for_the_ground() -> None:
-    flight = hovering(1)
+@pytest.fixture(scope="module")
+def flight() -> WatchedFlight:
+    """Return a hovering flight, of which each landing is a copy."""
+    return hovering(1)
+
+
+def test_what_lifts_a_landing_vehicle_is_not_taken_for_the_ground(flight: WatchedFlight) -> None:
     descents = [(name, "land") for name in CASES] + [("a released payload", "emergency_landing")]
     refuted = 0
     for name, behavior in descents:
@@ -103,6 +127,30 @@ def test_what_lifts_a_landing_vehicle_is_not_taken_for_the_ground() -> None:
         assert found.impact < 0.7, (name, behavior, found)
         assert found.told is not None, (name, behavior, found)
     assert refuted >= len(descents) // 2, "what looks like the ground and is none is told"
+
+
+@pytest.mark.parametrize("behavior", ["land", "emergency_landing"])
+def test_a_stuck_accelerometer_is_no_witness_of_the_ground(
+    flight: WatchedFlight, behavior: str
+) -> None:
+    """A stuck reading shows the weight at rest, however little the motors give."""
+    stuck = Disturbance("none", {"faults": "imu.stuck sensor=accelerometer axis=z"}, 0.5)
+    found = land(flight, stuck, behavior)
+    assert found.contact is not None
+    assert found.told is not None, "the landing ends nevertheless"
+    assert not found.is_in_the_air, found
+    assert found.impact < 0.8, found
+    assert found.told - found.contact < 1.5
+
+
+def test_a_vibration_that_hides_the_fall_for_a_moment_is_not_the_ground(
+    flight: WatchedFlight,
+) -> None:
+    found = land(flight, Disturbance("none", {"vibration": 7.0}))
+    assert found.refuted > 0, "it looks like the ground"
+    assert not found.is_in_the_air, found
+    assert found.told is not None
+    assert found.impact < 0.7, found
 
 
 def test_a_hard_touch_down_is_recognised_although_the_climb_rate_is_wrong_after_it() -> None:

@@ -127,3 +127,26 @@ def test_after_a_stop_set_point_it_is_left_alone(watched: Watched) -> None:
     watched.hover()
     watched.go(0.1, STOPPED)
     assert watched.go(2.0) == []
+
+
+@pytest.mark.parametrize("lifted", [0.0, 0.15, 0.25, 0.4])
+def test_the_ground_is_found_soon_although_a_force_that_began_in_the_air_still_lifts(
+    watched: Watched, lifted: float
+) -> None:
+    """The force makes a newton of thrust seem to give more, in the air as on the ground."""
+    watched.hover()
+    climb, thrust, since_contact = 0.0, float(HOVER), 0.0
+    for k in range(1000):
+        own = watched.go(0.01)
+        if STOPPED in own:
+            break
+        thrust = SETPOINT.unpack(own[-1].data)[4] if own else thrust
+        is_down = watched.height <= 0.0
+        given = thrust / HOVER + (lifted if k > 70 else 0.0)
+        watched.force = max(given, 1.0 - climb / 0.0981) if is_down else given
+        climb = max(0.0, climb) if is_down else climb + 0.01 * 9.81 * (given - 1.0)
+        watched.height = max(0.0, watched.height + 0.01 * climb)
+        since_contact += 0.01 if is_down else 0.0
+    assert watched.said[-1] == "cf: landed, motors off"
+    assert watched.height == 0.0
+    assert 0.0 < since_contact < 0.6
