@@ -107,9 +107,7 @@ class Vibration:
 
     @property
     def notch(self) -> float:
-        """Return the frequency (Hz) of the strongest line in the gyroscope's spectrum for which a
-        notch is worth its delay; 0 when there is none.
-        """
+        """Return the frequency (Hz) of the strongest line that is worth a notch; 0 for none."""
         one = self.sensors["gyroscope"]
         worth = [
             line
@@ -296,9 +294,7 @@ def _window(imu: Series, start: float, end: float) -> tuple[Array, Array]:
 
 
 def _longest(status: Series, path: str, text: str) -> tuple[float, float]:
-    """Return start and end (s) of the longest time that a field had this text; NaN when it never
-    had.
-    """
+    """Return start and end (s) of the longest time with this text; NaN when it never was."""
     changes = [*status.changes(path), (float(status.time[-1]), "")]
     spans = [(begin, changes[k + 1][0]) for k, (begin, was) in enumerate(changes) if was == text]
     return max(spans, key=lambda span: span[1] - span[0], default=(math.nan, math.nan))
