@@ -11,11 +11,10 @@ from __future__ import annotations
 import difflib
 import math
 
-from bearing_sim.beacon_file import load_beacons
 from bearing_sim.beacon_set import Beacons
 from quadrotor.errors import MeasurementError
 
-__all__ = ["PAPER_BEACONS", "PRESETS", "Beacons", "format_layout", "load_beacons", "parse_layout"]
+__all__ = ["PAPER_BEACONS", "PRESETS", "Beacons", "format_layout", "parse_layout"]
 
 LONGEST = 4096
 """Longest layout in characters; MAX_BEACONS in full precision take half of it."""

@@ -210,7 +210,8 @@ def beacon_words(file: Path | None) -> list[str]:
     """
     if file is None:
         return []
-    from bearing_sim.beacons import format_layout, load_beacons
+    from bearing_sim.beacon_file import load_beacons
+    from bearing_sim.beacons import format_layout
 
     try:
         return [f"bearings.layout={format_layout(load_beacons(file))}"]
