@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -140,6 +141,7 @@ class Formations:
             context.wanted |= TOPICS
         if self._loop is None:
             self._loop = asyncio.create_task(self._run())
+            self._loop.add_done_callback(self._ended)
         try:
             yield
         finally:
@@ -153,6 +155,18 @@ class Formations:
         self._loop, self._squad = None, None
         for context in self._contexts:
             context.wanted -= TOPICS
+
+    def _ended(self, loop: asyncio.Task[None]) -> None:
+        """Stop the vehicles and report a loop that ended with an error, which is a defect."""
+        if loop.cancelled() or (error := loop.exception()) is None:
+            return
+        why = f"its programs ended with an error ({error}); reload the page of the fleet"
+        if self._hand is not None:
+            self.release(self._hand, why)
+        else:
+            self._contexts[0].hub.say("error", f"the formation stopped: {why}")
+        self._loop = None
+        logging.getLogger("quadlab.web").error("the formation stopped", exc_info=error)
 
     async def _run(self) -> None:
         while True:

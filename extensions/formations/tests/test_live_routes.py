@@ -12,6 +12,7 @@ import httpx
 import pytest
 import websockets.exceptions
 
+from extensions.formations.live.squad import Squad
 from extensions.formations.tests.conftest import PLACES
 
 
@@ -106,6 +107,28 @@ def test_one_station_that_drops_the_sticks_stops_all_and_is_named(
     assert answer["why"] == "quad2: dropped by the station's watchdog"
     for station in (first, third):
         assert station.sticks[-1] == ((0.0, 0.0, 0.0, 0.0), False)
+
+
+def test_programs_that_end_with_an_error_stop_all_and_begin_again_with_the_next_page(
+    fleet: Any,
+    operator: httpx.Client,
+    hand: Hand,
+    until: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _pressed(hand, until)
+    hand.hold(lambda: _all_sent(fleet), until)
+    with monkeypatch.context() as broken:
+        broken.setattr(Squad, "step", lambda *_: 1 / 0)
+        answer = hand.hold(lambda: not hand.send()["on"], until)
+        assert "its programs ended with an error (division by zero)" in answer["why"]
+        for station in fleet.stations:
+            until(lambda s=station: not s.sticks[-1][1])
+            station.sticks.clear()
+    with fleet.websocket("/formation/sticks", fleet.cookie(operator)) as socket:
+        again = Hand(socket)
+        _pressed(again, until)
+        assert again.hold(lambda: _all_sent(fleet), until)["on"]
 
 
 def test_a_page_that_is_gone_stops_all(
