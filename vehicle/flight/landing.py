@@ -83,7 +83,7 @@ class Landing:
         test.observe(lift, per_newton * thrust, dt)
         self.since_blow += dt
         if not test.is_running:
-            ground.observe(lift, thrust, p.safety.landing_support, dt)
+            ground.observe(test.lift, thrust, p.safety.landing_support, dt)
             if not landing:
                 self.stopped, self.since_blow = -AGAIN, math.inf
                 return False

@@ -34,6 +34,8 @@ the same for up to 26 samples at 500 Hz."""
 SHAKEN, SHAKEN_TIME, SANK = 2.0, 0.5, 0.3
 """Vibration before a test, m/s², its time constant, s, and the speed in m/s lost in the test by the
 accelerometer, beyond all of which it is in the air: vibration hides a fall for some hundredths."""
+SHAKEN_DWELL = 0.1
+"""Time, in s, over which the mean specific force of a vehicle that shakes must be that of rest."""
 LONGEST = 0.4
 """Time, in s, after which a test ends: on the ground where the specific force is that of rest, as
 no air carries a vehicle that has given up so much thrust; else in the air."""
@@ -57,7 +59,7 @@ class Unloading:
     def __init__(self) -> None:
         self.share = 0.0
         self._lift = self._thrust_lift = self._began_at = GRAVITY
-        self._lasted = self._carried = self._falling = self._sunk = 0.0
+        self._lasted = self._carried = self._falling = self._sunk = self._sunk_before = 0.0
         self._reading, self._repeats, self._shake = math.nan, 0, 0.0
 
     @property
@@ -69,6 +71,11 @@ class Unloading:
     def is_running(self) -> bool:
         """Return whether thrust is being taken away."""
         return self.share > 0.0
+
+    @property
+    def lift(self) -> float:
+        """Return the mean specific force along z_B, m/s²."""
+        return self._lift
 
     @property
     def unexplained(self) -> float:
@@ -107,12 +114,20 @@ class Unloading:
         falls = self._lift < 0.5 * (GRAVITY + min(GRAVITY, self._thrust_lift)) - 0.05 * GRAVITY
         dropped = self._began_at - self._thrust_lift > DROPPED * GRAVITY
         gives_little = dropped or self._thrust_lift < LIFTED * GRAVITY
+        shakes, dwell = self._shake > SHAKEN, DWELL
+        sinks = shakes and self._sunk > SANK
         rests = self._lift > CARRIED * GRAVITY
-        sinks = self._shake > SHAKEN and self._sunk > SANK
+        if shakes:
+            dwell, since = SHAKEN_DWELL, self._sunk - self._sunk_before
+            rests = since < (1.0 - CARRIED) * GRAVITY * self._carried
+            self._carried = self._carried + dt if gives_little else 0.0
+        else:
+            self._carried = self._carried + dt if gives_little and rests else 0.0
+        if self._carried <= dt:
+            self._sunk_before = self._sunk
         is_over = self._lasted > LONGEST
         self._falling = self._falling + dt if falls else 0.0
-        self._carried = self._carried + dt if gives_little and rests else 0.0
-        if not sinks and (self._carried >= DWELL or (is_over and rests)):
+        if rests and not sinks and (self._carried >= dwell or is_over):
             return Verdict.GROUND
         if self._falling >= DWELL or sinks or is_over:
             return Verdict.AIR
