@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from quadrotor.errors import JobError
+from quadrotor.errors import JobError, UsageError
 from vehicle_link.jobs import IDLE, run
 
 REPORTED_AFTER = 1.0
@@ -72,6 +72,8 @@ class CompiledEstimators:
             if not self._closing.is_set():
                 registry.prepare(name, bearings=True)
                 self._ready.add(name)
+        except UsageError as error:
+            self._say(f"comparing {name}: {error}")
         except Exception as error:  # an unknown estimator may raise anything
             self._say(f"comparing {name}: cannot be prepared: {type(error).__name__}: {error}")
 

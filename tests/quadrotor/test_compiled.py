@@ -61,6 +61,7 @@ def law(tmp_path: Path) -> Iterator[Callable[[float, float], list[str]]]:
     """
     shutil.copytree(ROOT / "quadrotor", tmp_path / "quadrotor")
     (tmp_path / "control").mkdir()
+    (tmp_path / "control" / "__init__.py").touch()  # else the checkout's is found first
     (tmp_path / "control" / "law.py").write_text(LAW)
     # -B: Python's own cache does not distinguish two versions of the same second and length.
     with subprocess.Popen(
@@ -80,6 +81,7 @@ def law(tmp_path: Path) -> Iterator[Callable[[float, float], list[str]]]:
             (tmp_path / "control" / "gain.py").write_text(text)
             print(file=asked, flush=True)
             printed = answers.readline().split()
+            assert len(printed) > 1, "the import failed"
             assert answers.readline() == "0\n", "the import failed"
             return printed
 

@@ -251,7 +251,8 @@ def test_an_estimator_that_cannot_be_prepared_is_said_once(monkeypatch: Any) -> 
     assert told.wait(LIMIT)
     kernels.close()
     assert not kernels.ready("broken")
-    assert said == ["comparing broken: cannot be prepared: RuntimeError: no such sensor"]
+    fails = "the estimator broken fails at rest: RuntimeError: no such sensor; mend it"
+    assert said == [f"comparing broken: {fails}"]
 
 
 @pytest.mark.parametrize(

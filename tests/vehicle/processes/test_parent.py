@@ -55,7 +55,7 @@ def test_a_torn_log_is_repaired_after_the_start_of_what_could_be_a_copy(
     monkeypatch.setattr(parent, "share", lambda _: done.append("share"))
     monkeypatch.setattr(parent, "_repair", lambda paths: done.append(f"repair {paths}"))
     assert parent.run_vehicle([], tmp_path, 1) == 0
-    flight, comms = "vehicle.flight.process", "vehicle.comms.process"
+    flight, comms = "vehicle.in_memory", "vehicle.comms.process"  # without ports
     repair = f"repair {[torn]}"
     assert done == ["share", flight, comms, repair, comms, repair]
 
