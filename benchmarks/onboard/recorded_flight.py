@@ -13,11 +13,14 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import msgspec
 import numpy as np
 
 from vehicle.boards.board import RawSample
 from vehicle.flight import process as flight
 from vehicle.flight.loop import FlightLoop
+from vehicle.processes.config import VehicleConfig
+from vehicle.simulator.in_process import InProcessRobot
 
 CAPACITY = 400_000
 _COMMAND = b"#bb"
@@ -75,8 +78,9 @@ class RecordedLoop(FlightLoop):
 def main() -> int:
     """Run the process; return the exit status of vehicle.flight.process."""
     RecordedLoop.out = Path(sys.argv[2])
+    has_ports = bool(msgspec.json.decode(sys.argv[1], type=VehicleConfig).ports)
     with mock.patch.object(flight, "FlightLoop", RecordedLoop):
-        return flight.main(sys.argv[1])
+        return flight.main(sys.argv[1], None if has_ports else InProcessRobot)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Campaigns on the Fly tab: the list, the drawings of one, and the commands of its rows."""
+"""Campaigns on the Experiments tab: the list, the drawings of one, and the commands of its rows."""
 
 from __future__ import annotations
 
@@ -48,6 +48,7 @@ def test_a_click_on_a_row_shows_the_command_that_flies_it_again(
     open_page: Any, campaign_site: Site
 ) -> None:
     tab = open_page(campaign_site)
+    tab.click("[data-tab=experiments]")
     tab.click(f"{TAB} summary")
     tab.wait_for_selector(f"{TAB} .heat td")
     assert tab.locator(f"{TAB} .campaigns li").count() == 4

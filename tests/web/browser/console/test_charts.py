@@ -206,7 +206,9 @@ def test_a_derived_signal_is_charted_over_another_and_stays_after_a_reload(
     page.click("#chart-1 summary >> text=derived by an expression")
     page.fill("#chart-1 .expression input", "twice = 2*state.position.q")
     page.click("#chart-1 .expression button >> text=Add")
-    look.text("#chart-1 .problem", "^at character 3: no signal state.position.q; did you mean")
+    look.text(
+        "#chart-1 details .problem", "^at character 3: no signal state.position.q; did you mean"
+    )
     page.fill("#chart-1 .expression input", "twice = 2*state.position.x")
     page.click("#chart-1 .expression button >> text=Add")
     look.text("#chart-1 .legend", r"twice\d\.\d")
