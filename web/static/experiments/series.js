@@ -103,7 +103,7 @@ export class Series {
       ({ type, choices }) => choices.length || type === "float" || type === "int",
     );
     this.over.replaceChildren(
-      ...optionsOf([["", "same options"], ...this.options.map(({ name }) => [name, words(name)])]),
+      ...optionsOf([["", "nothing"], ...this.options.map(({ name }) => [name, words(name)])]),
     );
     this.fit();
   }
