@@ -16,11 +16,11 @@ BUILT_IN: Mapping[str, str] = {
     "complementary": ".complementary:ComplementaryEstimator",
     "error_state": ".error_state.estimator:ErrorStateEstimator",
 }
-"""Where the code of each is."""
+"""The built-in estimators, and where in this package their code is."""
 NONE, UDP = "none", "udp"
 """Values of the parameters that are no estimator of these: no shadow, and a program over UDP."""
 registered: dict[str, Callable[[EstimationParameters], Any]] = {}
-"""What `estimation.registry.register` was given in this process, by name."""
+"""The estimators that `estimation.registry.register` was given in this process, by name."""
 
 
 def offered() -> dict[str, Offered[Estimator]]:

@@ -185,6 +185,8 @@ class Formations:
         if hand is None:
             return
         for k, context in enumerate(self._contexts):
+            if self._hand is not hand:
+                return  # a vehicle before this one has stopped all
             if k in sticks:
                 self._send(context, sticks[k], hand)
             elif context.vehicle in self._steered:

@@ -14,6 +14,7 @@ import websockets.exceptions
 
 from extensions.formations.live.squad import Squad
 from extensions.formations.tests.conftest import PLACES
+from web.commands.sticks import StickOutput
 
 
 @pytest.fixture
@@ -107,6 +108,28 @@ def test_one_station_that_drops_the_sticks_stops_all_and_is_named(
     assert answer["why"] == "quad2: dropped by the station's watchdog"
     for station in (first, third):
         assert station.sticks[-1] == ((0.0, 0.0, 0.0, 0.0), False)
+
+
+def test_sticks_of_one_vehicle_that_another_page_has_are_sent_to_no_further_vehicle(
+    fleet: Any, hand: Hand, until: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[StickOutput] = []
+
+    def taken(self: StickOutput, *_: Any) -> bool:
+        asked.append(self)
+        return False
+
+    monkeypatch.setattr(StickOutput, "send", taken)
+    _pressed(hand, until)
+    answer: dict[str, Any] = {"on": True}
+
+    def dropped() -> bool:
+        answer.update(hand.send())
+        return not answer["on"]
+
+    until(dropped)
+    assert answer["why"] == "another page has the sticks of quad1"
+    assert len(asked) == 1
 
 
 def test_programs_that_end_with_an_error_stop_all_and_begin_again_with_the_next_page(
