@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 MILLIMETRES, POINTS = 25.4, 72.0
 """Millimetres and points in an inch."""
-WIDEST = 1000.0
-"""Widest figure, in mm."""
+WIDEST, TALLEST = 1000.0, 10.0
+"""Widest figure, in mm, and the largest height, in widths."""
 SVG = "{http://www.w3.org/2000/svg}"
 _STEP = re.compile(r"([MLhvaz])([^MLhvaz]*)")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
@@ -47,8 +47,11 @@ def as_pdf(svg: bytes) -> bytes:
         _, _, across, down = (float(one) for one in root.get("viewBox", "").split())
     except (ElementTree.ParseError, ValueError) as error:
         raise UsageError(f"this is no chart of the page with a width in mm: {error}") from error
-    if not (0.0 < width <= WIDEST and across > 0.0 and down > 0.0):
-        raise UsageError(f"the figure is {width:g} mm wide; allowed up to {WIDEST:g} mm")
+    if not (0.0 < width <= WIDEST and across > 0.0 and 0.0 < down <= TALLEST * across):
+        raise UsageError(
+            f"the figure is {width:g} mm wide, of {across:g} by {down:g} units; allowed are up to "
+            f"{WIDEST:g} mm, and up to {TALLEST:g} widths of height"
+        )
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -60,7 +63,7 @@ def as_pdf(svg: bytes) -> bytes:
         axes.set(xlim=(0.0, across), ylim=(down, 0.0))
         try:
             _Sheet(axes, inches * POINTS / across).draw(root)
-        except (ValueError, KeyError, IndexError) as error:
+        except (ValueError, KeyError, IndexError, RecursionError) as error:
             raise UsageError(f"this is no chart of the page: {error}") from error
         written = io.BytesIO()
         figure.savefig(written, format="pdf")
