@@ -22,7 +22,6 @@ from web.access.sign_in_limiter import SignInLimiter
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import create_app
-from web.beacons.survey import SurveyRun
 from web.features import built_in, of_extensions, panels_of_extensions
 from web.fleet.fleet import Fleet
 from web.fleet.vehicle_router import VehicleRouter
@@ -50,7 +49,6 @@ def assemble(
     tls: Tls | None = None,
     limiter: SignInLimiter | None = None,
     passwords: Passwords | None = None,
-    survey: SurveyRun | None = None,
 ) -> ASGIApp:
     """Assemble the whole application behind its gate.
 
@@ -61,7 +59,6 @@ def assemble(
         names: host names of this page, in addition to those of `base_url` and loopback.
         tls: the page's certificate, for the start-up checks.
         limiter, passwords: replacements for tests.
-        survey: finds the beacons' positions from a run's log; without it the page offers no survey.
 
     Raises StorageError.
     """
@@ -86,7 +83,7 @@ def assemble(
         VehicleContext(name, shared, connect, EventHub(hubs), new_view_server())
         for name in vehicles
     ]
-    features = (*built_in(survey), *of_extensions(say))
+    features = (*built_in(), *of_extensions(say))
     files = files_with(tuple(panels_of_extensions()))
     for line in (*registry().problems, *files.problems):
         say("error", line)

@@ -1,44 +1,37 @@
 """The features of the page: each adds its routes to every vehicle and has its own services.
 
-A vehicle's context offers what features share, and knows none of them.
+A vehicle's context offers what features share, and knows none of them. Those of the page itself are
+offered and loaded as those of extensions are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 from quadrotor.errors import UsageError
 from quadrotor.extension import PageFeature, PagePanel
-from quadrotor.extensions import registry
-from web.beacons.routes import add_beacons
-from web.beacons.survey import SurveyRun, add_survey
-from web.experiments.calibrations import add_calibration
-from web.experiments.experiments import add_experiments
-from web.experiments.reports import add_reports
+from quadrotor.extensions import Offered, registry
 from web.feature import Feature
 from web.panels import TAKEN, Panel
-from web.replay.routes import add_replay
-from web.replay.store import ReplayStore
-from web.runs.report_making import ReportMaking
-from web.runs.routes import add_runs
+
+BUILT_IN = (
+    PageFeature(name="runs", target=".runs.routes:new_feature"),
+    PageFeature(name="replay", target=".replay.routes:new_feature"),
+    PageFeature(name="experiments", target=".experiments.experiments:new_feature"),
+    PageFeature(name="calibrations", target=".experiments.calibrations:new_feature"),
+    PageFeature(name="reports", target=".experiments.reports:new_feature"),
+    PageFeature(name="beacons", target=".beacons.routes:new_feature"),
+    PageFeature(name="survey", target=".beacons.survey:new_feature"),
+)
+"""The features of every page. Each target makes one, and its services, for one web process."""
 
 
-def built_in(survey: SurveyRun | None) -> tuple[Feature, ...]:
-    """Return the features of every page; `survey` is None where no survey can be made."""
-    reports, replays = ReportMaking(), ReplayStore()
-    return (
-        Feature(add_runs),
-        Feature(lambda app, context: add_replay(app, context.catalogue, replays)),
-        Feature(add_experiments),
-        Feature(add_calibration),
-        Feature(partial(add_reports, reports=reports), reports.stop),
-        Feature(add_beacons),
-        Feature(partial(add_survey, run=survey)),
-    )
+def built_in() -> tuple[Feature, ...]:
+    """Return new features of every page, one of each."""
+    return tuple(Offered(one, __package__).load()() for one in BUILT_IN)
 
 
 def of_extensions(say: Callable[[str, str], None]) -> Iterator[Feature]:

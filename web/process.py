@@ -20,7 +20,6 @@ from starlette.types import ASGIApp
 from vehicle_link.defects import STATUS
 from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
-from web.beacons.survey import SurveyRun
 from web.latest import Live
 from web.live.connections import BoundedConnection, BoundedListener
 from web.live.deafness import Deafness
@@ -50,7 +49,6 @@ def run_web(
     host: str = "127.0.0.1",
     open_browser: bool = False,
     tls: Tls | None = None,
-    survey: SurveyRun | None = None,
 ) -> None:
     """Serve the page until SIGINT or SIGTERM; to be called in the main thread.
 
@@ -62,7 +60,6 @@ def run_web(
         token: a first sign-in token chosen by the caller; one is made if None.
         host: where to listen; `web.access.listen_address` checks whether that is allowed.
         tls: serve https with this certificate.
-        survey: see `web.assembly.assemble`.
         open_browser: open the page in a browser, unless `token` was used before: then this is
             a restart, and the page is open already.
 
@@ -101,7 +98,6 @@ def run_web(
             show_link=show_link,
             names=(*own_names(host), *(tls.names if tls else ())),
             tls=tls,
-            survey=survey,
         )
         # uvicorn shuts down in order at SIGTERM and SIGINT and then raises them again.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))

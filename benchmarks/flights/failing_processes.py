@@ -31,7 +31,7 @@ from quadrotor.motor_state import MotorState
 from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import MIRROR, Id
-from vehicle_link.serial.port import SerialPort
+from vehicle_link.serial.serial_port import SerialPort
 
 FAILURES = (
     "web",

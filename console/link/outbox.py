@@ -14,10 +14,11 @@ from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
 from vehicle_link.messages.records import Message
 from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.messages import encode_change
 from vehicle_link.topics.control_inputs import encode_heartbeat, encode_joy
 from vehicle_link.topics.measurements import encode_bearings, pose_messages, position_messages
 from vehicle_link.topics.scene import SCENE_TOPICS
-from vehicle_link.topics.status import encode_event, encode_parameter_change
+from vehicle_link.topics.status import encode_event
 from vehicle_link.topics.table import SHARED, TOPICS
 from vehicle_link.topics.ticks import TICK_TOPICS
 from vehicle_link.transport.node import Node
@@ -152,4 +153,4 @@ class Outbox:
             revision=revision,
             instance=instance,
         )
-        self.put("parameter_changes", encode_parameter_change(change), stamp_ns)
+        self.put("parameter_changes", encode_change(change), stamp_ns)

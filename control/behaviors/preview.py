@@ -8,24 +8,15 @@ import json
 import os
 import select
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
+from control.behaviors.demands import Preview
 from quadrotor.errors import QuadlabError
 from quadrotor.parameter_description import ParameterValue
 
 POINTS = 400
 IDLE = 30.0  # s without an order, after which the helper process ends
-
-
-@dataclass(frozen=True, slots=True)
-class Preview:
-    """The demands of a trajectory on the vehicle."""
-
-    points: list[tuple[float, float, float]]  # m, world, evenly over time
-    duration: float  # s
-    speed: float  # m/s, the largest
-    refusal: str  # "" where the vehicle can fly it
 
 
 def preview(

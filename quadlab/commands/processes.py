@@ -7,6 +7,7 @@ import shlex
 import threading
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -19,8 +20,6 @@ from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, parse_names, parse_vehicles
 from quadrotor.errors import QuadlabError, UsageError
-from quadrotor.extension import LayoutSurvey
-from quadrotor.extensions import registry
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 
 WATCH_PERIOD = 0.2
@@ -72,11 +71,13 @@ class Simulator:
     def run(self) -> int:
         names = parse_names(self.name)
         from quadrotor.parameters import ParameterStore
+        from vehicle.simulator.boards import firmware_of
         from vehicle.simulator.parameters import SimulatorParameters
         from vehicle.simulator.process import run
 
         parameters = SimulatorParameters(firmware=self.firmware)
-        ParameterStore(parameters).preset(find_kind(self.board).simulated)
+        kind = find_kind(self.board)
+        ParameterStore(parameters).preset(kind.simulated)
         served, prefix = None, "tracker."
         words, options = parse_board_options(self.board, self.set)
         of_tracker = [word for word in words if word.startswith(prefix) and self.serve]
@@ -94,8 +95,8 @@ class Simulator:
             self.loopback_port,
             vehicles=names,
             served=served,
-            board=self.board,
-            board_options=options,
+            firmware=partial(firmware_of, self.board, kind.configured(options)),
+            is_asked=kind.is_asked,
         )
         return 0
 
@@ -191,8 +192,6 @@ class Web(PageOptions):
             say_authority(tls)
         from web.process import run_web
 
-        surveys = list(registry().offers(LayoutSurvey).values())
-
         run_web(
             data,
             port=self.port,
@@ -202,6 +201,5 @@ class Web(PageOptions):
             open_browser=bool(os.environ.get(OPEN_BROWSER)),
             host=self.host,
             tls=tls,
-            survey=surveys[0].load() if surveys else None,
         )
         return 0

@@ -27,7 +27,7 @@ from vehicle.modes import Mode
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.topics.measurements import encode_bench_reading
+from vehicle_link.topics.bench_readings import encode_bench_reading
 
 REQUESTER = "experiment"
 TRACKED_NS = 100_000_000

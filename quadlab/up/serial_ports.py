@@ -13,7 +13,7 @@ from vehicle.processes.terminal import say
 from vehicle_link.identity import THE_ONE, Identity
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
 from vehicle_link.serial.links import is_link, open_port
-from vehicle_link.serial.port import NO_DEVICE
+from vehicle_link.serial.serial_port import NO_DEVICE
 
 if TYPE_CHECKING:
     from quadrotor.parameter_description import ParameterValue

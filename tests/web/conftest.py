@@ -458,19 +458,20 @@ class serving:  # noqa: N801 - used as `with serving(...)`
             return view_servers[-1]
 
         now = [0.0]  # s, of the sign-in limits; a test moves it
-        app = assemble(
-            limiter=SignInLimiter(lambda: now[0]),
-            passwords=Passwords(1, 8),
-            data=data,
-            base_url=base,
-            vehicles=vehicles,
-            token=token,
-            connect=connect,
-            catalogue=catalogue,
-            show_link=show,
-            new_view_server=new_view_server,
-            survey=survey,
-        )
+        with pytest.MonkeyPatch.context() as patch:  # a real survey takes minutes
+            patch.setattr("web.beacons.survey.offered", lambda: survey)
+            app = assemble(
+                limiter=SignInLimiter(lambda: now[0]),
+                passwords=Passwords(1, 8),
+                data=data,
+                base_url=base,
+                vehicles=vehicles,
+                token=token,
+                connect=connect,
+                catalogue=catalogue,
+                show_link=show,
+                new_view_server=new_view_server,
+            )
         self._server: uvicorn.Server = server(_with_view(app), self._listener, tls)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True

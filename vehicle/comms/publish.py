@@ -24,13 +24,13 @@ from vehicle.modes import ControlMode, Flag, Mode
 from vehicle.processes.config import PACKETS_A_SECOND
 from vehicle_link import telemetry
 from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.messages import encode_change
 from vehicle_link.topics.control_inputs import encode_heartbeat
 from vehicle_link.topics.measurements import encode_reading
 from vehicle_link.topics.status import (
     encode_batteries,
     encode_estimators,
     encode_event,
-    encode_parameter_change,
     encode_pressures,
     encode_status,
 )
@@ -184,7 +184,7 @@ class Publisher:
 
     def parameter_change(self, change: ParameterChange) -> None:
         change = msgspec.structs.replace(change, instance=self._instance)
-        payload = encode_parameter_change(change)
+        payload = encode_change(change)
         self._send("parameter_changes", payload, change.stamp_ns, always=True)
 
     def reading(self, judged: Record) -> None:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from quadrotor.parameters import parameter
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.simulator.faults.table import CATALOGUE
-from vehicle.simulator.tracking_systems.frame import TrackingFaults
+from vehicle.simulator.tracking_systems.faults import TrackingFaults
 
 
 def _matrix_entry(entry: str) -> float:

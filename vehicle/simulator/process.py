@@ -16,14 +16,12 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from quadrotor.parameter_description import ParameterValue
-from vehicle.boards.kind import MIKROKOPTER, find_kind
-from vehicle.simulator.boards import firmware_of
+from vehicle.simulator.board_firmware import BoardFirmware
 from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.robot import SECOND_NS, Pace, Robot, RunStatistics, Served, pace_of
@@ -54,8 +52,8 @@ def run(
     vehicles: Sequence[str] = ("quad1",),
     stop: threading.Event | None = None,
     served: Served | None = None,
-    board: str = MIKROKOPTER,
-    board_options: Mapping[str, ParameterValue] | None = None,
+    firmware: Callable[[int], BoardFirmware | None] = lambda _: None,
+    is_asked: bool = False,
 ) -> RunStatistics:
     """Run until `stop` is set, or without one until SIGTERM or SIGINT.
 
@@ -65,8 +63,8 @@ def run(
             vehicles, in a folder of the vehicle's name.
         loopback_port: of the station's router; None publishes no truth.
         served: tracking systems that receive the truth; closed at the end.
-        board: name of the kind of board.
-        board_options: values of the options of that kind.
+        firmware: returns the firmware of a vehicle by its number from 0; None: the simulator's own.
+        is_asked: whether the board gives samples only on request.
 
     Raises StorageError when the links cannot be made.
     """
@@ -74,15 +72,13 @@ def run(
     # Before the devices exist: a device means that the microcontroller is switched on.
     SimulatedVehicle(parameters).warm_up()
     pace = pace_of(len(vehicles))
-    kind = find_kind(board)
-    lockstep = _lockstep(vehicles, pace, kind.is_asked)
+    lockstep = _lockstep(vehicles, pace, is_asked)
     session = None if loopback_port is None else SharedSession(partial(_open, loopback_port))
     robots: list[Robot] = []
     try:
         truths = side_by_side(parameters, len(vehicles))
         for number, (truth, name) in enumerate(zip(truths, vehicles, strict=True)):
             place = _place(folder, name, vehicles)
-            firmware = firmware_of(board, kind.configured(board_options or {}), number)
             robots.append(
                 Robot(
                     name,
@@ -92,7 +88,7 @@ def run(
                     pace=pace,
                     lockstep=lockstep,
                     served=served,
-                    firmware=firmware,
+                    firmware=firmware(number),
                 )
             )
         refusal = _ask_for_priority()

@@ -14,7 +14,7 @@ from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.pseudo_terminal import PseudoTerminal, ServedPort
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle.simulator.tracking_systems.frame import TrackingFaults
+from vehicle.simulator.tracking_systems.faults import TrackingFaults
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
 from vehicle_link.transport.loopback import SharedSession

@@ -84,7 +84,7 @@ class TruthPublisher:
     def _run(self) -> None:
         set_real_time(True)
         # Imported here: the message types take a while to load, which the plant need not wait for.
-        from vehicle_link.topics.measurements import encode_bench_reading
+        from vehicle_link.topics.bench_readings import encode_bench_reading
         from vehicle_link.topics.ticks import odometry_messages
 
         while not self._stop.is_set():
@@ -148,8 +148,8 @@ def _change_publisher(
     requester and revision.
     """
     from vehicle_link.parameters.change import ParameterChange
+    from vehicle_link.parameters.messages import encode_change
     from vehicle_link.process_instance import new_instance
-    from vehicle_link.topics.status import encode_parameter_change
 
     instance = new_instance()
 
@@ -166,7 +166,7 @@ def _change_publisher(
             revision=revision,
             instance=instance,
         )
-        put(encode_parameter_change(change), stamp_ns)
+        put(encode_change(change), stamp_ns)
 
     return publish_change
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 
 from quadrotor.errors import LinkError, WrongTypeError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue
-from vehicle_link.messages import decode, new, records, stamp_of
+from vehicle_link.messages import decode, encode, header, new, records, stamp_of
 from vehicle_link.messages.records import Parameter, ParameterDescriptor
 from vehicle_link.parameters.change import ParameterChange
 
@@ -21,6 +21,22 @@ ROS_TYPES = {"bool": BOOL, "int": INTEGER, "float": DOUBLE, "str": STRING}
 CONSTRAINTS = ("unit", "default", "minimum", "maximum", "step", "choices", "flight_step")
 """Fields of a description for which ROS 2 has none."""
 _INT64 = 2**63
+
+
+def encode_change(change: ParameterChange) -> bytes:
+    """Encode `parameter_changes`: quadlab_msgs/ParameterChange. Raises WrongTypeError."""
+    return encode(
+        new(
+            "quadlab_msgs/ParameterChange",
+            header=header(change.stamp_ns),
+            name=change.name,
+            old_value=to_value(change.old),
+            new_value=to_value(change.new),
+            requester=change.requester,
+            revision=change.revision,
+            instance=change.instance,
+        )
+    )
 
 
 def decode_change(payload: bytes) -> ParameterChange:

@@ -22,7 +22,8 @@ from vehicle_link.serial.commands import decode_data, decode_instruction, encode
 from vehicle_link.serial.exchange import REPEAT_S, TRIES, Exchange, ask, decode_reply
 from vehicle_link.serial.frames import Frame, FrameDecoder
 from vehicle_link.serial.ids import MIRROR, TIME_PERIOD_MS, Id
-from vehicle_link.serial.port import BAUD_RATE, PortError, SerialPort
+from vehicle_link.serial.port import BAUD_RATE, PortError
+from vehicle_link.serial.serial_port import SerialPort
 from vehicle_link.serial.values import QUANTITIES
 
 LISTEN_S = 0.1

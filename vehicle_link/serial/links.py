@@ -5,7 +5,8 @@ from __future__ import annotations
 from quadrotor.errors import LinkError
 from quadrotor.extension import Link
 from quadrotor.extensions import registry
-from vehicle_link.serial.port import Port, SerialPort
+from vehicle_link.serial.port import Port
+from vehicle_link.serial.serial_port import SerialPort
 
 SEPARATOR = "://"
 

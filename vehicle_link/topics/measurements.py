@@ -1,5 +1,5 @@
 """Measurements for the vehicle (tracker poses, positions of a marker, bearings, sweeps), readings
-of a force/torque sensor and of the user's own sensors, and pictures.
+of the user's own sensors, and pictures.
 
 Stamps are already on the vehicle's clock. Decoders accept the messages of any ROS node and refuse
 numbers that the estimator could not use.
@@ -212,21 +212,6 @@ def decode_sweeps(payload: bytes) -> Record:
     for k, place in enumerate(message.sensors):
         sample["sensor_b"][0, k] = xyz(place)
     return sample
-
-
-@cache
-def _layout() -> FixedLayout:
-    return FixedLayout("quadlab_msgs/BenchReading")
-
-
-def encode_bench_reading(stamp_ns: int, force: float, torque: float, speed: float) -> bytes:
-    """Encode quadlab_msgs/BenchReading: N, N m, and the speed in any unit, NaN without a
-    tachometer.
-    """
-    out = _layout().new()
-    set_stamps(out, stamp_ns)
-    out["force"], out["torque"], out["speed"] = force, torque, speed
-    return out.tobytes()
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The slow topics of the vehicle: status, estimator, battery, pressure, events, parameters."""
+"""The slow topics of the vehicle: status, estimator, battery, pressure, events."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from vehicle_link.commands import EventKind
 from vehicle_link.messages import encode, header, new, time_message
 from vehicle_link.messages.cdr_layout import FixedLayout, payloads_of
 from vehicle_link.messages.records import Log
-from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.parameters.messages import to_value
 from vehicle_link.topics.ticks import VEHICLE, WORLD, body_frame, layout, set_stamps
 
 LIPO = 3  # POWER_SUPPLY_TECHNOLOGY_LIPO
@@ -141,19 +139,3 @@ def encode_event(
 def event_kinds(event: Log) -> frozenset[str]:
     """Return the kinds of an event, see EventKind."""
     return frozenset(event.function.split())
-
-
-def encode_parameter_change(change: ParameterChange) -> bytes:
-    """Encode `parameter_changes`: quadlab_msgs/ParameterChange."""
-    return encode(
-        new(
-            "quadlab_msgs/ParameterChange",
-            header=header(change.stamp_ns),
-            name=change.name,
-            old_value=to_value(change.old),
-            new_value=to_value(change.new),
-            requester=change.requester,
-            revision=change.revision,
-            instance=change.instance,
-        )
-    )

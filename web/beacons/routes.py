@@ -21,6 +21,7 @@ from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
 from web.access.requester import Operator
 from web.beacons.moves import BeaconMoves
 from web.body import Body, read_body
+from web.feature import Feature
 from web.latest import Live
 from web.parameters.replica import LAYOUT, PageParameters
 
@@ -87,6 +88,10 @@ class _Preset(msgspec.Struct, forbid_unknown_fields=True):
 
 _Row = tuple[int, float, float, float]
 _decode = msgspec.json.Decoder(list[_Row] | _Preset).decode
+
+
+def new_feature() -> Feature:
+    return Feature(add_beacons)
 
 
 def add_beacons(app: FastAPI, context: VehicleContext) -> None:

@@ -10,6 +10,7 @@ import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,9 +20,12 @@ from pydantic import Field
 from bearing_sim.beacons import Beacons, format_layout, parse_layout
 from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, os_errors
+from quadrotor.extension import LayoutSurvey
+from quadrotor.extensions import registry
 from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
 from web.body import Body
+from web.feature import Feature
 from web.parameters.replica import LAYOUT
 from web.runs.job_queue import Work, Workshop
 
@@ -151,6 +155,16 @@ def _fields(proposal: LayoutProposal) -> JsonObject:
             for one in proposal.beacons
         ],
     }
+
+
+def offered() -> SurveyRun | None:
+    """Return the survey that an extension offers, None without one."""
+    surveys = list(registry().offers(LayoutSurvey).values())
+    return surveys[0].load() if surveys else None
+
+
+def new_feature() -> Feature:
+    return Feature(partial(add_survey, run=offered()))
 
 
 def add_survey(app: FastAPI, context: VehicleContext, run: SurveyRun | None) -> None:

@@ -9,13 +9,16 @@ from __future__ import annotations
 import asyncio
 import os
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from typing import Any
 
 import msgspec
 
-from control.behaviors.preview import Preview, previews
+from control.behaviors.demands import Preview
 from quadrotor import errors
+from quadrotor.checkout import PREFIX
 from vehicle_link.jobs import POLL, Job
 
 TIME_LIMIT = 20.0  # s
@@ -77,7 +80,7 @@ class Previewer:
     def _start(self) -> None:
         theirs, self._orders = os.pipe()
         try:
-            self._job = Job(previews, theirs, niceness=NICENESS, report=self._take, keep=(theirs,))
+            self._job = Job(_previews, theirs, niceness=NICENESS, report=self._take, keep=(theirs,))
         finally:
             os.close(theirs)
 
@@ -92,3 +95,8 @@ class Previewer:
 
     def _take(self, answer: Any) -> None:
         self._answer = answer
+
+
+def _previews(orders: int, report: Callable[[Any], None]) -> None:
+    """Answer the orders, in the helper process; the web process imports nothing that flies."""
+    import_module(f"{PREFIX}control.behaviors.preview").previews(orders, report)

@@ -11,7 +11,7 @@ import numpy as np
 from fastapi import FastAPI
 from pydantic import Field
 
-from control.behaviors.preview import Preview
+from control.behaviors.demands import Preview
 from quadrotor.errors import JobTimeoutError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.plain_rotations import roll_pitch_yaw

@@ -14,10 +14,15 @@ from fastapi import FastAPI
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError
 from quadrotor.json_object import JsonObject
+from web.feature import Feature
 from web.latest import Live
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
+
+
+def new_feature() -> Feature:
+    return Feature(add_calibration)
 
 
 def add_calibration(app: FastAPI, context: VehicleContext) -> None:

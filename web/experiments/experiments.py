@@ -18,6 +18,7 @@ from quadrotor.json_object import JsonObject
 from vehicle_link.parameters.messages import from_descriptor, to_parameters
 from web.access.requester import Operator
 from web.commands.bodies import CommandBody
+from web.feature import Feature
 from web.latest import Live
 from web.live.conversation import significant
 from web.runs.judged import last_results
@@ -33,6 +34,10 @@ class StartExperimentBody(CommandBody):
 
 class ConfirmBody(CommandBody):
     question: str = Field(min_length=1, max_length=500, description="a yes to no other one")
+
+
+def new_feature() -> Feature:
+    return Feature(add_experiments)
 
 
 def add_experiments(app: FastAPI, context: VehicleContext) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
@@ -10,9 +11,10 @@ from fastapi.responses import FileResponse
 from console.runs.report_folders import read_result, report_file
 from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
+from web.feature import Feature
+from web.runs.report_making import ReportMaking
 
 if TYPE_CHECKING:
-    from web.runs.report_making import ReportMaking
     from web.vehicle_context import VehicleContext
 
 SHOWN = {
@@ -33,6 +35,12 @@ DOCUMENT = (
 The report is self-contained: it runs nothing, fetches nothing and has no origin, so that nothing in
 it has the rights of the person who opens it.
 """
+
+
+def new_feature() -> Feature:
+    """Return the feature, whose reports of all vehicles are made one after another."""
+    reports = ReportMaking()
+    return Feature(partial(add_reports, reports=reports), reports.stop)
 
 
 def add_reports(app: FastAPI, context: VehicleContext, reports: ReportMaking) -> None:

@@ -16,6 +16,7 @@ from fastapi.responses import Response
 from console.catalogue.catalogue import SUFFIX, Catalogue
 from flight_log.file import is_being_written
 from quadrotor.errors import StorageError
+from web.feature import Feature
 from web.live.pictures import Camera
 from web.replay.store import Building, ReplayStore
 
@@ -57,6 +58,12 @@ class _Logs:
         if path is not None and path.is_file():
             return path
         raise StorageError(f"no log {name!r:.80} in the folder {ONBOARD}")
+
+
+def new_feature() -> Feature:
+    """Return the feature, whose store of opened runs all vehicles share."""
+    store = ReplayStore()
+    return Feature(lambda app, context: add_replay(app, context.catalogue, store))
 
 
 def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:

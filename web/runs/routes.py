@@ -20,6 +20,7 @@ from console.catalogue.titles import write_title
 from quadrotor.errors import StorageError
 from quadrotor.json_object import JsonObject
 from web.access.requester import Operator
+from web.feature import Feature
 from web.runs.again import add_again
 from web.runs.bodies import MarkBody, NotesBody, TagsBody, TitleBody
 from web.runs.listing import about, lines
@@ -34,6 +35,10 @@ MOST = 1000
 
 Text = Annotated[str, Query(max_length=300)]
 Nanoseconds = Annotated[int, Query(ge=0, lt=2**63)]
+
+
+def new_feature() -> Feature:
+    return Feature(add_runs)
 
 
 def add_runs(app: FastAPI, parts: VehicleContext) -> None:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from quadlab.__main__ import main
 from quadlab.settings import parse_board_options
 from quadrotor.errors import UsageError
 from vehicle.boards.kind import find_kind
+from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
 
@@ -52,10 +54,11 @@ def test_wrong_words_are_refused_the_same_everywhere(
 def device(tmp_path: Path) -> Iterator[Path]:
     """Yield the port of a simulated board with an option."""
     stop = threading.Event()
+    options = find_kind("betaflight").configured({"landing_speed": 0.8})
     board = threading.Thread(
         target=run,
         args=(SimulatorParameters(), tmp_path, None),
-        kwargs={"stop": stop, "board": "betaflight", "board_options": {"landing_speed": 0.8}},
+        kwargs={"stop": stop, "firmware": partial(firmware_of, "betaflight", options)},
     )
     board.start()
     yield tmp_path / "mcu0"

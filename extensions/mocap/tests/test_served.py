@@ -26,7 +26,8 @@ from quadrotor.extension import TrackingSystem
 from quadrotor.extensions import registry
 from quadrotor.plain_rotations import matrix_of
 from tests.waiting import LIMIT, free_port, until, wait_for
-from vehicle.simulator.tracking_systems.frame import TrackingFaults, bound
+from vehicle.simulator.tracking_systems.faults import TrackingFaults
+from vehicle.simulator.tracking_systems.frame import bound
 from vehicle.simulator.tracking_systems.served import ServedSystems, known_systems, parse_systems
 
 NAMES = ("quad1", "cf7")

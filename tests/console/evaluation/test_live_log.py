@@ -17,8 +17,8 @@ from quadrotor.records import POSE_SAMPLE, STATE, TICK
 from vehicle_link.messages import encode, header, new
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.messages import encode_change
 from vehicle_link.topics.measurements import encode_bearings, pose_messages, position_messages
-from vehicle_link.topics.status import encode_parameter_change
 from vehicle_link.topics.table import TOPICS
 from vehicle_link.topics.ticks import odometry_messages, reference_messages, state_messages
 
@@ -83,7 +83,7 @@ def write(
     ]
 
     def change(name: str, old: str, value: str, ms: int) -> None:
-        payload = encode_parameter_change(ParameterChange(ms * MS, name, old, value, "ada", 1))
+        payload = encode_change(ParameterChange(ms * MS, name, old, value, "ada", 1))
         messages.append(("parameter_changes", payload, ms * MS))
 
     def status(mode: str, ms: int) -> None:

@@ -27,10 +27,15 @@ from tests.waiting import LIMIT, until
 from vehicle_link.commands import EventKind
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.parameters.messages import from_descriptor, from_parameters, to_parameters
+from vehicle_link.parameters.messages import (
+    encode_change,
+    from_descriptor,
+    from_parameters,
+    to_parameters,
+)
 from vehicle_link.telemetry import pack
 from vehicle_link.topics.control_inputs import decode_joy, encode_heartbeat, encode_joy
-from vehicle_link.topics.status import DELAYED_PREFIX, encode_event, encode_parameter_change
+from vehicle_link.topics.status import DELAYED_PREFIX, encode_event
 from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import serve_parameters
@@ -125,7 +130,7 @@ class ScriptedVehicle:
             now_ns, old = time.time_ns(), self.values_[name]
             change = ParameterChange(now_ns, name, old, value, requester, self.revision)
             self.values_[name] = value
-            self._out["parameter_changes"].put(encode_parameter_change(change))
+            self._out["parameter_changes"].put(encode_change(change))
 
     def _on_joy(self, received: Received) -> None:
         self.joys.append(decode_joy(received.payload))

@@ -29,7 +29,7 @@ from vehicle.processes.config import Rings, create_rings, open_rings
 from vehicle_link import clock
 from vehicle_link.link_counts import LinkCounts
 from vehicle_link.lockstep import one_clock
-from vehicle_link.serial.port import SerialPort
+from vehicle_link.serial.serial_port import SerialPort
 
 PERIOD_NS = 2_000_000
 

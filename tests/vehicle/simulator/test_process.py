@@ -30,7 +30,8 @@ from vehicle.simulator.robot import RunStatistics
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import Put, TruthPublisher
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.serial.port import PortError, SerialPort
+from vehicle_link.serial.port import PortError
+from vehicle_link.serial.serial_port import SerialPort
 from vehicle_link.topics.ticks import decode_odometry
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received

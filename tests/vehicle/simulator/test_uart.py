@@ -11,7 +11,7 @@ import pytest
 
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle.simulator.uart import BUFFER, BYTES_PER_SECOND, Uart
-from vehicle_link.serial.port import SerialPort
+from vehicle_link.serial.serial_port import SerialPort
 
 MS = 0.001
 FRAME = b"#" + b"x" * 32 + b"\r"

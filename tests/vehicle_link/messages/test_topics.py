@@ -14,7 +14,7 @@ from quadrotor.rotations import rotate_inverse
 from vehicle_link.messages import TYPESTORE, decode, encode, header, new, stamp_of, stored_name
 from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.change import ParameterChange
-from vehicle_link.parameters.messages import decode_change
+from vehicle_link.parameters.messages import decode_change, encode_change
 from vehicle_link.topics.control_inputs import (
     decode_external_reference,
     decode_heartbeat,
@@ -35,7 +35,6 @@ from vehicle_link.topics.status import (
     encode_batteries,
     encode_estimators,
     encode_event,
-    encode_parameter_change,
     encode_pressures,
     encode_status,
 )
@@ -221,7 +220,7 @@ def test_events_and_parameter_changes() -> None:
     assert (event.level, event.msg, stamp_of(event)) == (30, "link lost", STAMP)
     for old, value in ((3.0, 4.5), (1, 2), (False, True), ("1", "True")):
         change = ParameterChange(STAMP, "position.kp_xy", old, value, "anna", 12, 2**64 - 1)
-        decoded = decode_change(encode_parameter_change(change))
+        decoded = decode_change(encode_change(change))
         assert decoded == change
         assert type(decoded.new) is type(value)
 

@@ -35,7 +35,7 @@ from vehicle_link.serial.devices import (
 from vehicle_link.serial.discovery import STALE_MS, Clock, Device, Finding, discover
 from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import Id
-from vehicle_link.serial.port import SerialPort
+from vehicle_link.serial.serial_port import SerialPort
 
 
 class Robot(threading.Thread):

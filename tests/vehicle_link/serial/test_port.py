@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle_link.serial.port import PortError, PortProblem, SerialPort, memory_port_pair
+from vehicle_link.serial.port import PortError, PortProblem, memory_port_pair
+from vehicle_link.serial.serial_port import SerialPort
 
 
 class Terminal:

@@ -25,7 +25,7 @@ from vehicle_link.serial.discovery import Device, Finding
 from vehicle_link.serial.exchange import Answer, Exchange, ask, decode_reply, mirror
 from vehicle_link.serial.frames import Frame, FrameDecoder
 from vehicle_link.serial.ids import MIRROR, Id
-from vehicle_link.serial.port import SerialPort
+from vehicle_link.serial.serial_port import SerialPort
 from vehicle_link.serial.values import to_si
 
 MEASURED_S = 1.0

@@ -1,4 +1,4 @@
-"""The frame that every simulated tracking system sends, its faults, and shared functions."""
+"""The frame that every simulated tracking system sends, and functions that their servers share."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from quadrotor.errors import UsageError
-from quadrotor.parameters import Parameters, parameter
 from quadrotor.plain_rotations import Array
+from vehicle.simulator.tracking_systems.faults import TrackingFaults
 
 HOST = "127.0.0.1"
 BEHIND = 1 << 18
@@ -29,23 +29,6 @@ class Body(NamedTuple):
     position: Array
     quaternion: Array
     is_seen: bool = True
-
-
-class TrackingFaults(Parameters):
-    """Faults of the served tracking system, as laboratories have them."""
-
-    dropped: float = parameter(0.0, ge=0, le=1, step=0.05)
-    """share of the served frames that are not sent"""
-    body_lost: bool = parameter(False)
-    """the served system does not see the vehicle"""
-    stamps_ahead: float = parameter(0.0, unit="s", ge=-10, le=10, step=0.5)
-    """by which the served stamps are set"""
-    y_up: bool = parameter(False)
-    """poses are served in axes with y up"""
-    millimetres: bool = parameter(False)
-    """positions are served in mm"""
-    stopped: bool = parameter(False)
-    """the servers of poses are stopped"""
 
 
 def in_system(name: str, position_w: Array, quaternion_wb: Array, faults: TrackingFaults) -> Body:

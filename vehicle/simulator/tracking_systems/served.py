@@ -18,7 +18,8 @@ from quadrotor.errors import UsageError
 from quadrotor.extension import ServedSystem
 from quadrotor.extensions import Offered, registry
 from quadrotor.plain_rotations import Array
-from vehicle.simulator.tracking_systems.frame import Server, TrackingFaults, in_system
+from vehicle.simulator.tracking_systems.faults import TrackingFaults
+from vehicle.simulator.tracking_systems.frame import Server, in_system
 
 KEPT = 64
 POLL = 0.01

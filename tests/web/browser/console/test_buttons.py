@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from control.behaviors.preview import Preview
+from control.behaviors.demands import Preview
 
 HELD = ("#arm", "#cut", "#tab-calibrate button:text-is('Start')")
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from control.behaviors.demands import Preview
 from control.behaviors.parameters import BehaviorParameters
-from control.behaviors.preview import Preview
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterStore
 
