@@ -18,7 +18,7 @@ from PIL import Image
 
 import quadlab
 from benchmarks.harness import CHROMIUM
-from extensions.export.replay_page import export_page
+from extensions.replay.exported_page import export_page
 from quadrotor.checkout import ROOT
 
 WINDOW = 1000, 640

@@ -60,6 +60,8 @@ class Offer:
     """
 
     kind: ClassVar[str]
+    is_file: ClassVar[bool] = False
+    """Whether the target is a file, without a name in it."""
     name: str
     target: str
 
@@ -138,6 +140,17 @@ class Exporter(Offer):
     """
 
     kind: ClassVar[str] = "exporter"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageExporter(Offer):
+    """A format in which a browser shows a whole run, for `quadlab log export --format NAME`.
+
+    The target is a function of the log, the new folder, a function that is told the share done, and
+    expressions of derived signals, which returns the files.
+    """
+
+    kind: ClassVar[str] = "exporter of pages"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,6 +239,22 @@ class PageFeature(Offer):
     """
 
     kind: ClassVar[str] = "feature of the page"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageDocument(Offer):
+    """A document of the page, at `/NAME`; documents and panels that lead to it ask whether it is
+    there (`core/documents.js`).
+
+    The target is a file of the folder `page` beside the declaration, as "page/replay.html".
+
+    Attributes:
+        path: what follows the name in its address, as "/{run_id}"; "" for nothing.
+    """
+
+    kind: ClassVar[str] = "document of the page"
+    is_file: ClassVar[bool] = True
+    path: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,6 +41,7 @@ BUILT_IN = (
     "mavlink",
     "mocap",
     "offline",
+    "replay",
     "reports",
     "tuning",
     "vision",
@@ -169,7 +170,7 @@ def _checked(found: object) -> Extension:
         raise UsageError(f"its name is {found.name!r}; use letters, digits and _")
     for offer in found.offers:
         module, _, name = offer.target.partition(":")
-        if not module or not name:
+        if not module or not (name or offer.is_file):
             raise UsageError(
                 f"the target of its {offer.kind} {offer.name} is {offer.target!r}; write "
                 '".module:name"'

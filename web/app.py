@@ -59,8 +59,6 @@ PAGES = {
     "/kill": "emergency/kill.html",
     "/fleet": "fleet/fleet.html",
     "/runs": "runs/runs.html",
-    "/replay/{run_id}": "replay/replay.html",
-    "/compare": "compare/compare.html",
     "/report/{run_id}": "experiments/report.html",
     "/setup": "setup/setup.html",
 }
@@ -128,7 +126,7 @@ def _add_page(app: FastAPI, files: CachedFiles, place: str, document: str) -> No
 
 
 def _add_pages(app: FastAPI, files: CachedFiles) -> None:
-    for place, document in PAGES.items():
+    for place, document in {**PAGES, **files.documents}.items():
         _add_page(app, files, place, document)
 
     @app.get("/design", include_in_schema=False)

@@ -21,8 +21,8 @@ from web.access.people import open_people
 from web.access.sign_in_limiter import SignInLimiter
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
-from web.app import create_app
-from web.features import built_in, of_extensions, panels_of_extensions
+from web.app import PAGES, create_app
+from web.features import built_in, documents_of_extensions, of_extensions, panels_of_extensions
 from web.fleet.fleet import Fleet
 from web.fleet.vehicle_router import VehicleRouter
 from web.live.events import EventHub
@@ -84,7 +84,8 @@ def assemble(
         for name in vehicles
     ]
     features = (*built_in(), *of_extensions(say))
-    files = files_with(tuple(panels_of_extensions()))
+    taken = [place.split("/")[1] for place in PAGES]
+    files = files_with(tuple(panels_of_extensions()), tuple(documents_of_extensions(taken)))
     for line in (*registry().problems, *files.problems):
         say("error", line)
     fleet = Fleet(contexts)

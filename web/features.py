@@ -6,20 +6,20 @@ offered and loaded as those of extensions are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from quadrotor.errors import UsageError
-from quadrotor.extension import PageFeature, PagePanel
+from quadrotor.extension import PageDocument, PageFeature, PagePanel
 from quadrotor.extensions import Offered, registry
 from web.feature import Feature
-from web.panels import TAKEN, Panel
+from web.panels import TAKEN, Document, Panel
 
 BUILT_IN = (
     PageFeature(name="runs", target=".runs.routes:new_feature"),
-    PageFeature(name="replay", target=".replay.routes:new_feature"),
     PageFeature(name="experiments", target=".experiments.experiments:new_feature"),
     PageFeature(name="calibrations", target=".experiments.calibrations:new_feature"),
     PageFeature(name="reports", target=".experiments.reports:new_feature"),
@@ -48,8 +48,19 @@ def of_extensions(say: Callable[[str, str], None]) -> Iterator[Feature]:
 def panels_of_extensions() -> Iterator[Panel]:
     """Yield the panels that extensions offer; their files may be missing."""
     for offered in registry().offers(PagePanel, TAKEN).values():
-        spec = find_spec(offered.package)
-        assert offered.extension is not None
-        assert spec is not None
-        assert spec.origin is not None
-        yield Panel(offered.offer, offered.extension.name, Path(spec.origin).parent / "page")
+        yield Panel(offered.offer, *_page_of(offered))
+
+
+def documents_of_extensions(taken: Collection[str] = ()) -> Iterator[Document]:
+    """Yield the documents that extensions offer, but those with a name of the page's own."""
+    for offered in registry().offers(PageDocument, taken).values():
+        yield Document(offered.offer, *_page_of(offered))
+
+
+def _page_of(offered: Offered[Any]) -> tuple[str, Path]:
+    """Return the name of an extension, and its folder `page`."""
+    spec = find_spec(offered.package)
+    assert offered.extension is not None
+    assert spec is not None
+    assert spec.origin is not None
+    return offered.extension.name, Path(spec.origin).parent / "page"

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadrotor.extension import PagePanel
+from quadrotor.extension import PageDocument, PagePanel
 from web.joined_files import PanelScript
 
 FOLDER = "extensions/"
@@ -56,6 +56,29 @@ class Panel:
     def address(self, file: str) -> str:
         """Return the name of a file of its folder among the page's files."""
         return f"{FOLDER}{self.extension}/{file}"
+
+
+@dataclass(frozen=True)
+class Document:
+    """A document of the page that an extension offers.
+
+    Attributes:
+        folder: the folder `page` of the extension.
+    """
+
+    offer: PageDocument
+    extension: str
+    folder: Path
+
+    @property
+    def place(self) -> str:
+        """Return its address."""
+        return f"/{self.offer.name}{self.offer.path}"
+
+    @property
+    def file(self) -> str:
+        """Return its name among the page's files."""
+        return f"{FOLDER}{self.extension}/{self.offer.target.removeprefix('page/')}"
 
 
 def places(document: str) -> list[str]:

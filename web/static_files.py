@@ -27,7 +27,7 @@ from starlette.types import Scope
 
 from web import uplot
 from web.joined_files import Joined, JoinError, join_modules, join_panel, join_styles
-from web.panels import FOLDER, Panel, places, with_panels
+from web.panels import FOLDER, Document, Panel, places, with_panels
 from web.theme import html_tag
 
 STATIC = Path(__file__).parent / "static"
@@ -49,13 +49,19 @@ class CachedFiles(StaticFiles):
 
     Args:
         directory: the folder.
-        panels: panels of extensions, whose files are below `extensions/NAME/`.
+        panels, documents: those of extensions, whose files are below `extensions/NAME/`.
+
+    Attributes:
+        documents: names of the extensions' documents, by their addresses.
     """
 
-    def __init__(self, directory: Path, panels: Sequence[Panel] = ()) -> None:
+    def __init__(
+        self, directory: Path, panels: Sequence[Panel] = (), documents: Sequence[Document] = ()
+    ) -> None:
         super().__init__(directory=directory)
         self._folder, self._panels = directory, panels
-        folders = {f"{FOLDER}{one.extension}/": one.folder for one in panels}
+        shown: tuple[Panel | Document, ...] = (*panels, *documents)
+        folders = {f"{FOLDER}{one.extension}/": one.folder for one in shown}
         self._folders = {**folders, "": directory}
         self._others = {
             name: StaticFiles(directory=one, check_dir=False) for name, one in folders.items()
@@ -63,6 +69,8 @@ class CachedFiles(StaticFiles):
         self._checked: tuple[str, Mapping[Panel, str]] = "", {}
         self._kept: dict[str, tuple[int, int, bytes]] = {}
         self._version = ""
+        self._left_out = {one: self._lacking(one) for one in documents}
+        self.documents = {one.place: one.file for one, why in self._left_out.items() if not why}
         self._joined: dict[str, tuple[str, bytes]] = {}  # by name: version and content
         self._packed: dict[str, tuple[str, bytes]] = {}  # the same, compressed
 
@@ -87,12 +95,29 @@ class CachedFiles(StaticFiles):
 
     @property
     def problems(self) -> list[str]:
-        """Return one line for each panel that cannot be shown."""
+        """Return one line for each panel or document that cannot be shown."""
+        found: tuple[tuple[Panel | Document, str], ...] = (
+            *self._problems().items(),
+            *self._left_out.items(),
+        )
         return [
             f"extension {one.extension}: its {one.offer.kind} {one.offer.name} is left out: {why}"
-            for one, why in self._problems().items()
+            for one, why in found
             if why
         ]
+
+    def _lacking(self, document: Document) -> str:
+        """Return why a document cannot be shown, "" if it can."""
+        try:
+            text = self._read(document.file)
+            join_styles(_STYLES.findall(text), self._read)
+            for entry in _SCRIPT.findall(text):
+                join_modules(entry, self._read, "", PLACE)
+        except FileNotFoundError as error:
+            return f"there is no file {error.filename}"
+        except (JoinError, OSError, UnicodeDecodeError) as error:
+            return str(error)
+        return ""
 
     def _problems(self) -> Mapping[Panel, str]:
         """Return why each panel cannot be shown, "" for one that can."""
@@ -172,7 +197,8 @@ class CachedFiles(StaticFiles):
 
     def _documents(self, entry: str = "") -> list[str]:
         """Return the documents of the page that have a script, or all."""
-        pages = (one.read_text("utf-8") for one in self._folder.rglob("*.html"))
+        own = (one.read_text("utf-8") for one in self._folder.rglob("*.html"))
+        pages = (*own, *map(self._read, self.documents.values()))
         return [text for text in pages if not entry or f'"{PLACE}{entry}"' in text]
 
     def _versioned(self) -> str:
@@ -242,9 +268,9 @@ FILES = CachedFiles(STATIC)
 
 
 @cache
-def files_with(panels: tuple[Panel, ...]) -> CachedFiles:
-    """Return the page's files with those of panels, shared by the applications of all vehicles."""
-    return CachedFiles(STATIC, panels) if panels else FILES
+def files_with(panels: tuple[Panel, ...], documents: tuple[Document, ...] = ()) -> CachedFiles:
+    """Return the page's files with those of extensions, which all vehicles share."""
+    return CachedFiles(STATIC, panels, documents) if panels or documents else FILES
 
 
 def _is_small_file(about: os.stat_result) -> bool:

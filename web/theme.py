@@ -10,6 +10,9 @@ from pathlib import Path
 
 from starlette.requests import HTTPConnection
 
+from quadrotor.extension import PageDocument
+from quadrotor.extensions import registry
+
 COOKIE = "quadlab_theme"
 """Name of the cookie, which `static/core/theme.js` writes."""
 CHOICES = ("light", "dark")
@@ -26,6 +29,9 @@ def follow_choice(came: HTTPConnection) -> None:
 
 
 def html_tag() -> str:
-    """Return the opening tag of a page, with the chosen theme, if any."""
+    """Return the opening tag of a page, with the chosen theme, if any, and the names of the
+    documents that extensions offer (`static/core/documents.js`).
+    """
     chosen = _chosen.get()
-    return f'<html lang="en" data-theme="{chosen}">' if chosen else '<html lang="en">'
+    theme = f' data-theme="{chosen}"' if chosen else ""
+    return f'<html lang="en"{theme} data-documents="{" ".join(registry().offers(PageDocument))}">'

@@ -33,8 +33,8 @@ def _page(log: Path, folder: Path) -> int:
     """Do what *Runs* does with a log: enter it, list it, prepare it for replay, read it."""
     from console.catalogue.catalogue import Catalogue
     from console.runs.adoption import tidy_runs
-    from web.replay.build import build_replay
-    from web.replay.reader import Replay
+    from extensions.replay.build import build_replay
+    from extensions.replay.reader import Replay
     from web.runs.listing import lines
 
     catalogue = Catalogue(folder)

@@ -40,8 +40,8 @@ read_columns(Path(sys.argv[1]))
 PAGE = """
 import sys
 from pathlib import Path
-from web.replay.build import build_replay
-from web.replay.reader import Replay
+from extensions.replay.build import build_replay
+from extensions.replay.reader import Replay
 build_replay(Path(sys.argv[1]), lambda share: None)
 Replay(Path(sys.argv[1])).window(["state.position.z", "state.yaw"], 0.0, 1e6, 1000)
 """

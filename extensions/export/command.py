@@ -12,11 +12,12 @@ import tyro
 from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
 from quadlab.option_types import Folder, Names, optional
 from quadrotor.errors import UsageError
-from quadrotor.extension import Exporter
+from quadrotor.extension import Exporter, PageExporter
 from quadrotor.extensions import registry
 
-PAGE = "page"
-FORMATS = (*registry().offers(Exporter, taken=(PAGE,)), PAGE)
+TABLES = registry().offers(Exporter)
+PAGES = registry().offers(PageExporter, taken=TABLES)
+FORMATS = (*TABLES, *PAGES)
 if TYPE_CHECKING:
     FormatName = str
 else:
@@ -51,7 +52,7 @@ class Export:
         check_log_file(self.file)
         folder = self.out or self.file.with_name(f"{self.file.stem}_{self.format}")
         topics = [part for word in self.topics for part in word.split(",") if part]
-        if self.format == PAGE:
+        if self.format in PAGES:
             return self._page(folder)
         if self.derive:
             raise UsageError("--derive is for --format page; a table has the log's own numbers")
@@ -77,12 +78,10 @@ class Export:
         return 1 if done.problems else 0
 
     def _page(self, folder: Path) -> int:
-        from extensions.export.replay_page import export_page
-
         if self.topics or self.begin or self.end != math.inf:
             raise UsageError("a page has the whole flight: leave out --topics, --from and --to")
         with progress_of(f"exporting {self.file.name}") as progress:
-            files = export_page(self.file, folder, progress, self.derive)
+            files = PAGES[self.format].load()(self.file, folder, progress, self.derive)
         for path in files:
             print(path)
         return 0

@@ -1,6 +1,13 @@
 // What modules take for granted of a browser when they are loaded: import this before them.
 
 import { webcrypto } from "node:crypto";
+import { register } from "node:module";
+
+// An extension's module names others by their addresses, as "/static/core/dom.js" and "/static/extensions/NAME/x.js".
+const resolve = (name, context, next) =>
+  next(name.replace(/^\/static\/extensions\/(\w+)\//, `${ROOT}extensions/$1/page/`).replace(/^\/static\//, `${ROOT}web/static/`), context);
+const root = new URL("../../", import.meta.url);
+register(`data:text/javascript,${encodeURIComponent(`const ROOT = "${root}"; export const resolve = ${resolve};`)}`);
 
 const kept = new Map();
 const given = {

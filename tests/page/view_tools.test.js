@@ -5,37 +5,12 @@ import { test } from "node:test";
 import "./browser.js";
 
 const { colorOf, RAMP, RANGES } = await import("../../web/static/view/path_color.js");
-const { Camera } = await import("../../web/static/replay/camera.js");
-const { Run } = await import("../../web/static/replay/run.js");
 
 test("a path's colours and their ends are the same in the live view", () => {
   const python = readFileSync(new URL("../../web/view/options.py", import.meta.url), "utf8");
   for (const [signal, [low, high, unit]] of Object.entries(RANGES)) assert.match(python, new RegExp(`"${signal}": \\(${low.toFixed(1)}, ${high.toFixed(1)}, "${unit}"\\)`));
   assert.ok(python.includes(`RAMP = (${RAMP.map((rgb) => `(${rgb.join(", ")})`).join(", ")})`));
   assert.deepEqual([colorOf("speed", -1), colorOf("speed", 9)], [`rgb(${RAMP[0].join(" ")})`, `rgb(${RAMP[3].join(" ")})`]);
-});
-
-test("from above x points right and y up, from the side z up, and the first person looks ahead", () => {
-  const camera = new Camera(), seen = (look, point) => { camera.choose(look); camera.target = [0, 0, 1]; camera.prepare(400, 400); return camera.project(point); };
-  const [right, up] = [seen("top", [1, 0, 1]), seen("top", [0, 1, 1])];
-  assert.ok(right[0] > 250 && Math.abs(right[1] - 200) < 1 && up[1] < 150 && Math.abs(up[0] - 200) < 1);
-  assert.ok(seen("side", [0, 0, 2])[1] < 150);
-  camera.sitOn({ position: [0, 0, 1] }, [0, -1, 0, 1, 0, 0, 0, 0, 1]); // its nose along y
-  camera.prepare(400, 400);
-  const [x, y] = camera.project([0, 3, 1]);
-  assert.ok(Math.abs(x - 200) < 1e-6 && Math.abs(y - 200) < 1e-6);
-  assert.equal(camera.project([0, -3, 1]), null);
-});
-
-test("error, speed and thrust of a recorded row; null where something is unknown", () => {
-  const run = Object.assign(Object.create(Run.prototype), {
-    description: { parameters: { "model.mass": 2 } }, place: { state: 0, reference: 3, actuators: 6 },
-    track: { rate: 50, width: 11, rows: Float32Array.of(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.02, 0, 1, 0.05, 0.04, 1, 9, 9, 9, 9, 19.62) },
-  });
-  assert.ok(Math.abs(run.signal("error", 1) - 0.05) < 1e-6);
-  assert.ok(Math.abs(run.signal("speed", 1) - 50 * Math.hypot(0.02, 1)) < 1e-3);
-  assert.ok(Math.abs(run.signal("thrust", 1) - 1) < 1e-6);
-  assert.equal(run.signal("speed", 0), null);
 });
 
 test("a view that stays slow is drawn with less, step by step, and says so; one slow sample changes nothing", async () => {

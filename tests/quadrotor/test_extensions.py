@@ -14,7 +14,7 @@ import pytest
 
 from quadrotor import extensions
 from quadrotor.errors import UsageError
-from quadrotor.extension import Command, Extension, Group, PagePanel
+from quadrotor.extension import Command, Extension, Group, PageDocument, PagePanel
 from quadrotor.extensions import FOLDER, GROUP, Registry, registry
 from tests.support.installed import install
 
@@ -212,7 +212,7 @@ def test_every_built_in_extension_loads_all_that_it_offers() -> None:
     assert names == {n for n in extensions.BUILT_IN if find_spec(f"{FOLDER}.{n}")}
     for kind in {type(offer) for one in found.extensions for offer in one.offers}:
         for offered in found.offers(kind).values():
-            if kind is PagePanel:  # a script; web.static_files reads it
+            if kind in (PagePanel, PageDocument):  # files of the page; web.static_files reads them
                 assert offered.offer.target.startswith("page/")
             else:
                 assert offered.load() is not None, offered.offer

@@ -13,10 +13,10 @@ import pytest
 from starlette.applications import Starlette
 from starlette.routing import Mount
 
-from quadrotor.extension import Extension, PagePanel
+from quadrotor.extension import Extension, PageDocument, PagePanel
 from quadrotor.extensions import Registry
 from web import features
-from web.panels import TABS, Panel
+from web.panels import TABS, Document, Panel
 from web.static_files import STATIC, CachedFiles
 
 PAGE = {
@@ -187,3 +187,52 @@ def test_a_name_that_the_page_has_leaves_the_panel_out(monkeypatch: pytest.Monke
     assert [line.partition(" is left out")[0] for line in registry.problems] == [
         f"extension tunnel: its panel of the page {name}" for name in ("charts", "fly")
     ]
+
+
+# ------------------------------------------------------------------ documents
+def with_document(tmp_path: Path, files: dict[str, str]) -> CachedFiles:
+    """Return the files of a page with one document of the extension tunnel."""
+    page = written(tmp_path / "static", PAGE)
+    offer = PageDocument(name="map", target="page/map/map.html", path="/{run_id}")
+    return CachedFiles(page, (), [Document(offer, "tunnel", written(tmp_path / "ours", files))])
+
+
+SHEET = '<link rel="stylesheet" href="/static/extensions/tunnel/map/map.css">\n'
+SCRIPT = '<script type="module" src="/static/extensions/tunnel/map/map.js"></script>\n'
+MAP = {
+    "map/map.html": f'<!doctype html>\n<html lang="en">\n{SHEET}{SCRIPT}</html>\n',
+    "map/map.css": "b { c: d }\n",
+    "map/map.js": 'import { element } from "/static/core/dom.js";\nelement("map");\n',
+}
+
+
+def test_a_document_of_an_extension_has_its_address_and_its_joined_files(tmp_path: Path) -> None:
+    files = with_document(tmp_path, MAP)
+    assert (files.problems, files.documents) == (
+        [],
+        {"/map/{run_id}": "extensions/tunnel/map/map.html"},
+    )
+    text = bytes(files.document(files.documents["/map/{run_id}"]).body).decode()
+    script, sheet = (re.findall(rf'{word}="/static/([^"]+)"', text)[0] for word in ("src", "href"))
+    assert "element = 2" in fetched(files, script).text
+    assert 'element("map")' in fetched(files, script).text
+    assert "b { c: d }" in fetched(files, sheet).text
+
+
+@pytest.mark.parametrize(
+    ("lacking", "said"),
+    [
+        ("map/map.html", "map.html"),
+        ("map/map.js", "there is no module extensions/tunnel/map/map.js"),
+        ("map/map.css", "map.css"),
+    ],
+)
+def test_a_document_without_one_of_its_files_is_left_out_and_told(
+    tmp_path: Path, lacking: str, said: str
+) -> None:
+    files = with_document(tmp_path, {name: text for name, text in MAP.items() if name != lacking})
+    assert files.documents == {}
+    (line,) = files.problems
+    assert "extension tunnel: its document of the page map is left out: " in line
+    assert said in line
+    assert "page.js" in document(files), "the page itself is as without"

@@ -117,7 +117,7 @@ def test_a_document_has_the_theme_that_its_browser_remembers(cookie: str, tag: s
         theme.follow_choice(HTTPConnection({"type": "http", "headers": [header]}))
         return bytes(static_files.FILES.document("emergency/kill.html").body)
 
-    assert f'<html lang="en"{tag}>'.encode() in contextvars.copy_context().run(made)
+    assert f'<html lang="en"{tag} data-documents="'.encode() in contextvars.copy_context().run(made)
 
 
 def test_a_joined_file_is_compressed_for_those_who_take_it_and_no_others(script: Path) -> None:

@@ -67,7 +67,7 @@ def recent(log: SignalLog, names: Sequence[str]) -> Recent:
 
 
 def spectra(found: Recent) -> dict[str, Any]:
-    """Return the spectra of signals as `web.replay.reader.Replay.spectra` does."""
+    """Return the spectra of signals as `extensions.replay.reader.Replay.spectra` does."""
     import_module("scipy.signal")  # slow once
     densities = []
     for name, column in found.columns.items():
@@ -77,7 +77,7 @@ def spectra(found: Recent) -> dict[str, Any]:
 
 
 def live_spectrogram(found: Recent) -> dict[str, Any]:
-    """Return the spectrogram of a signal as `web.replay.reader.Replay.spectrogram` does.
+    """Return the spectrogram of a signal as `extensions.replay.reader.Replay.spectrogram` does.
 
     Its times are those of the page's frames.
     """

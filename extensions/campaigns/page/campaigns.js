@@ -2,6 +2,7 @@
 // metric, its medians over two factors, and the rows, each with the command that flies it again.
 
 import { get, request } from "/static/core/api.js";
+import { isThere } from "/static/core/documents.js";
 import { attempt, element, optionsOf, setText } from "/static/core/dom.js";
 import { here } from "/static/core/vehicle_path.js";
 import { Comparison } from "./comparison.js";
@@ -154,7 +155,7 @@ class Campaigns {
           const { state, reason, run } = await request("POST", path);
           if (state === "failed") throw new Error(reason);
           if (state === "ready") {
-            location.assign(here(`/replay/${encodeURIComponent(run)}`));
+            location.assign(here(isThere("replay") ? `/replay/${encodeURIComponent(run)}` : "/runs"));
             return;
           }
           setText(button, state === "waiting" ? "Waiting …" : "Flying …");

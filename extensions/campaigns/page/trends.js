@@ -2,6 +2,7 @@
 // pack or tag. It is of the runs that the page's search finds.
 
 import { get } from "/static/core/api.js";
+import { isThere } from "/static/core/documents.js";
 import { $, attempt, element, optionsOf, setText, svg } from "/static/core/dom.js";
 import { day } from "/static/core/format.js";
 import { timeZone } from "/static/core/time_zone.js";
@@ -94,7 +95,7 @@ function drawn({ name, points }, metric, [first, last], [low, high]) {
   const dots = points.map(({ run, time, value, number }) => {
     const title = svg("title", {}, `${run}: ${short(value)}; flight ${number} of ${name}`);
     const dot = svg("circle", { cx: x(time), cy: y(value), r: 3.5 }, title);
-    return svg("a", { href: here(`/replay/${encodeURIComponent(run)}`) }, dot);
+    return isThere("replay") ? svg("a", { href: here(`/replay/${encodeURIComponent(run)}`) }, dot) : dot;
   });
   const label = `${metric} of ${name}, ${points.length} runs in ${short((last - first) / DAY, 2)} days`;
   return svg(

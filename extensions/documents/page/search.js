@@ -2,6 +2,7 @@
 // A button is shown and not pressed: what moves the vehicle is pressed by a person, where its guards are.
 
 import { get } from "/static/core/api.js";
+import { isThere } from "/static/core/documents.js";
 import { $, element, setText } from "/static/core/dom.js";
 import { here } from "/static/core/vehicle_path.js";
 import { ranked } from "./ranking.js";
@@ -136,7 +137,7 @@ class Search {
       kind: "Runs",
       text: title || id,
       note: title ? id : "",
-      go: () => location.assign(here(`/replay/${encodeURIComponent(id)}`)),
+      go: () => location.assign(here(isThere("replay") ? `/replay/${encodeURIComponent(id)}` : "/runs")),
     }));
     this.draw();
   }

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from console.evaluation.findings import explain_log
+from extensions.replay.build import build_replay
+from extensions.replay.reader import Replay
 from extensions.reports.report import write_report
 from quadlab.__main__ import main
-from web.replay.build import build_replay
-from web.replay.reader import Replay
 
 
 def test_a_flight_with_a_weak_motor_explains_itself_in_report_and_replay(

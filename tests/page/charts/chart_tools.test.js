@@ -7,7 +7,6 @@ const { documentOf, recorded } = await import("../../../web/static/charts/svg.js
 const { csvOf } = await import("../../../web/static/charts/save.js");
 const { derive, derivedSignals, forget, isDerived } = await import("../../../web/static/charts/derived.js");
 const { figuresOf } = await import("../../../web/static/charts/figures.js");
-const { difference } = await import("../../../web/static/compare/source.js");
 
 beforeEach(() => localStorage.clear());
 
@@ -42,11 +41,6 @@ test("a derived signal is kept, a wrong one says why and is not, and those a run
 test("what another version kept is no derived signal", async () => {
   localStorage.setItem("charts.derived", '{"a": 1}');
   assert.deepEqual(await derivedSignals(server(["= a"])), []);
-});
-
-test("the difference of two runs is at the same time since the event, and none where one has no value", () => {
-  const first = { times: [10, 11, 12], values: [0, 1, 2], shift: 10 }, second = { times: [3, 3.5, 4, 9], values: [5, 5, 5, 5], shift: 3 };
-  assert.deepEqual([...difference(second, first)], [NaN, 4.5, 4, NaN]);
 });
 
 test("a drawing holds the strokes, the paths made meanwhile and the texts of the last drawing, and leaves the canvas as it was", async () => {

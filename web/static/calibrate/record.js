@@ -3,6 +3,7 @@
 import { motorFit } from "./fit.js";
 import { residualBars } from "./residuals.js";
 import { BEYOND, compared, figure, GOOD } from "./labels.js";
+import { isThere } from "../core/documents.js";
 import { element, tableHead } from "../core/dom.js";
 import { digitsOf, exact, words } from "../core/format.js";
 
@@ -129,7 +130,7 @@ function conditions(record) {
           element(
             "dd",
             {},
-            element("a", { href: `/replay/${encodeURIComponent(run)}` }, run),
+            isThere("replay") ? element("a", { href: `/replay/${encodeURIComponent(run)}` }, run) : run,
             " · ",
             element("a", { href: `/report/${encodeURIComponent(run)}`, target: "_blank" }, "report"),
           ),

@@ -3,6 +3,7 @@
 import { get } from "../core/api.js";
 import { recordView } from "./record.js";
 import { labelOf } from "./labels.js";
+import { isThere } from "../core/documents.js";
 import { element } from "../core/dom.js";
 import { words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
@@ -129,7 +130,7 @@ export class CalibrationResult {
       ...(status.run_id
         ? [
             element("a", { href: `/report/${run}`, target: "_blank" }, "Report"),
-            element("a", { href: `/replay/${run}` }, "Replay"),
+            ...(isThere("replay") ? [element("a", { href: `/replay/${run}` }, "Replay")] : []),
           ]
         : []),
     );

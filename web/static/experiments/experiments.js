@@ -9,6 +9,7 @@ import { Guide } from "./guide.js";
 import { OptionForm } from "./options.js";
 import { Series } from "./series.js";
 import { SessionNotes } from "./session_notes.js";
+import { isThere } from "../core/documents.js";
 import { element, hide, setText } from "../core/dom.js";
 import { duration, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
@@ -225,7 +226,7 @@ export class ExperimentSection {
       run = encodeURIComponent(status.run_id);
     const links = [
       ...(judged ? [element("a", { href: `/report/${run}`, target: "_blank" }, "Report")] : []),
-      ...(status.run_id ? [element("a", { href: `/replay/${run}` }, "Replay")] : []),
+      ...(status.run_id && isThere("replay") ? [element("a", { href: `/replay/${run}` }, "Replay")] : []),
       ...(status.run_id ? [element("a", { href: `/api/runs/${run}/download`, download: "" }, "Log")] : []),
     ];
     this.result.replaceChildren(

@@ -2,6 +2,7 @@
 // one follows the other; a real vehicle is started by a person each time. It goes on while this page is open.
 
 import { badge, decisive, number, unitOf } from "./figures.js";
+import { isThere } from "../core/documents.js";
 import { element, hide, optionsOf, setText } from "../core/dom.js";
 import { exact, parseNumber, words } from "../core/format.js";
 
@@ -152,7 +153,9 @@ export class Series {
                 "li",
                 {},
                 element("span", {}, value === undefined ? "" : `${value} ${this.unit}`),
-                element("a", { href: `/replay/${encodeURIComponent(result.run)}` }, badge(result)),
+                isThere("replay")
+                  ? element("a", { href: `/replay/${encodeURIComponent(result.run)}` }, badge(result))
+                  : badge(result),
               ),
             ]
           : [],

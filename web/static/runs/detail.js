@@ -1,6 +1,7 @@
 // The chosen run: what can be done with it, its tags, notes and marks. Several: what can be done with all.
 
 import { get, request } from "../core/api.js";
+import { isThere } from "../core/documents.js";
 import { element, hide } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
 import { bytes, fixed } from "../core/format.js";
@@ -128,21 +129,25 @@ export class RunDetail {
         .sort((a, b) => a.start_ns - b.start_ns)
         .map((one) => encodeURIComponent(one.id));
       const both =
-        pair.length === 2
+        pair.length === 2 && isThere("replay")
           ? [
               link(`/replay/${pair[0]}?with=${pair[1]}`, "Overlay in replay", {
                 title: "show both in one replay, aligned at an event",
               }),
             ]
           : [];
-      const compare = link(`/compare?${pair.map((one) => `run=${one}`).join("&")}`, "Compare", {
-        title: "signals aligned at an event, metrics, and parameters that differ",
-      });
-      this.links.replaceChildren(compare, ...both, remove);
+      const compare = isThere("compare")
+        ? [
+            link(`/compare?${pair.map((one) => `run=${one}`).join("&")}`, "Compare", {
+              title: "signals aligned at an event, metrics, and parameters that differ",
+            }),
+          ]
+        : [];
+      this.links.replaceChildren(...compare, ...both, remove);
       return;
     }
     this.links.replaceChildren(
-      ...(run.recording
+      ...(run.recording || !isThere("replay")
         ? []
         : [link(`/replay/${id}`, "Replay", { title: "3D, charts and timeline (Enter)" })]),
       ...(run.report
@@ -232,11 +237,9 @@ export class RunDetail {
   }
 
   mark({ id, time, text, requester, run_id: run }) {
-    const place = element(
-      "a",
-      { href: `/replay/${encodeURIComponent(run)}?at=${time.toFixed(2)}`, title: "replay from here" },
-      `${fixed(time, 1)} s`,
-    );
+    const at = `${fixed(time, 1)} s`;
+    const href = `/replay/${encodeURIComponent(run)}?at=${time.toFixed(2)}`;
+    const place = isThere("replay") ? element("a", { href, title: "replay from here" }, at) : at;
     const input = element("input", {
       value: text,
       placeholder: "describe this mark",

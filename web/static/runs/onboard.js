@@ -1,6 +1,7 @@
 // The vehicle's own logs: what it has, fetching one to this computer, and how far that is.
 
 import { get, request } from "../core/api.js";
+import { isThere } from "../core/documents.js";
 import { element } from "../core/dom.js";
 import { bytes, duration, moment } from "../core/format.js";
 import { ENDED, Progress } from "./fill.js";
@@ -103,7 +104,9 @@ export class Onboard extends Panel {
         if (cell.firstChild !== progress.place) cell.replaceChildren(progress.place);
       } else if (cell.dataset.here !== (log.here ?? "") || cell.firstChild === progress.place) {
         cell.replaceChildren(
-          log.here ? element("a", { href: `/replay/${encodeURIComponent(log.here)}` }, "Replay") : "–",
+          log.here && isThere("replay")
+            ? element("a", { href: `/replay/${encodeURIComponent(log.here)}` }, "Replay")
+            : "–",
         );
         cell.dataset.here = log.here ?? "";
       }

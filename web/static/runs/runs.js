@@ -1,6 +1,7 @@
 // The page of runs: recorded flights, what people say about them, and what can be done with them.
 
 import { get, request } from "../core/api.js";
+import { isThere } from "../core/documents.js";
 import { $, element } from "../core/dom.js";
 import { onKey } from "../core/keys.js";
 import { head } from "../core/page_header.js";
@@ -32,7 +33,8 @@ class RunsPage {
     this.list.addEventListener("choice", () => this.detail.show(this.list.current, this.list.chosen));
     this.list.addEventListener("loaded", () => this.loaded());
     this.list.addEventListener("open", () => {
-      if (this.list.current) location.assign(here(`/replay/${encodeURIComponent(this.list.current.id)}`));
+      if (this.list.current && isThere("replay"))
+        location.assign(here(`/replay/${encodeURIComponent(this.list.current.id)}`));
     });
     this.list.addEventListener("remove", () => this.remove());
     this.list.addEventListener("edit", ({ detail }) => this.detail.edit(detail));

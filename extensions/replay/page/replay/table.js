@@ -1,0 +1,94 @@
+// The state at the play-head: vectors in x, y, z columns; of a second run below each value.
+
+import { element, setText } from "/static/core/dom.js";
+import { fixed, seconds, words } from "/static/core/format.js";
+
+const xyz = (prefix) => ["x", "y", "z"].map((axis) => `${prefix}.${axis}`);
+/** @type {[string, string[], number[], string?][]} */
+const ROWS = [
+  ["position", xyz("state.position"), [3, 3, 3]],
+  ["velocity", xyz("state.velocity"), [3, 3, 3]],
+  ["roll pitch yaw", ["state.roll", "state.pitch", "state.yaw"], [2, 2, 2]],
+  ["body rate", xyz("state.rate"), [1, 1, 1]],
+  ["reference", xyz("reference.position"), [3, 3, 3]],
+  ["tracking error", xyz("error.position"), [1, 1, 1]],
+  ["truth", xyz("truth.position"), [3, 3, 3]],
+  ["torque", xyz("torque"), [3, 3, 3]],
+  ["thrust, λ, mass", ["thrust", "scaling", "mass"], [2, 2, 3], "N, –, kg"],
+  ["error to truth", ["truth.position_error", "truth.velocity_error"], [1, 3], "mm, m/s"],
+  ["battery, link age", ["battery.voltage", "link.age"], [2, 0], "V, ms"],
+];
+const STALE = { battery: 3, link: 1.5, mass: 0.3 }; // s
+const DEFAULT_STALE = 0.3;
+
+export class ReplayTable {
+  rows;
+
+  constructor(place) {
+    this.place = place;
+    this.names = ROWS.flatMap(([, names]) => names);
+  }
+
+  setRuns(runs) {
+    this.runs = runs;
+    const { signals } = runs[0],
+      body = element("tbody");
+    this.facts = runs.map(() => element("td", { colSpan: 5 }));
+    runs.forEach((_, k) =>
+      body.append(
+        element("tr", { className: k ? "second" : "" }, element("td", {}, k ? "" : "mode"), this.facts[k]),
+      ),
+    );
+    this.rows = [];
+    for (const [label, names, digits, unit] of ROWS) {
+      if (!names.some((name) => runs.some((run) => run.signals.has(name)))) continue;
+      runs.forEach((run, k) => {
+        const cells = [0, 1, 2].map(() => element("td")),
+          age = element("td", { className: "age" });
+        const line = element(
+          "tr",
+          { className: k ? "second" : "" },
+          element("td", {}, k ? "" : label),
+          ...cells,
+          element("td", { className: "unit" }, k ? "" : (unit ?? signals.get(names[0])?.unit ?? "")),
+          age,
+        );
+        body.append(line);
+        this.rows.push({ run, names, digits, cells, age, line });
+      });
+    }
+    const head = element(
+      "tr",
+      {},
+      element("th"),
+      ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)),
+      element("th"),
+      element("th", {}, "age"),
+    );
+    this.place.replaceChildren(element("table", {}, element("thead", {}, head), body));
+  }
+
+  put(values, t) {
+    this.runs.forEach((run, k) => {
+      const own = t + run.shift,
+        flags = run.text("status/flags", own);
+      const text =
+        [run.span("mode", own), run.span("behavior", own), ...flags.split(", ")]
+          .filter(Boolean)
+          .map(words)
+          .join(" · ") || "–";
+      setText(this.facts[k], text);
+    });
+    for (const { run, names, digits, cells, age, line } of this.rows) {
+      const found = values.get(run) ?? {},
+        old = found[names[0]]?.[1];
+      const isStale = !(old <= (STALE[names[0].split(".")[0]] ?? DEFAULT_STALE));
+      line.classList.toggle("stale", isStale);
+      names.forEach((name, i) => setText(cells[i], fixed(found[name]?.[0], digits[i])));
+      setText(
+        age,
+        old === null || old === undefined ? "–" : isStale ? seconds(old) : `${Math.round(old * 1e3)} ms`,
+      );
+    }
+  }
+}
