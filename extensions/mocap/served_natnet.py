@@ -26,6 +26,10 @@ KEPT = 5.0
 """Time, in s, for which frames are sent to a client after its keep-alive datagram."""
 RIGID_BODY = 1
 SEEN = 1
+NO_GROUP = (0, 0, 0, 0)
+"""Address of the multicast group: frames are sent to each client."""
+NO_OFFSET = (0.0, 0.0, 0.0)
+NO_TIME_CODE, NO_FLAGS_AND_END = (0, 0), (0, 0)
 
 
 class NatNetServer:
@@ -68,13 +72,13 @@ class NatNetServer:
     def _facts(self) -> bytes:
         name = b"quadlab simulator".ljust(256, b"\0")
         versions = bytes((1, 0, 0, 0)) + bytes(VERSION)
-        return name + versions + struct.pack("<QH?4B", TICKS, self._data[1], False, 0, 0, 0, 0)
+        return name + versions + struct.pack("<QH?4B", TICKS, self._data[1], False, *NO_GROUP)
 
     def _model(self) -> bytes:
         found = struct.pack("<I", len(self._names))
         for number, name in enumerate(self._names, 1):
             # Number, parent, offset, and no markers.
-            body = name.encode() + b"\0" + struct.pack("<Ii3fI", number, -1, 0.0, 0.0, 0.0, 0)
+            body = name.encode() + b"\0" + struct.pack("<Ii3fI", number, -1, *NO_OFFSET, 0)
             found += struct.pack("<II", RIGID_BODY, len(body)) + body
         return found
 
@@ -90,5 +94,5 @@ class NatNetServer:
         parts = struct.pack("<I", self._number) + 2 * none
         parts += struct.pack("<II", len(bodies), len(rigid)) + rigid + 5 * none
         ticks = stamp_ns * TICKS // 1_000_000_000
-        # Time code, s since the start, ticks of exposure, arrival and sending, flags, end.
-        return parts + struct.pack("<IIdQQQHI", 0, 0, 1e-9 * stamp_ns, ticks, ticks, ticks, 0, 0)
+        when = 1e-9 * stamp_ns, ticks, ticks, ticks  # since the start; exposed, arrived, sent
+        return parts + struct.pack("<IIdQQQHI", *NO_TIME_CODE, *when, *NO_FLAGS_AND_END)

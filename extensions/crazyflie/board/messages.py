@@ -125,9 +125,9 @@ def arm(on: bool) -> Packet:
 
 def pose(state: Record) -> Packet:
     """Return the pose of a STATE (1,) for its estimator."""
-    x, y, z = state["position_w"][0].tolist()
-    w, i, j, k = state["quaternion_wb"][0].tolist()
-    return Packet(CrtpPort.LOCALIZATION, 1, POSE_DATA.pack(POSE, x, y, z, i, j, k, w))
+    w, *ijk = state["quaternion_wb"][0].tolist()
+    data = POSE_DATA.pack(POSE, *state["position_w"][0].tolist(), *ijk, w)
+    return Packet(CrtpPort.LOCALIZATION, 1, data)
 
 
 def imu_counts(values: tuple[float, ...]) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
