@@ -76,7 +76,7 @@ async function open(id, k, entry, line) {
     if (run.description.is_growing) throw new Error("is still being recorded: compare it when it is closed");
     line.say(
       [
-        moment(run.description.start_ns / 1e9),
+        run.begun === null ? "simulated time" : moment(run.begun),
         entry?.operator,
         entry && state(entry)[1] ? state(entry)[0] : "",
       ]

@@ -7,6 +7,7 @@ const POLL = 250; // ms between two questions while the server reads the log
 const WIDTH_OF = { position: 3, rotation: 4 };
 const THRUST = 4; // column of the actuators, N
 const GRAVITY = 9.81; // m/s²
+const EPOCH = 1e9; // s; a clock before 2001 is a simulation's
 
 export class Run {
   place;
@@ -18,6 +19,12 @@ export class Run {
     this.description = description;
     this.shift = 0; // its time = the page's + shift
     this.signals = new Map(description.signals.map((signal) => [signal.name, signal]));
+  }
+
+  // When it began, in s since 1970; null where its clock was a simulation's.
+  get begun() {
+    const begun = this.description.start_ns / 1e9;
+    return begun > EPOCH ? begun : null;
   }
 
   get duration() {

@@ -10,7 +10,6 @@ import { WIDTHS } from "./range.js";
 export const FRAME = 1 / 50; // s, of the track
 const NAMES = { 0.125: "⅛", 0.25: "¼", 0.5: "½" };
 const COPIED = 2000; // ms for which a copy is confirmed
-const EPOCH = 1e9; // s; a clock before 2001 is a simulation's
 
 export class Transport {
   // address(): of this page at the present moment, or its end.
@@ -136,12 +135,11 @@ export class Transport {
   show() {
     const { clock, runs } = this;
     if (!runs) return;
-    const { start_ns: start, airborne } = runs[0].description,
-      since = airborne.filter((t) => t <= clock.t).at(-1);
-    const wall = start / 1e9 + clock.t;
+    const { begun, description } = runs[0],
+      since = description.airborne.filter((t) => t <= clock.t).at(-1);
     setText(this.run, stamp(clock.t));
     setText(this.flight, since === undefined ? "–" : stamp(clock.t - since));
-    setText(this.wall, wall > EPOCH ? clockOf(wall, 3) : "–");
+    setText(this.wall, begun === null ? "–" : clockOf(begun + clock.t, 3));
     const ways = /** @type {[HTMLElement, number, string][]} */ ([
       [this.forth, 1, "play"],
       [this.back, -1, "backwards"],

@@ -34,3 +34,8 @@ test("the difference of two runs is at the same time since the event, and none w
   const first = { times: [10, 11, 12], values: [0, 1, 2], shift: 10 }, second = { times: [3, 3.5, 4, 9], values: [5, 5, 5, 5], shift: 3 };
   assert.deepEqual([...difference(second, first)], [NaN, 4.5, 4, NaN]);
 });
+
+test("a run of simulated time has no date", () => {
+  const begun = (seconds) => new Run("a", { start_ns: seconds * 1e9, signals: [] }).begun;
+  assert.deepEqual([begun(0), begun(41.7), begun(1_795_874_707)], [null, null, 1_795_874_707]);
+});
