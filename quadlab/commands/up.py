@@ -80,7 +80,9 @@ class Up(PageOptions):
         fleet = SimulatedFleet(self.vehicles, self.name, self.link_port)
         fleet.check()
         check_rate(self._rate(fleet), len(MCU_PORTS))
-        self._check_ports(fleet)
+        for port in (self.port, *fleet.ports.values()):
+            if not 1 <= port <= 65535:
+                raise UsageError(f"port {port} is out of range (1 to 65535)")
         if self.firmware == "c" and self.board != MIKROKOPTER:
             raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
         if self.tracker:
@@ -92,7 +94,9 @@ class Up(PageOptions):
             self.tracker,
             bool(self.tracker and self._serve_words()),
         )
-        self._build_firmware()  # after all words: a mistake in them needs no compiler
+        # After all words: a mistake in them needs neither free ports nor a compiler.
+        self._require_free_ports(fleet)
+        self._build_firmware()
         folder = open_data_folder(self.data)
         check_laws(settings.values, folder)
         self.check_page(folder)
@@ -128,10 +132,7 @@ class Up(PageOptions):
         ports = MCU_PORTS if self.board == MIKROKOPTER else MCU_PORTS[:1]
         return [str(folder / port) for port in ports]
 
-    def _check_ports(self, fleet: SimulatedFleet) -> None:
-        for port in (self.port, *fleet.ports.values()):
-            if not 1 <= port <= 65535:
-                raise UsageError(f"port {port} is out of range (1 to 65535)")
+    def _require_free_ports(self, fleet: SimulatedFleet) -> None:
         require_free("page", self.port, socket.SOCK_STREAM, "--port")
         require_free("loopback session", self.link_port, socket.SOCK_STREAM, "--link-port")
         for port in fleet.ports.values():

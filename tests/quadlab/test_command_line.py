@@ -74,6 +74,13 @@ def test_wrong_words_are_answered_in_one_line(
     assert said in complaint(capsys, words, 2)
 
 
+def test_a_wrong_word_is_told_before_a_port_in_use(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as used:
+        words = ["up", "--port", str(used.getsockname()[1])]
+        assert "did you mean mass" in complaint(capsys, [*words, "--set", "simulator.mas=1"], 2)
+        assert "in use" in complaint(capsys, words, 2)
+
+
 @pytest.mark.parametrize("command", commands())
 def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str) -> None:
     with pytest.raises(SystemExit) as stop:
