@@ -117,7 +117,7 @@ class SearchWork(Work):
         self.search = search
         self.todo = []
         self.rows = {}
-        if any(self.folder.rows.glob("*.parquet")):
+        if self.folder.count():
             self.rows = search_rows(self.folder.table(), search)
         self._course = self._trials()
         self._advance()
