@@ -12,6 +12,7 @@ from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.search import study
 from extensions.campaigns.search.plan import Search
 from extensions.campaigns.search.study import rounds
+from extensions.campaigns.search.told import none_feasible, outcome
 from extensions.campaigns.search.trial import PENALTY, Row, front, judge
 from extensions.campaigns.tests.conftest import COMPILED, rows
 from quadrotor.errors import UsageError
@@ -100,11 +101,21 @@ def test_a_search_without_a_feasible_trial_says_so(bench: Any) -> None:
     assert line.endswith("widen the search, or its limits")
 
 
-def test_a_trial_below_the_delay_margin_is_not_flown(bench: Any) -> None:
-    text = plan("delay_margin = 0.9").replace("= 12", "= 3")
-    line = bench.refused("run", bench.plan(text), "--out", bench.folder / "out", "--workers", 1)
-    assert "none of 3 trials is feasible: a delay margin below 0.9 s (3 trials)" in line
-    assert list((bench.folder / "out" / "rows").iterdir()) == []
+@pytest.mark.parametrize(
+    ("margins", "words"),
+    [
+        ("delay_margin = 0.9", "0.9 s of delay"),
+        ("phase_margin = 80", "80° of phase"),
+        ("delay_margin = 0.05\nphase_margin = 80", "0.05 s of delay or 80° of phase"),
+    ],
+)
+def test_a_trial_below_a_margin_is_not_flown(bench: Any, margins: str, words: str) -> None:
+    text = plan(margins).replace("= 12", "= 3")
+    found = bench.searched(text, "out")
+    assert f"none of 3 trials is feasible: a margin below {words} (3 trials)" in none_feasible(
+        outcome(found, None)
+    )
+    assert list(found.rows.iterdir()) == []
 
 
 @pytest.mark.parametrize("sampler", ["cma_es", "nsga2", "random"])
