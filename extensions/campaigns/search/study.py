@@ -48,7 +48,8 @@ def new_study(search: Search, seed: int, first: Mapping[str, Value] | None) -> S
         "random": lambda: optuna.samplers.RandomSampler(seed=seed),
         "cma_es": lambda: optuna.samplers.CmaEsSampler(seed=seed),
     }
-    pruner = optuna.pruners.MedianPruner(n_startup_trials=STARTUP)
+    # trials that were never flown count as whole ones, but have nothing to compare with
+    pruner = optuna.pruners.MedianPruner(STARTUP, n_min_trials=STARTUP)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         study = optuna.create_study(

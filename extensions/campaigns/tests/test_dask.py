@@ -119,3 +119,49 @@ def test_without_a_scheduler_or_a_worker_one_line_says_so(
     assert "give one of both" in bench.refused(
         "run", plan, "--out", out, "--dask", scheduler, "--workers", 2
     )
+
+
+def tls_files(folder: Path) -> tuple[str, ...]:
+    """Make the authority of a laboratory and a certificate of it; return the options of Dask."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    from vehicle_link.security.certificates import certificate_builder, pem_of_key, signed
+
+    authority, own = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
+    constraints = x509.BasicConstraints(ca=True, path_length=None)
+    root = certificate_builder("laboratory", "laboratory", authority)
+    files = {
+        "ca-file": signed(root.add_extension(constraints, critical=True), authority),
+        "cert": signed(certificate_builder("host", "laboratory", own), authority),
+        "key": pem_of_key(own),
+    }
+    words = []
+    for name, content in files.items():
+        place = folder / f"{name}.pem"
+        place.write_bytes(content)
+        words += [f"--tls-{name}", str(place)]
+    return tuple(words)
+
+
+def test_over_tls_only_who_has_a_certificate_is_heard(bench: Any, tmp_path: Path) -> None:
+    """Scheduler, worker and run have certificates; a run without one is refused in one line."""
+    files = tls_files(tmp_path)
+    ca_file, certificate, key = files[1::2]
+    place = ("scheduler", "--host", "tls://127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
+    plan, out = bench.plan(COMPILED), bench.folder / "out"
+    with dask(*place, *files, until="Scheduler at:") as (_, line):
+        address = re.search(r"tls://\S+", line)
+        assert address is not None
+        with worker(address[0], "--no-nanny", *files):
+            known = {"CA_FILE": ca_file, "CLIENT__CERT": certificate, "CLIENT__KEY": key}
+            environment = {f"DASK_DISTRIBUTED__COMM__TLS__{k}": v for k, v in known.items()}
+            run = started("run", plan, "--out", out, "--dask", address[0], environment=environment)
+            _, said = run.communicate()
+            assert run.returncode == 0, said
+            refused = bench.refused(
+                "run", plan, "--out", bench.folder / "none", "--dask", address[0]
+            )
+    assert rows(CampaignFolder(out)).equals(rows(bench.flown(COMPILED, "alone")))
+    assert f"no scheduler of Dask answers at {address[0]}" in refused
+    assert rows_of(bench.folder / "none") == 0

@@ -77,7 +77,7 @@ def test_rows_are_read_once_and_whole_while_their_files_are_joined(
 def test_a_folder_that_is_just_being_renamed_is_waited_for(
     parts: CampaignFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On a file system that cannot exchange folders there are two renames."""
+    """There are two renames on a file system that cannot exchange folders."""
     old = parts.path / "rows.old"
     parts.rows.rename(old)
     monkeypatch.setattr(row_files.time, "sleep", lambda _: old.rename(parts.rows))

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from optuna.trial import TrialState
 
+from extensions.campaigns.factors import Range
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.search import study
 from extensions.campaigns.search.plan import Search
@@ -116,6 +118,26 @@ def test_a_trial_below_a_margin_is_not_flown(bench: Any, margins: str, words: st
         outcome(found, None)
     )
     assert list(found.rows.iterdir()) == []
+
+
+def test_trials_that_were_never_flown_do_not_end_others_early() -> None:
+    """A trial is compared with the median of eight flown ones, not with that of the first alone."""
+    search = Search(trials=20, aims=["a"], parameters={"x.y": Range(**{"from": 0.0, "to": 1.0})})
+    made = study.new_study(search, 1, None)
+    proposals = study.distributions(search)
+
+    def is_ended(value: float) -> bool:
+        trial = made.ask(proposals)
+        trial.report(value, 1)
+        ends = trial.should_prune()
+        made.tell(trial, None if ends else value, state=TrialState.PRUNED if ends else None)
+        return ends
+
+    for _ in range(20):  # refused by their margins
+        made.tell(made.ask(proposals), 2e6)
+    assert [is_ended(1.0 + k) for k in range(8)] == [False] * 8
+    assert is_ended(9.0)
+    assert not is_ended(1.5)
 
 
 @pytest.mark.parametrize("sampler", ["cma_es", "nsga2", "random"])
