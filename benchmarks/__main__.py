@@ -62,7 +62,6 @@ FOLDERS = {
         "fleet",
         "failures",
         "identification",
-        "disturbances",
         "rough_world",
         "hostile_flights",
         "hostile_plugins",
@@ -72,8 +71,8 @@ FOLDERS = {
         "starved",
         "real_flights",
         "camera_flight",
-        "campaigns",
     ),
+    "campaigns": ("campaigns", "campaign_kills", "disturbances"),
     "page": (
         "replay",
         "sticks",

@@ -10,7 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.sampling import ALL, STEP, splitmix64
-from extensions.campaigns.factors import MOST_FLIGHTS, Distribution, Factor, Range, Value
+from extensions.campaigns.factors import (
+    MOST_FLIGHTS,
+    Distribution,
+    Factor,
+    Range,
+    Value,
+    correlation_matrix,
+)
 from extensions.campaigns.plan import SALTELLI, SAMPLED, Plan
 from quadlab.simulated.experiment import LARGEST_SEED
 from quadrotor.errors import UsageError
@@ -112,7 +119,7 @@ class Cells:
             return {name: _levels(one) for name, one in factors.items()}
         unit = _unit(self.plan.design, self._alone, len(factors), self.plan.seed)
         if self.plan.correlations:
-            unit = _correlated(unit, self.plan.correlation_matrix())
+            unit = _correlated(unit, correlation_matrix(self.plan.correlations, list(factors)))
         return {name: _at(one, unit[:, k]) for k, (name, one) in enumerate(factors.items())}
 
 

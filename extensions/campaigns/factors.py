@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic import model_validator as validator
 
@@ -78,6 +81,28 @@ class Correlation(Part):
     """their names"""
     rho: float = Field(gt=-1.0, lt=1.0)
     """correlation of the normal scores of both (a Gaussian copula): each keeps its distribution"""
+
+
+def correlation_matrix(
+    correlations: Sequence[Correlation], names: Sequence[str]
+) -> npt.NDArray[np.float64]:
+    """Return the correlations of factors, in the order of their names.
+
+    Raises ValueError for an unknown factor, or a matrix that no factors have.
+    """
+    found = np.eye(len(names))
+    for one in correlations:
+        for name in one.factors:
+            if name not in names:
+                raise ValueError(f"correlations: {name} is no factor{nearest(name, list(names))}")
+        a, b = (names.index(name) for name in one.factors)
+        found[a, b] = found[b, a] = one.rho
+    if np.linalg.eigvalsh(found).min() <= 1e-9:
+        raise ValueError(
+            "correlations: no factors have all of these at once (their matrix is not positive "
+            "definite); lower some"
+        )
+    return found
 
 
 def kind_of(found: object) -> str:

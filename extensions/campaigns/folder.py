@@ -7,10 +7,10 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,7 @@ from extensions.campaigns.design import Cells
 from extensions.campaigns.flights import Outcome, Task
 from extensions.campaigns.plan import COMPILED, OWN, PlanFile, read_plan
 from extensions.campaigns.recorded import logs as over_logs
+from extensions.campaigns.row_files import RowFiles
 from extensions.campaigns.search.kept import read_trials
 from extensions.campaigns.shard import WHOLE, Shard
 from extensions.campaigns.table import array, figures, joined, numbers
@@ -40,6 +41,8 @@ from quadrotor.errors import StorageError, UsageError, os_errors
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+T = TypeVar("T")
 
 
 class CampaignFolder:
@@ -55,7 +58,8 @@ class CampaignFolder:
             self.record: dict[str, Any] = json.loads((path / RECORD).read_text())
         if self.record.get("protocol") != PROTOCOL:
             raise StorageError(f"{path} is of another version of quadlab's campaigns; update it")
-        self.rows = path / ROWS
+        self._files = RowFiles(path)
+        self.rows = self._files.place
         self._begun = self._identity()
         self.flights: int = self.record["flights"]
 
@@ -166,22 +170,31 @@ class CampaignFolder:
         """Return for each flight whether it has a row."""
         import pyarrow.parquet as pq
 
-        found = np.zeros(self.flights, bool)
-        with os_errors(lambda why: f"the rows of {self.path} cannot be read ({why})"):
-            for part in self._parts():
+        def indices(parts: list[Path]) -> npt.NDArray[np.bool_]:
+            found = np.zeros(self.flights, bool)
+            for part in parts:
                 with pq.ParquetFile(part) as file:
                     found[numbers(file.read(["index"]), "index")] = True
-        return found
+            return found
+
+        return self.read_files(indices)
 
     def count(self) -> int:
         """Return the number of rows, from the ends of their files alone."""
         import pyarrow.parquet as pq
 
-        rows: int = sum(pq.read_metadata(part).num_rows for part in self._parts())
-        return min(self.flights, rows)
+        def rows(parts: list[Path]) -> int:
+            return sum(pq.read_metadata(part).num_rows for part in parts)
 
-    def _parts(self) -> list[Path]:
-        return sorted(self.rows.glob("*.parquet"))
+        return min(self.flights, self.read_files(rows))
+
+    def read_files(self, reading: Callable[[list[Path]], T]) -> T:
+        """Return what a function makes of the files of rows, all of the same moment.
+
+        Raises StorageError if they cannot be read.
+        """
+        with os_errors(lambda why: f"the rows of {self.path} cannot be read ({why})"):
+            return self._files.read(reading)
 
     def add(self, outcomes: Sequence[Outcome], shard: Shard) -> None:
         """Write rows as one more file, and logs.
@@ -192,7 +205,7 @@ class CampaignFolder:
         for one in outcomes:
             if one.log is not None:
                 self.add_log(one)
-        number = 1 + max((_number(part, shard) for part in self._parts()), default=0)
+        number = 1 + max((_number(part, shard) for part in self._files.paths), default=0)
         place = self.rows / f"{shard.name}-{number:06}.parquet"
         _write(place, self._table(outcomes))
 
@@ -246,7 +259,7 @@ class CampaignFolder:
             figures_only: whether what depends on the computer is left out, to save memory.
         """
         read = figures if figures_only else joined
-        return read(self._parts(), self.plan.plan.varied, self.path)
+        return self.read_files(lambda parts: read(parts, self.plan.plan.varied, self.path))
 
     def is_whole(self) -> bool:
         """Return whether all flights are flown; a search needs not all, as trials end early."""
@@ -257,27 +270,20 @@ class CampaignFolder:
         self.check_there()
         if not self.is_whole():
             return False
-        parts = self._parts()
-        if [part.name for part in parts] in ([], [f"{ROWS}.parquet"]):
+        if [part.name for part in self._files.paths] in ([], [f"{ROWS}.parquet"]):
             return True
-        new, old = self.path / f"{ROWS}.new", self.path / f"{ROWS}.old"
-        shutil.rmtree(new, ignore_errors=True)
-        new.mkdir()
-        _write(new / f"{ROWS}.parquet", self.table())
-        self.rows.rename(old)
-        new.rename(self.rows)
-        shutil.rmtree(old)
+        new = self._files.new
+        with os_errors(lambda why: f"{new} cannot be written ({why})"):
+            shutil.rmtree(new, ignore_errors=True)
+            new.mkdir()
+            _write(new / f"{ROWS}.parquet", self.table())
+            self._files.replace()
         return True
 
     def mend(self) -> None:
         """Finish what a killed run has left halfway; only for the owner of the folder."""
-        new, old = self.path / f"{ROWS}.new", self.path / f"{ROWS}.old"
-        if old.exists() and not self.rows.exists():
-            (new if new.exists() else old).rename(self.rows)
-        for one in (new, old):
-            shutil.rmtree(one, ignore_errors=True)
-        for one in self.rows.glob("*.new"):
-            one.unlink()
+        with os_errors(lambda why: f"{self.path} cannot be written ({why})"):
+            self._files.mend()
 
 
 def _write(place: Path, table: pa.Table) -> None:

@@ -45,6 +45,10 @@ design = "grid"
 # "tracker.delay" = {{ from = 0.005, to = 0.08, number = 5, log = true }}
 # "simulator.wind_x" = {{ distribution = "norm", loc = 0.0, scale = 2.0, number = 5 }}
 
+# [cases.world]              # a factor called world; each of its cases has several settings
+# calm = {{}}
+# windy = {{ "simulator.drag" = 0.3, "simulator.wind_x" = 5.0, "simulator.gust" = 1.5 }}
+
 [keep]
 logs = "failed"              # none, failed, all; worst, with number = 5, metric = "position_rms_m"
 """

@@ -12,12 +12,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, Field, ValidationError
 from pydantic import model_validator as validator
 
-from extensions.campaigns.factors import Correlation, Factor, Part, Range, Value, nearest
+from extensions.campaigns.cases import Cases, with_cases
+from extensions.campaigns.factors import (
+    Correlation,
+    Factor,
+    Part,
+    Range,
+    Value,
+    correlation_matrix,
+    nearest,
+)
 from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.search.plan import Search
 from quadrotor.errors import StorageError, UsageError, os_errors
@@ -80,6 +87,8 @@ class Plan(Part):
     """parameters of every flight, by name"""
     factors: dict[str, Factor] = Field(default_factory=dict)
     """parameters that differ from cell to cell, by name"""
+    cases: Cases = Field(default_factory=dict)
+    """settings that belong together: by the name of a factor, its cases and their settings"""
     design: Design = "grid"
     """how cells are made of the factors"""
     samples: int | None = Field(default=None, ge=1)
@@ -98,6 +107,7 @@ class Plan(Part):
 
     @validator(mode="after")
     def _fits(self) -> Plan:
+        self.factors = with_cases(self)
         if (self.samples is None) == (self.design in SAMPLED):
             what = "needs samples = …" if self.samples is None else "has no samples"
             raise ValueError(f'design = "{self.design}" {what}: {", ".join(SAMPLED)} have them')
@@ -139,26 +149,7 @@ class Plan(Part):
                 f'correlations: design = "{self.design}" has independent factors; take random, '
                 "latin_hypercube or sobol"
             )
-        for one in self.correlations:
-            for name in one.factors:
-                if name not in self.factors:
-                    raise ValueError(
-                        f"correlations: {name} is no factor{nearest(name, list(self.factors))}"
-                    )
-        if np.linalg.eigvalsh(self.correlation_matrix()).min() <= 1e-9:
-            raise ValueError(
-                "correlations: no factors have all of these at once (their matrix is not positive "
-                "definite); lower some"
-            )
-
-    def correlation_matrix(self) -> npt.NDArray[np.float64]:
-        """Return the correlations of the factors, in their order."""
-        names = list(self.factors)
-        found = np.eye(len(names))
-        for one in self.correlations:
-            a, b = (names.index(name) for name in one.factors)
-            found[a, b] = found[b, a] = one.rho
-        return found
+        correlation_matrix(self.correlations, list(self.factors))
 
     def _fits_search(self, search: Search) -> None:
         if both := search.parameters.keys() & (self.fixed.keys() | self.factors.keys()):

@@ -122,9 +122,13 @@ def _entry(path: Path) -> Facts:
 
 
 def _table(folder: CampaignFolder) -> pa.Table | None:
-    parts = sorted(folder.rows.glob("*.parquet"))
-    state = tuple((str(part), part.stat().st_mtime_ns) for part in parts)
-    return _read(state, folder.plan.plan.varied) if state else None
+    factors = folder.plan.plan.varied
+
+    def table(parts: list[Path]) -> pa.Table | None:
+        state = tuple((str(part), part.stat().st_mtime_ns) for part in parts)
+        return _read(state, factors) if state else None
+
+    return folder.read_files(table)
 
 
 @lru_cache(maxsize=2)

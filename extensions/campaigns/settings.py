@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from extensions.campaigns.cases import settled
 from extensions.campaigns.design import Cells
 from extensions.campaigns.factors import Distribution, Range, Value
 from extensions.campaigns.plan import COMPILED, PlanFile
@@ -86,7 +87,9 @@ class Settings:
         """Return the words of `--set` of a cell's flights."""
         factors = self.cells.factors(cell)
         factors.pop(over_logs.LOG, None)
-        return [*self._shared(), *(word(name, value) for name, value in factors.items())]
+        cases = self.file.plan.cases
+        each = [settled(cases, name, value) for name, value in factors.items()]
+        return [*self._shared(), *(word(*one) for settings in each for one in settings.items())]
 
     def log(self, cell: int) -> tuple[Path, list[str]]:
         """Return the log that a cell of a plan over logs reads, and its words of `--set`."""
@@ -110,11 +113,14 @@ class Settings:
         """Return the values for which a factor's value stands. Raises ParameterError."""
         from quadlab.settings import setting
 
-        key = name, text_of(value)
         if isinstance(value, float):  # most are different
-            return setting(self.store, self._sets, *key)
+            return setting(self.store, self._sets, name, text_of(value))
+        key = name, text_of(value)
         if key not in self._known:
-            self._known[key] = setting(self.store, self._sets, *key)
+            found: dict[str, ParameterValue] = {}
+            for one, wanted in settled(self.file.plan.cases, name, value).items():
+                found |= setting(self.store, self._sets, one, text_of(wanted))
+            self._known[key] = found
         return self._known[key]
 
     def values(self, chosen: range) -> Iterator[tuple[int, dict[str, ParameterValue]]]:

@@ -33,8 +33,11 @@ class Search(Part):
     """flights of a feasible trial that may not pass"""
     constraints: dict[str, float] = Field(default_factory=dict)
     """metrics with the largest value in a flight of a feasible trial"""
-    delay_margin: float | None = Field(default=None, ge=0.0, le=1.0)
+    delay_margin: float | None = Field(default=None, gt=0.0, le=1.0)
     """s of delay that each loop of a feasible trial bears at least, as `quadlab gains` has it"""
+    phase_margin: float | None = Field(default=None, gt=0.0, le=90.0)
+    """degrees of phase margin that each loop of a feasible trial has at least, as `quadlab gains`
+    has it"""
     prune: bool = True
     """whether a trial that is worse than the median of the others after as many seeds is ended"""
     together: int = Field(default=4, ge=1, le=1000)
@@ -49,6 +52,12 @@ class Search(Part):
         if self.sampler == "cma_es" and len(self.aims) > 1:
             raise ValueError('sampler = "cma_es" has one aim: take "nsga2" for several')
         return self
+
+    @property
+    def margins(self) -> dict[str, float]:
+        """Return the margins of the loops that a feasible trial has, by the name of their field."""
+        found = {"delay_margin": self.delay_margin, "phase_margin": self.phase_margin}
+        return {name: value for name, value in found.items() if value is not None}
 
     @property
     def metrics(self) -> list[str]:

@@ -48,7 +48,8 @@ def new_study(search: Search, seed: int, first: Mapping[str, Value] | None) -> S
         "random": lambda: optuna.samplers.RandomSampler(seed=seed),
         "cma_es": lambda: optuna.samplers.CmaEsSampler(seed=seed),
     }
-    pruner = optuna.pruners.MedianPruner(n_startup_trials=STARTUP)
+    # trials that were never flown count as whole ones, but have nothing to compare with
+    pruner = optuna.pruners.MedianPruner(STARTUP, n_min_trials=STARTUP)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         study = optuna.create_study(
@@ -91,15 +92,21 @@ def _between(low: float, value: object, high: float) -> bool:
     return isinstance(value, int | float) and low <= value <= high
 
 
-def delay_borne(settings: Settings, values: Mapping[str, Value]) -> float:
-    """Return the smallest delay (s) with which a loop of the gains oscillates."""
+def lacking(search: Search, settings: Settings, values: Mapping[str, Value]) -> dict[str, float]:
+    """Return the share by which the loops are below each margin that is asked for, at most 0 if
+    they are not.
+    """
     from control.margins import margins
     from extensions.campaigns.closed_loop import changed
 
     found = {k: v for name, one in values.items() for k, v in settings.resolved(name, one).items()}
     parameters: Any = changed(settings.parameters, found)
-    lag = parameters.model.motor_time_constant
-    return min(one.delay for one in margins(parameters.control, lag))
+    loops = margins(parameters.control, parameters.model.motor_time_constant)
+    least = {
+        "delay_margin": min(one.delay for one in loops),
+        "phase_margin": min(one.phase for one in loops),
+    }
+    return {name: 1.0 - least[name] / wanted for name, wanted in search.margins.items()}
 
 
 @dataclass
@@ -117,7 +124,7 @@ class SearchWork(Work):
         self.search = search
         self.todo = []
         self.rows = {}
-        if any(self.folder.rows.glob("*.parquet")):
+        if self.folder.count():
             self.rows = search_rows(self.folder.table(), search)
         self._course = self._trials()
         self._advance()
@@ -155,8 +162,9 @@ class SearchWork(Work):
             self._keep({k: dict(one.params) for k, one in asked.items()})
             alive = dict(asked)
             for k, trial in asked.items():
-                if self._is_late(settings, trial):
-                    _tell(study, trial, self._late(settings, trial), search)
+                lacks = lacking(search, settings, trial.params) if search.margins else {}
+                if any(one > 0.0 for one in lacks.values()):
+                    _tell(study, trial, Judged((), lacks, "margin"), search)
                     del alive[k]
             for seeds in rounds(self.folder.plan.plan.seeds):
                 yield [i for k in alive for i in self.folder.cells.of_trial(k, seeds)]
@@ -170,14 +178,6 @@ class SearchWork(Work):
     def _keep(self, proposed: Mapping[int, dict[str, Value]], *, is_over: bool = False) -> None:
         self.folder.check_there()
         keep_trials(self.folder.path, self.folder.cells.trials, proposed, is_over=is_over)
-
-    def _is_late(self, settings: Settings, trial: Trial) -> bool:
-        limit = self.search.delay_margin
-        return limit is not None and delay_borne(settings, trial.params) < limit
-
-    def _late(self, settings: Settings, trial: Trial) -> Judged:
-        limit = self.search.delay_margin or 0.0
-        return Judged((), {"delay_margin": limit - delay_borne(settings, trial.params)}, "delay")
 
     def _is_over(self, study: Study, trial: Trial, number: int, seeds: int) -> bool:
         """Judge a trial after so many seeds; tell the sampler if it needs no more."""

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
+UNITS = {"delay_margin": " s of delay", "phase_margin": "° of phase"}
+"""Units of the margins of the loops."""
+
+
 @dataclass(frozen=True)
 class TrialRow:
     """A trial of a search that has flights.
@@ -41,7 +45,7 @@ class SearchOutcome:
 
     Attributes:
         best: numbers of the best trial, or of those on the Pareto front; empty if none is feasible.
-        unflown: trials that needed no flight to be refused, by their delay margin.
+        unflown: trials that needed no flight to be refused, by the margins of their loops.
     """
 
     search: Search
@@ -91,9 +95,9 @@ def none_feasible(found: SearchOutcome) -> str:
     """Return a line that says why no trial is feasible."""
     kinds = Counter(one.reason.lstrip("0123456789 ") for one in found.trials if one.reason)
     why = [f"{reason} ({count} trials)" for reason, count in kinds.most_common(3)]
-    why += [f"a delay margin below {found.search.delay_margin} s ({found.unflown} trials)"] * (
-        found.unflown > 0
-    )
+    margins = found.search.margins
+    wanted = [f"{margins[name]:g}{unit}" for name, unit in UNITS.items() if name in margins]
+    why += [f"a margin below {' or '.join(wanted)} ({found.unflown} trials)"] * (found.unflown > 0)
     total = len(found.trials) + found.unflown
     return f"none of {total} trials is feasible: {'; '.join(why)}; widen the search, or its limits"
 

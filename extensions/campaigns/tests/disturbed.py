@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -20,11 +20,23 @@ LONGEST = 300.0
 """s within which a run ends on a busy computer."""
 
 
-def started(*words: object, file_size: int = 0) -> subprocess.Popen[str]:
-    """Return a process of `quadlab campaign` whose files have at most so many bytes, if given."""
+def started(
+    *words: object, file_size: int = 0, environment: Mapping[str, str] | None = None
+) -> subprocess.Popen[str]:
+    """Return a process of `quadlab campaign` with more variables of the environment.
+
+    Args:
+        file_size: bytes that each of its files has at most, if given.
+    """
     limits = ["prlimit", f"--fsize={file_size}"] if file_size else []
     command = [*limits, sys.executable, "-m", "quadlab", "campaign", *map(str, words)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | (environment or {}),
+    )
 
 
 def workers_of(pid: int) -> list[int]:

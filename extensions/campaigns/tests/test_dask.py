@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import signal
-import subprocess
 import sys
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,46 +13,11 @@ import pytest
 
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.tests.conftest import COMPILED, rows
+from extensions.campaigns.tests.dask_processes import SCHEDULER, dask, worker
 from extensions.campaigns.tests.disturbed import rows_of, started, until
 from quadrotor.checkout import PACKAGES, ROOT
 
 GAINS = COMPILED + '[factors]\n"control.position.kp_xy" = [3.0, 4.0, 5.0]\n'
-SCHEDULER = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
-START = 200.0
-"""s within which a process of Dask starts on a busy computer."""
-
-
-@contextmanager
-def dask(
-    *words: str, until: str, python: tuple[str, ...] = (), environment: dict[str, str] | None = None
-) -> Iterator[Any]:
-    """Run a process of Dask until the end of the block; yield it, and the line with which it has
-    started.
-    """
-    command = [*(python or (sys.executable,)), "-m", f"distributed.cli.dask_{words[0]}", *words[1:]]
-    process = subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, env=os.environ | (environment or {})
-    )
-    assert process.stderr is not None
-    late = threading.Timer(START, process.kill)
-    late.start()
-    said = []
-    for line in process.stderr:
-        said.append(line)
-        if until in line:
-            break
-    else:
-        raise AssertionError(f"{command} has not started: {''.join(said)}")
-    late.cancel()
-    drain = threading.Thread(target=process.stderr.read, daemon=True)
-    drain.start()
-    try:
-        yield process, line
-    finally:
-        process.send_signal(signal.SIGTERM)
-        process.wait()
-        drain.join()
-        process.stderr.close()
 
 
 @pytest.fixture(scope="module")
@@ -68,12 +28,6 @@ def scheduler() -> Iterator[str]:
         found = re.search(r"tcp://\S+", line)
         assert found is not None
         yield found[0]
-
-
-def worker(scheduler: str, *words: str, **more: Any) -> Any:
-    """Return a context with a worker that has one thread."""
-    given = ("worker", scheduler, "--nthreads", "1", "--no-dashboard", *words)
-    return dask(*given, until="Registered to:", **more)
 
 
 def test_rows_by_dask_are_those_of_one_process_whatever_dies(
@@ -165,3 +119,49 @@ def test_without_a_scheduler_or_a_worker_one_line_says_so(
     assert "give one of both" in bench.refused(
         "run", plan, "--out", out, "--dask", scheduler, "--workers", 2
     )
+
+
+def tls_files(folder: Path) -> tuple[str, ...]:
+    """Make the authority of a laboratory and a certificate of it; return the options of Dask."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    from vehicle_link.security.certificates import certificate_builder, pem_of_key, signed
+
+    authority, own = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
+    constraints = x509.BasicConstraints(ca=True, path_length=None)
+    root = certificate_builder("laboratory", "laboratory", authority)
+    files = {
+        "ca-file": signed(root.add_extension(constraints, critical=True), authority),
+        "cert": signed(certificate_builder("host", "laboratory", own), authority),
+        "key": pem_of_key(own),
+    }
+    words = []
+    for name, content in files.items():
+        place = folder / f"{name}.pem"
+        place.write_bytes(content)
+        words += [f"--tls-{name}", str(place)]
+    return tuple(words)
+
+
+def test_over_tls_only_who_has_a_certificate_is_heard(bench: Any, tmp_path: Path) -> None:
+    """Scheduler, worker and run have certificates; a run without one is refused in one line."""
+    files = tls_files(tmp_path)
+    ca_file, certificate, key = files[1::2]
+    place = ("scheduler", "--host", "tls://127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
+    plan, out = bench.plan(COMPILED), bench.folder / "out"
+    with dask(*place, *files, until="Scheduler at:") as (_, line):
+        address = re.search(r"tls://\S+", line)
+        assert address is not None
+        with worker(address[0], "--no-nanny", *files):
+            known = {"CA_FILE": ca_file, "CLIENT__CERT": certificate, "CLIENT__KEY": key}
+            environment = {f"DASK_DISTRIBUTED__COMM__TLS__{k}": v for k, v in known.items()}
+            run = started("run", plan, "--out", out, "--dask", address[0], environment=environment)
+            _, said = run.communicate()
+            assert run.returncode == 0, said
+            refused = bench.refused(
+                "run", plan, "--out", bench.folder / "none", "--dask", address[0]
+            )
+    assert rows(CampaignFolder(out)).equals(rows(bench.flown(COMPILED, "alone")))
+    assert f"no scheduler of Dask answers at {address[0]}" in refused
+    assert rows_of(bench.folder / "none") == 0

@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from optuna.trial import TrialState
 
+from extensions.campaigns.factors import Range
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.search import study
 from extensions.campaigns.search.plan import Search
 from extensions.campaigns.search.study import rounds
+from extensions.campaigns.search.told import none_feasible, outcome
 from extensions.campaigns.search.trial import PENALTY, Row, front, judge
 from extensions.campaigns.tests.conftest import COMPILED, rows
 from quadrotor.errors import UsageError
@@ -100,11 +103,41 @@ def test_a_search_without_a_feasible_trial_says_so(bench: Any) -> None:
     assert line.endswith("widen the search, or its limits")
 
 
-def test_a_trial_below_the_delay_margin_is_not_flown(bench: Any) -> None:
-    text = plan("delay_margin = 0.9").replace("= 12", "= 3")
-    line = bench.refused("run", bench.plan(text), "--out", bench.folder / "out", "--workers", 1)
-    assert "none of 3 trials is feasible: a delay margin below 0.9 s (3 trials)" in line
-    assert list((bench.folder / "out" / "rows").iterdir()) == []
+@pytest.mark.parametrize(
+    ("margins", "words"),
+    [
+        ("delay_margin = 0.9", "0.9 s of delay"),
+        ("phase_margin = 80", "80° of phase"),
+        ("delay_margin = 0.05\nphase_margin = 80", "0.05 s of delay or 80° of phase"),
+    ],
+)
+def test_a_trial_below_a_margin_is_not_flown(bench: Any, margins: str, words: str) -> None:
+    text = plan(margins).replace("= 12", "= 3")
+    found = bench.searched(text, "out")
+    assert f"none of 3 trials is feasible: a margin below {words} (3 trials)" in none_feasible(
+        outcome(found, None)
+    )
+    assert list(found.rows.iterdir()) == []
+
+
+def test_trials_that_were_never_flown_do_not_end_others_early() -> None:
+    """A trial is compared with the median of eight flown ones, not with that of the first alone."""
+    search = Search(trials=20, aims=["a"], parameters={"x.y": Range(**{"from": 0.0, "to": 1.0})})
+    made = study.new_study(search, 1, None)
+    proposals = study.distributions(search)
+
+    def is_ended(value: float) -> bool:
+        trial = made.ask(proposals)
+        trial.report(value, 1)
+        ends = trial.should_prune()
+        made.tell(trial, None if ends else value, state=TrialState.PRUNED if ends else None)
+        return ends
+
+    for _ in range(20):  # refused by their margins
+        made.tell(made.ask(proposals), 2e6)
+    assert [is_ended(1.0 + k) for k in range(8)] == [False] * 8
+    assert is_ended(9.0)
+    assert not is_ended(1.5)
 
 
 @pytest.mark.parametrize("sampler", ["cma_es", "nsga2", "random"])
