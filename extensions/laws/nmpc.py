@@ -8,17 +8,22 @@ N. Mansard, E. Todorov, "Control-limited differential dynamic programming", ICRA
 al., "Real-time optimization and nonlinear model predictive control", J. Process Control 12, 2002
 (one iteration for each sample, from the last solution).
 
-State (p, v, q), inputs u = (thrust over mass, body rates), N nodes of h:
+State (p, v, q, omega), inputs u = thrusts of the four rotors, N nodes of h:
 
-    p+ = p + h v + h^2/2 a,  v+ = v + h a,  q+ = q exp(h omega)
-    a = (u_1 + sigma_z) z_B(q exp(h/2 omega)) + sigma_xy - g z_W - d v
-    cost = sum 1/2 |x - x_r|_Q^2 + 1/2 |u - u_r|_R^2 within u_min <= u <= u_max
+    p+ = p + h v + h^2/2 a,  q+ = q exp(h omega + h^2/2 omega')
+    v+ = v + h a,            omega+ = omega + h omega'
+    a = (sum u / m + sigma_z) z_B(q exp(h/2 omega + h^2/8 omega')) + sigma_xy - g z_W - d v
+    omega' = J^-1 (M_tau u - omega x J omega) + sigma_tau
+    cost = sum 1/2 |x - x_r|_Q^2 + 1/2 |u - u_r|_R^2 within f_min <= u <= f_max
 
-with x_r, u_r of the flat outputs, continued over the horizon by their derivatives to the fourth,
-and sigma of `adaptation`, along and across z_B. With z_B(q), the attitude of a node's begin, the
-plan would lead the vehicle by h/2. The step is Gauss-Newton's, in the error (dp, dv, dtheta) of the
-trajectory at hand. Rates are followed by the rate gain of the paper's law, with their derivative
-fed forward. Without `adaptive` there is no integral: what the model lacks stays as an error.
+with x_r, u_r of the flat outputs, and sigma of `adaptation`. With z_B(q), the attitude of a node's
+begin, the plan would lead the vehicle by h/2. The step is Gauss-Newton's, in the error (dp, dv,
+dtheta, domega) of the trajectory at hand, without the derivative of omega x J omega. With rotors
+as inputs, no plan leaves too little thrust for the attitude. Rotors lag their commands by their
+time constant: the plan begins that much later, in the state to which the thrusts of the rotors'
+model lead. The law has the present reference alone: it continues it as the harmonic motion that
+its derivatives describe, and what remains of jerk and snap as a polynomial. Without `adaptive`
+there is no integral: what the model lacks stays as an error.
 """
 
 from __future__ import annotations
@@ -29,7 +34,7 @@ import numpy as np
 
 from control.laws import CompiledLaw, Own, Records, settings_type
 from extensions.laws.adaptation import ADAPTATION, adapt, bounded, rest
-from extensions.laws.desired import finish, flat_rates
+from extensions.laws.desired import finish
 from extensions.laws.nmpc_model import (
     INPUTS,
     NODES,
@@ -44,7 +49,9 @@ from extensions.laws.parameters import NmpcParameters
 from extensions.laws.small_matrices import multiply_into, solve
 from quadrotor.compiled import compiled
 from quadrotor.records import Item
-from quadrotor.vectors import Vector, add, cross, subtract, times, vector
+from quadrotor.rigid_body import rotor_thrust
+from quadrotor.vectors import Vector, vector
+from quadrotor.vehicle_model import wrench_of_thrusts
 
 POLE = 1.0
 """1/s, decay of the errors of the adaptation's predictor."""
@@ -52,9 +59,9 @@ SETTINGS = settings_type(NmpcParameters)
 MEMORY = np.dtype(
     [
         ("running", "i8"),
-        ("x", "f8", (NODES + 1, 10)),  # p (m), v (m/s), q
-        ("u", "f8", (NODES, INPUTS)),  # m/s^2 and rad/s
-        ("x_r", "f8", (NODES + 1, 10)),
+        ("x", "f8", (NODES + 1, 13)),  # p (m), v (m/s), q, omega (rad/s)
+        ("u", "f8", (NODES, INPUTS)),  # N
+        ("x_r", "f8", (NODES + 1, 13)),
         ("u_r", "f8", (NODES, INPUTS)),
         ("gain", "f8", (NODES, INPUTS, STATES)),
         ("change", "f8", (NODES, INPUTS)),
@@ -67,10 +74,12 @@ MEMORY = np.dtype(
         ("H", "f8", (INPUTS, INPUTS)),  # Q_uu
         ("K", "f8", (INPUTS, STATES + 1)),  # Q_ux and Q_u, and their solution
         ("error", "f8", STATES),
-        ("x_now", "f8", 10),
+        ("x_now", "f8", 13),
+        ("x_then", "f8", 13),
+        ("acting", "f8", INPUTS),  # N, of the rotors at present
         ("adaptation", ADAPTATION),
-        ("low", "f8", INPUTS),
-        ("high", "f8", INPUTS),
+        ("low", "f8"),  # N
+        ("high", "f8"),
     ],
     align=True,
 )
@@ -91,7 +100,7 @@ def weights_of(s: Item) -> tuple[Vector, Vector, Vector, Vector]:
 def add_cost(m: Item, s: Item, k: int, share: float) -> None:
     """Add the cost of the state at node k to V and g."""
     difference(m.x[k], m.x_r[k], m.error)
-    position, velocity, attitude, _ = weights_of(s)
+    position, velocity, attitude, rates = weights_of(s)
     for i in range(3):
         m.V[i, i] += share * position[i]
         m.V[3 + i, 3 + i] += share * velocity[i]
@@ -99,6 +108,8 @@ def add_cost(m: Item, s: Item, k: int, share: float) -> None:
         m.g[i] += share * position[i] * m.error[i]
         m.g[3 + i] += share * velocity[i] * m.error[3 + i]
         m.g[6 + i] += share * attitude[i] * m.error[6 + i]
+        m.V[9 + i, 9 + i] += share * rates[i]
+        m.g[9 + i] += share * rates[i] * m.error[9 + i]
 
 
 @compiled(inner=True)
@@ -106,22 +117,21 @@ def gains_at(m: Item, s: Item, k: int) -> None:
     """Write gain and change of the inputs at node k; an input at its bound does not move."""
     multiply_into(m.V, m.A, m.VA)
     multiply_into(m.V, m.B, m.VB)
-    weights = s.thrust, *weights_of(s)[3]
     for i in range(INPUTS):
         for j in range(INPUTS):
-            m.H[i, j] = weights[i] if i == j else 0.0
+            m.H[i, j] = s.thrust if i == j else 0.0
             for n in range(STATES):
                 m.H[i, j] += m.B[n, i] * m.VB[n, j]
         for j in range(STATES):
             m.K[i, j] = 0.0
             for n in range(STATES):
                 m.K[i, j] += m.B[n, i] * m.VA[n, j]
-        m.K[i, STATES] = weights[i] * (m.u[k, i] - m.u_r[k, i])
+        m.K[i, STATES] = s.thrust * (m.u[k, i] - m.u_r[k, i])
         for n in range(STATES):
             m.K[i, STATES] += m.B[n, i] * m.g[n]
     for i in range(INPUTS):
         slope = m.K[i, STATES]
-        at_end = (m.u[k, i] <= m.low[i] and slope > 0.0) or (m.u[k, i] >= m.high[i] and slope < 0.0)
+        at_end = (m.u[k, i] <= m.low and slope > 0.0) or (m.u[k, i] >= m.high and slope < 0.0)
         if at_end:
             for j in range(INPUTS):
                 m.H[i, j] = m.H[j, i] = 1.0 if i == j else 0.0
@@ -135,7 +145,7 @@ def gains_at(m: Item, s: Item, k: int) -> None:
 
 
 @compiled(inner=True)
-def backward(m: Item, s: Item, lift: float, d: float, h: float) -> None:
+def backward(m: Item, s: Item, push: Push, spin: Vector, model: Item, h: float) -> None:
     """Compute gains and changes from the last node to the first.
 
     With u = k + K x the cost to go is that of the closed loop, so V = Q + A'V(A + B K) is symmetric
@@ -145,7 +155,7 @@ def backward(m: Item, s: Item, lift: float, d: float, h: float) -> None:
     m.g[:] = 0.0
     add_cost(m, s, NODES, s.last)
     for k in range(NODES - 1, -1, -1):
-        linearize(m, k, lift, d, h)
+        linearize(m, k, push[0], spin, model, h)
         gains_at(m, s, k)
         # V (A + B K) and g + V B k
         for i in range(STATES):
@@ -172,24 +182,29 @@ def backward(m: Item, s: Item, lift: float, d: float, h: float) -> None:
 
 
 @compiled(inner=True)
-def forward(m: Item, state: Item, push: Push, d: float, h: float) -> None:
-    """Fly the model from the present state with the new inputs, within their bounds."""
+def forward(m: Item, state: Item, push: Push, spin: Vector, model: Item, h: float) -> None:
+    """Fly the model with the new inputs, within their bounds, from where the rotors lead first."""
     x = m.x_now
     for i in range(3):
         x[i], x[3 + i] = state.position_w[i], state.velocity_w[i]
+        x[10 + i] = state.angular_velocity_b[i]
     for i in range(4):
         x[6 + i] = state.quaternion_wb[i]
+        speed = m.adaptation.rotor_speeds[i]
+        m.acting[i] = rotor_thrust(speed, model.motor_slope, model.motor_offset)
+    advance(x, m.acting, push, spin, model, h=model.motor_time_constant, out=m.x_then)
+    x = m.x_then
     for k in range(NODES):
         difference(x, m.x[k], m.error)
-        for i in range(10):
+        for i in range(13):
             m.x[k, i] = x[i]
         for i in range(INPUTS):
             value = m.u[k, i] + m.change[k, i]
             for j in range(STATES):
                 value += m.gain[k, i, j] * m.error[j]
-            m.u[k, i] = min(m.high[i], max(m.low[i], value))
-        advance(m.x[k], m.u[k], push, d, h, x)
-    for i in range(10):
+            m.u[k, i] = min(m.high, max(m.low, value))
+        advance(m.x[k], m.u[k], push, spin, model, h=h, out=x)
+    for i in range(13):
         m.x[NODES, i] = x[i]
 
 
@@ -198,11 +213,11 @@ def begin(m: Item) -> None:
     """Begin with the trajectory of the reference."""
     m.running = 1
     for k in range(NODES + 1):
-        for i in range(10):
+        for i in range(13):
             m.x[k, i] = m.x_r[k, i]
     for k in range(NODES):
         for i in range(INPUTS):
-            m.u[k, i] = min(m.high[i], max(m.low[i], m.u_r[k, i]))
+            m.u[k, i] = min(m.high, max(m.low, m.u_r[k, i]))
 
 
 @compiled(inner=True)
@@ -222,25 +237,16 @@ def learn(m: Item, s: Item, state: Item, model: Item, actuators: Item, dt: float
 
 
 @compiled(inner=True)
-def torque_of(m: Item, s: Item, state: Item, reference: Item, gains: Item, model: Item) -> Vector:
-    """Return the torque (N m, body axes) that follows the rates of the first node."""
-    omega_b, J = vector(state.angular_velocity_b), vector(model.inertia_b)
-    omega_d = m.u[0, 1], m.u[0, 2], m.u[0, 3]
-    _, turn_d = flat_rates(
-        vector(reference.acceleration_w),
-        vector(reference.jerk_w),
-        vector(reference.snap_w),
-        reference,
+def learned_spin(m: Item, s: Item, model: Item) -> Vector:
+    """Return the angular acceleration (rad/s^2) that the model lacks."""
+    J, found, most = vector(model.inertia_b), m.adaptation.filtered_turn_b, s.torque_max
+    if s.adaptive == 0:
+        return 0.0, 0.0, 0.0
+    return (
+        bounded(found[0], most / J[0]),
+        bounded(found[1], most / J[1]),
+        bounded(found[2], most / J[2]),
     )
-    nu = add(times(vector(gains.kw), subtract(omega_d, omega_b)), turn_d)
-    torque = add(times(J, nu), cross(omega_b, times(J, omega_b)))
-    if s.adaptive == 1:
-        off = times(J, vector(m.adaptation.filtered_turn_b))
-        most = s.torque_max
-        torque = subtract(
-            torque, (bounded(off[0], most), bounded(off[1], most), bounded(off[2], most))
-        )
-    return torque
 
 
 @compiled(inner=True)
@@ -256,21 +262,20 @@ def fly_one(
     actuators: Item,
 ) -> None:
     """Compute one tick; see `control.laws`."""
-    h, d, push = s.horizon / NODES, model.drag / model.mass, (0.0, 0.0, 0.0, 0.0)
+    h, push, spin = s.horizon / NODES, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if m.running == 0 or not airborne:
         rest(m.adaptation, state, actuators)
     if airborne:
-        push = learn(m, s, state, model, actuators, dt)
-    m.low[0], m.high[0] = 4.0 * model.thrust_min / model.mass, 4.0 * model.thrust_max / model.mass
-    for i in range(1, INPUTS):
-        m.low[i], m.high[i] = -s.rate_max, s.rate_max
-    look_ahead(m, reference, model, push, h)
+        push, spin = learn(m, s, state, model, actuators, dt), learned_spin(m, s, model)
+    m.low, m.high = model.thrust_min, model.thrust_max
+    look_ahead(m, reference, model, push, spin, h)
     if m.running == 0 or not math.isfinite(m.x[NODES, 0] + m.u[0, 0]):
         begin(m)
-    backward(m, s, push[0], d, h)
-    forward(m, state, push, d, h)
-    torque = torque_of(m, s, state, reference, gains, model)
-    finish(model.mass * m.u[0, 0], torque, gains.yaw_torque_max, model, actuators)
+    backward(m, s, push, spin, model, h)
+    forward(m, state, push, spin, model, h)
+    thrusts = m.u[0, 0], m.u[0, 1], m.u[0, 2], m.u[0, 3]
+    thrust, x, y, z = wrench_of_thrusts(thrusts, model.arm, model.torque_ratio)
+    finish(thrust, (x, y, z), gains.yaw_torque_max, model, actuators)
 
 
 @compiled(pointer=True)

@@ -88,8 +88,6 @@ class NmpcParameters(Parameters):
 
     horizon: float = parameter(0.4, unit="s", ge=0.2, le=2.0, step=0.05)
     """of its 20 nodes; the reference is continued over it by its derivatives"""
-    rate_max: float = parameter(4.0, unit="rad/s", ge=1.0, le=20.0, step=0.5)
-    """largest body rate"""
     position_xy: float = parameter(200.0, ge=0.0, le=2000.0, step=10.0)
     """weight of the horizontal position error, 1/m²"""
     position_z: float = parameter(400.0, ge=0.0, le=2000.0, step=10.0)
@@ -100,10 +98,10 @@ class NmpcParameters(Parameters):
     """weight of the attitude error about x and y, 1/rad²"""
     yaw: float = parameter(10.0, ge=0.0, le=500.0, step=1.0)
     """weight of the attitude error about z, 1/rad²"""
-    thrust: float = parameter(1.0, ge=0.01, le=10.0, step=0.01)
-    """weight of the thrust over the mass, s⁴/m²"""
-    rates: float = parameter(4.0, ge=0.01, le=50.0, step=0.1)
-    """weight of the body rates, s²/rad²"""
+    rates: float = parameter(2.0, ge=0.0, le=50.0, step=0.1)
+    """weight of the error of the body rates, s²/rad²"""
+    thrust: float = parameter(1.0, ge=0.01, le=100.0, step=0.01)
+    """weight of the thrust of each rotor, 1/N²"""
     last: float = parameter(5.0, ge=0.0, le=100.0, step=1.0)
     """multiple of the weights at the last node"""
     adaptive: bool = parameter(True)

@@ -18,6 +18,9 @@ class Arena:
     """names separated by spaces (default: all)"""
     seeds: int = 12
     """flights of each law in each cell; all laws fly the same seeds"""
+    tuned: Path | None = None
+    """folder with the campaigns tune_NAME, whose best trials are the settings (default: the laws'
+    own values)"""
     page: Path | None = None
     """Markdown file whose tables are replaced"""
     out: Path | None = None
@@ -27,6 +30,7 @@ class Arena:
         from extensions.laws.arena import table
         from extensions.laws.arena.cells import chosen
         from extensions.laws.arena.flights import fly_arena, tick_time, tolerated_latency
+        from extensions.laws.arena.tuned import tuned
 
         if self.seeds < 2:
             raise UsageError(f"--seeds {self.seeds}: allowed are 2 or more; an interval needs them")
@@ -34,10 +38,13 @@ class Arena:
             table.check_page(self.page)
         if self.out is not None:
             table.check_out(self.out)
-        laws = chosen(self.laws)
+        laws, budget = chosen(self.laws), ""
+        if self.tuned is not None:
+            laws, budget = tuned(laws, self.tuned)
         cells = list(fly_arena(laws, self.seeds, lambda line: print(line, file=sys.stderr)))
         has_base = any(one.entry == laws[0].name == "geometric" for one in cells)
-        lines = ["", f"Median position error of {self.seeds} seeds, mm rms:", ""]
+        settings = f"; settings of each law by {budget}" if budget else ""
+        lines = ["", f"Median position error of {self.seeds} seeds, mm rms{settings}:", ""]
         lines += table.errors_table(cells)
         if has_base and len(laws) > 1:
             lines += ["", "The same over that of `geometric`, seed by seed:", ""]

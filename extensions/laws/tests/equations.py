@@ -114,7 +114,10 @@ class Rotors:
         before = self.speeds
         fade = np.exp(-dt / model.motor_time_constant)
         self.speeds = references + fade * (before - references)
-        n = 0.5 * (before + self.speeds) if middle else self.speeds
+        return self.now(model, 0.5 * (before + self.speeds) if middle else self.speeds)
+
+    def now(self, model: Any, n: Array | None = None) -> Any:
+        n = self.speeds if n is None else n
         root = np.where(n > 1.0, model.motor_slope * (n + model.motor_offset), 0.0)
         return mixing(model) @ np.maximum(root, 0.0) ** 2
 
@@ -364,52 +367,73 @@ class Nmpc:
         self.x: list[Array] | None = None
         self.adaptation: Adaptation | None = None
 
-    def plan(self, r: Any, m: Any, lift: float, across: Array, h: float) -> None:
-        d, t = m.drag / m.mass, h * np.arange(self.N + 1)[:, None]
-        a, j, s = r.acceleration_w, r.jerk_w, r.snap_w
-        p = r.position_w + t * r.velocity_w + t**2 / 2 * a + t**3 / 6 * j + t**4 / 24 * s
-        v = r.velocity_w + t * a + t**2 / 2 * j + t**3 / 6 * s
-        f = a + t * j + t**2 / 2 * s + d * v + G * Z - across
-        f[:, 2] = np.maximum(f[:, 2], DIRECTION_MIN * G)
-        self.x_r = []
+    def plan(self, r: Any, m: Any, h: float) -> None:
+        d, J = m.drag / m.mass, m.inertia_b
+        v, a, j, s = r.velocity_w, r.acceleration_w, r.jerk_w, r.snap_w
+        over = (0.25 * self.N * h) ** 2
+        w = np.sqrt(np.maximum(0.0, -(v * j + over * a * s) / (v * v + over * a * a)))
+        rest = j + w * w * v, s + w * w * a  # what of jerk and snap is not harmonic
+        self.x_r, self.u_r = [], []
         for k in range(self.N + 1):
-            yaw = r.yaw + t[k, 0] * r.yaw_rate + t[k, 0] ** 2 / 2 * r.yaw_acceleration
-            at = SimpleNamespace(yaw=yaw, yaw_rate=0.0, yaw_acceleration=0.0)
-            R, _, _ = attitude(Motion(f[k], np.zeros(3), np.zeros(3)), at)
-            self.x_r.append(np.concatenate([p[k], v[k], quaternion_of(R)]))
-        q = [x[6:] for x in self.x_r]
-        turns = [log(product(inverse(q[k]), q[k + 1])) / h for k in range(self.N)]
-        self.u_r = [np.array([np.linalg.norm(f[k]) - lift, *turns[k]]) for k in range(self.N)]
+            t = k * h + m.motor_time_constant
+            # int sin(w t), with its derivatives, as series: right for w = 0, too
+            S, C = t * np.sinc(w * t / np.pi), np.cos(w * t)
+            versed = t * t / 2 * np.sinc(w * t / 2 / np.pi) ** 2
+            v_h, a_h = v * C + a * S, a * C - w * w * v * S
+            p = r.position_w + v * S + a * versed + t**3 / 6 * rest[0] + t**4 / 24 * rest[1]
+            v_t = v_h + t * t / 2 * rest[0] + t**3 / 6 * rest[1]
+            a_t = a_h + t * rest[0] + t * t / 2 * rest[1]
+            j_t, s_t = -w * w * v_h + rest[0] + t * rest[1], -w * w * a_h + rest[1]
+            f = a_t + d * v_t + G * Z - self.across
+            f[2] = max(f[2], DIRECTION_MIN * G)
+            yaw = SimpleNamespace(
+                yaw=r.yaw + t * r.yaw_rate + t * t / 2 * r.yaw_acceleration,
+                yaw_rate=r.yaw_rate + t * r.yaw_acceleration,
+                yaw_acceleration=r.yaw_acceleration,
+            )
+            R, omega, turn = attitude(Motion(f, j_t + d * a_t, s_t + d * j_t), yaw)
+            self.x_r.append(np.concatenate([p, v_t, quaternion_of(R), omega]))
+            torque = J * (turn - self.spin) + np.cross(omega, J * omega)
+            wrench = np.array([m.mass * (np.linalg.norm(f) - self.lift), *torque])
+            self.u_r.append(np.linalg.solve(mixing(m), wrench))
 
-    def next(self, x: Array, u: Array, d: float, h: float) -> Array:
-        middle = matrix(product(x[6:], rotation(0.5 * h * u[1:])))
-        a = (u[0] + self.lift) * middle[:, 2] + self.across - G * Z - d * x[3:6]
-        q = product(x[6:], rotation(h * u[1:]))
+    def turn(self, omega: Array, u: Array, m: Any) -> Any:
+        torque = (mixing(m) @ u)[1:]
+        return (torque - np.cross(omega, m.inertia_b * omega)) / m.inertia_b + self.spin
+
+    def next(self, x: Array, u: Array, m: Any, h: float) -> Array:
+        q, omega, turn = x[6:10], x[10:], self.turn(x[10:], u, m)
+        middle = matrix(product(q, rotation(h / 2 * omega + h * h / 8 * turn)))
+        a = (u.sum() / m.mass + self.lift) * middle[:, 2] + self.across - G * Z
+        a -= m.drag / m.mass * x[3:6]
+        q = product(q, rotation(h * omega + h * h / 2 * turn))
         q /= np.linalg.norm(q)
-        return np.concatenate([x[:3] + h * x[3:6] + h * h / 2 * a, x[3:6] + h * a, q])
+        p, v = x[:3] + h * x[3:6] + h * h / 2 * a, x[3:6] + h * a
+        return np.concatenate([p, v, q, omega + h * turn])
 
     @staticmethod
     def away(x: Array, y: Array) -> Array:
-        return np.concatenate([x[:6] - y[:6], log(product(inverse(y[6:]), x[6:]))])
+        turn = log(product(inverse(y[6:10]), x[6:10]))
+        return np.concatenate([x[:6] - y[:6], turn, x[10:] - y[10:]])
 
-    def derivatives(self, x: Array, u: Array, d: float, h: float) -> tuple[Array, Array]:
-        w, eye, half = hat(h * u[1:]), np.eye(3), rotation(0.5 * h * u[1:])
-        middle = matrix(product(x[6:], half))
-        tilt = -(u[0] + self.lift) * middle @ hat(Z)
-        A, B = np.eye(9), np.zeros((9, 4))
+    def derivatives(self, x: Array, u: Array, m: Any, h: float) -> tuple[Array, Array]:
+        turn, eye, d = self.turn(x[10:], u, m), np.eye(3), m.drag / m.mass
+        half, whole = h / 2 * x[10:] + h * h / 8 * turn, h * x[10:] + h * h / 2 * turn
+        middle = matrix(product(x[6:10], rotation(half)))
+        spread, half_spread = (eye - hat(w) / 2 + hat(w) @ hat(w) / 6 for w in (whole, half))
+        tilt = -h * (u.sum() / m.mass + self.lift) * middle @ hat(Z)
+        by_thrust = mixing(m)[1:] / m.inertia_b[:, None]
+        A, B = np.eye(12), np.zeros((12, 4))
         A[:3, 3:6], A[3:6, 3:6] = (h - h * h / 2 * d) * eye, (1.0 - h * d) * eye
-        A[3:6, 6:] = h * tilt @ matrix(half).T
-        A[6:, 6:] = matrix(rotation(-h * u[1:]))
-        B[3:6, 0] = h * middle[:, 2]
-        B[3:6, 1:] = h * tilt @ (eye - w / 4 + w @ w / 24) * h / 2
-        B[6:, 1:] = h * (eye - w / 2 + w @ w / 6)
+        A[3:6, 6:9], A[3:6, 9:] = tilt @ matrix(rotation(half)).T, tilt @ half_spread * h / 2
+        A[6:9, 6:9], A[6:9, 9:] = matrix(rotation(-whole)), h * spread
+        B[3:6] = h / m.mass * middle[:, [2]] + tilt @ half_spread @ by_thrust * h * h / 8
+        B[6:9], B[9:] = spread @ by_thrust * h * h / 2, h * by_thrust
         A[:3, 6:], B[:3] = h / 2 * A[3:6, 6:], h / 2 * B[3:6]
         return A, B
 
     def step(self, s: Any, x: Any, r: Any, k: Any, m: Any, last: Any, dt: float) -> Any:
-        h, d, N = s.horizon / self.N, m.drag / m.mass, self.N
-        low = np.array([4.0 * m.thrust_min / m.mass, *[-s.rate_max] * 3])
-        high = np.array([4.0 * m.thrust_max / m.mass, *[s.rate_max] * 3])
+        h, N, low, high = s.horizon / self.N, self.N, m.thrust_min, m.thrust_max
         if self.adaptation is None:
             self.adaptation = Adaptation(x, last)
         found = self.adaptation
@@ -417,22 +441,24 @@ class Nmpc:
         most = s.force_max / m.mass
         self.lift = np.clip(found.lift, -most, most)
         self.across = np.clip(found.across, -most, most)
-        self.plan(r, m, self.lift, self.across, h)
+        most = s.torque_max / m.inertia_b
+        self.spin = np.clip(found.t, -most, most)
+        self.plan(r, m, h)
         if self.x is None:
-            self.x, self.u = list(self.x_r), [np.clip(u, low, high) for u in self.u_r]
+            self.x, self.u = list(self.x_r), [np.clip(u, low, high) for u in self.u_r[:N]]
         xy, z, yaw = [s.position_xy] * 2, [s.position_z], [s.yaw]
-        Q = np.diag([*xy, *z, *[s.velocity] * 3, *[s.tilt] * 2, *yaw])
-        C = np.diag([s.thrust, *[s.rates] * 3])
+        Q = np.diag([*xy, *z, *[s.velocity] * 3, *[s.tilt] * 2, *yaw, *[s.rates] * 3])
+        C = s.thrust * np.eye(4)
         V = s.last * Q
         g = V @ self.away(self.x[N], self.x_r[N])
         moves: list[tuple[Array, Array]] = []
         for n in range(N - 1, -1, -1):
-            A, B = self.derivatives(self.x[n], self.u[n], d, h)
+            A, B = self.derivatives(self.x[n], self.u[n], m, h)
             H, F = C + B.T @ V @ B, B.T @ V @ A
             f = C @ (self.u[n] - self.u_r[n]) + B.T @ g
             held = (self.u[n] <= low) & (f > 0.0) | (self.u[n] >= high) & (f < 0.0)
             free = np.flatnonzero(~held)
-            K, c = np.zeros((4, 9)), np.zeros(4)
+            K, c = np.zeros((4, 12)), np.zeros(4)
             K[free] = -np.linalg.solve(H[np.ix_(free, free)], F[free])
             c[free] = -np.linalg.solve(H[np.ix_(free, free)], f[free])
             moves.insert(0, (K, c))
@@ -440,19 +466,18 @@ class Nmpc:
             V = 0.5 * (V + V.T)
             if n:
                 V, g = V + Q, g + Q @ self.away(self.x[n], self.x_r[n])
-        now = np.concatenate([x.position_w, x.velocity_w, x.quaternion_wb])
+        now = np.concatenate([x.position_w, x.velocity_w, x.quaternion_wb, x.angular_velocity_b])
+        acting = np.linalg.solve(mixing(m), found.rotors.now(m))
+        now = self.next(now, acting, m, m.motor_time_constant)
         flown = []
         for n in range(N):
             K, c = moves[n]
             self.u[n] = np.clip(self.u[n] + c + K @ self.away(now, self.x[n]), low, high)
             flown.append(now)
-            now = self.next(now, self.u[n], d, h)
+            now = self.next(now, self.u[n], m, h)
         self.x = [*flown, now]
-        w, J = x.angular_velocity_b, m.inertia_b
-        forward = Motion(r.acceleration_w + G * Z, r.jerk_w, r.snap_w)
-        nu = k.kw * (self.u[0][1:] - w) + attitude(forward, r)[2]
-        off = np.clip(J * found.t, -s.torque_max, s.torque_max)
-        return allocated(m.mass * self.u[0][0], J * nu + np.cross(w, J * w) - off, k, m)[0]
+        thrust, *torque = mixing(m) @ self.u[0]
+        return allocated(thrust, np.array(torque), k, m)[0]
 
 
 LAWS["nmpc"] = Nmpc

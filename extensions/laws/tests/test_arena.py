@@ -15,16 +15,18 @@ from extensions.laws.arena.cells import DISTURBANCES, chosen, courses, entries
 from extensions.laws.arena.command import Arena
 from extensions.laws.arena.flights import fly_cell, tick_time
 from extensions.laws.arena.results import Cell
+from extensions.laws.tests.equations import LAWS
 from quadrotor.errors import StorageError, UsageError
 
 SEEDS = (1, 2)
 EIGHT = courses()["8 in 8 s"]
 PLANS = sorted((Path(__file__).parents[1] / "arena").glob("*.toml"))
+SEARCHES = [path for path in PLANS if path.stem.startswith("tune_")]
 
 
 def errors(law: str, disturbance: str, course: str = "8 in 8 s") -> float:
     rms, _ = fly_cell(entries()[law], DISTURBANCES[disturbance], courses()[course], SEEDS)
-    return float(np.max(rms))
+    return float(np.max(np.where(np.isnan(rms), np.inf, rms)))
 
 
 @pytest.mark.parametrize("law", [*entries()])
@@ -56,15 +58,18 @@ def test_l1_cuts_the_error_of_the_plain_law_by_eighty_per_cent(
     [
         ("3 m x 1.5 m in 4 s", "nominal"),
         ("3 m x 1.5 m in 4 s", "mass + 20 %"),
-        ("3 m x 1.5 m in 3 s", "nominal"),
         ("3 m x 1.5 m in 3 s", "wind 6 m/s, gusts"),
+        ("3 m x 1.5 m in 3 s", "mass + 20 %"),
+        ("3 m x 1.5 m in 3 s", "latency 20 ms"),
+        ("3 m x 1.5 m in 3 s", "motor - 15 %"),
     ],
 )
-def test_the_predictive_law_is_better_than_the_plain_one_on_fast_courses(
+def test_the_predictive_law_has_half_the_error_of_the_plain_one_on_fast_courses(
     course: str, disturbance: str
 ) -> None:
-    """The motors saturate on the course in 3 s."""
-    assert errors("nmpc", disturbance, course) < errors("geometric", disturbance, course)
+    """The motors saturate on the course in 3 s, and with a weak motor the plain law falls there."""
+    plain = errors("geometric", disturbance, course)
+    assert errors("nmpc", disturbance, course) < min(0.5 * plain, 0.2)
 
 
 def test_a_tick_of_a_law_is_far_below_its_limit() -> None:
@@ -139,5 +144,20 @@ def test_a_plan_can_be_flown(path: Path) -> None:
     file = plan.read_plan(path)
     settings = Settings(file, Cells(file.plan))
     settings.check()
-    laws = {settings.cells.factors(cell)["control.law"] for cell in range(settings.cells.number)}
-    assert {"geometric", "indi"} <= laws <= entries().keys()
+    if path not in SEARCHES:
+        cells = range(settings.cells.number)
+        laws = {settings.cells.factors(cell)["control.law"] for cell in cells}
+        assert {"geometric", "indi"} <= laws <= entries().keys()
+
+
+def test_the_plans_of_all_laws_search_by_one_budget() -> None:
+    plan = pytest.importorskip("extensions.campaigns.plan")
+    ours = {"geometric", "observer", *LAWS}
+    assert {f"tune_{name}" for name in ours} == {path.stem for path in SEARCHES}
+    budgets = set()
+    for path in SEARCHES:
+        one = plan.read_plan(path).plan
+        search = one.search
+        budget = search.trials, one.seeds, len(search.parameters), search.aggregate, search.sampler
+        budgets.add((*budget, str(one.factors), str(search.aims)))
+    assert len(budgets) == 1
