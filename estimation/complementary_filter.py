@@ -20,7 +20,7 @@ from estimation.rate_filter import filter_rate
 from estimation.translation_observer import acceleration_of, move_pose, translation_gains
 from quadrotor.compiled import compiled
 from quadrotor.records import Item, Record
-from quadrotor.vectors import dot, multiply, normalized, quaternion
+from quadrotor.vectors import dot, multiply, normalized, quaternion, store
 
 SPREAD = 0.1
 """Weight of the newest innovation in their mean square."""
@@ -116,8 +116,9 @@ def _apply(m: Item, z: Item, g: Item, out: Item) -> int:
     if not passes(m, stamp_ns, e_w, chord2(turn), g):
         moves = refuse(m, stamp_ns, e_w, turn, g)
         m.newest_ns = stamp_ns
+        around_x, around_y, around_z = rotation_vector(turn)
+        store((around_x, around_y, around_z), out.attitude_innovation_b)  # which is large
         if moves:
-            around_x, around_y, around_z = rotation_vector(turn)
             turn_w = to_world(past, 1.0, around_x, around_y, around_z)
             move_to(m, back, stamp_ns, e_w, turn_w)
             return _APPLIED

@@ -25,9 +25,11 @@ import numpy.typing as npt
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.onboard.tracker_lies import LIES, LYING_TRACKER, UNDER_WAY, lie, observe
+from control.behaviors.parameters import BehaviorParameters
 from control.geometric_law import step_one
 from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight, figure_eight_at
+from control.trajectories.lift_off_probe import BEGINS, add_probe_at
 from estimation.complementary_filter import correct_one, predict_one
 from estimation.parameters import EstimationParameters
 from estimation.tracker_integrity.comparison import compare_pose
@@ -63,6 +65,12 @@ STILL, REST, CLIMB, HOVER, EIGHT, SINK, AFTER = 1.0, 3.0, 4.0, 6.0, 27.0, 5.0, 2
 """Durations, in s: the gyroscope's calibration, rest, and the parts of a flight."""
 HEIGHT, BELOW = 1.0, 0.05
 """Height of hover and depth of the landing's end, in m."""
+_SHARES = np.linspace(0.0, 0.5, 5001)
+PROBED = REST + CLIMB * float(
+    np.interp(BEGINS / HEIGHT, _SHARES**3 * (10.0 - 15.0 * _SHARES + 6.0 * _SHARES**2), _SHARES)
+)
+"""Time, in s, at which the reference climbs through the height of the probe."""
+PROBE = math.radians(BehaviorParameters().take_off_probe)
 SECONDS = REST + CLIMB + HOVER + EIGHT + HOVER + SINK + AFTER
 ON_GROUND, IN_HOVER, IN_EIGHT = 0.0, REST + CLIMB + 0.5 * HOVER, REST + CLIMB + HOVER + 8.0
 """Times, in s, at which a tracker begins to lie."""
@@ -116,6 +124,7 @@ def _refer(t: float, s: Any, r: Any) -> bool:
     down = t - (REST + CLIMB + HOVER + EIGHT + HOVER)
     if t < REST + CLIMB:
         _climb(max(0.0, t - REST) / CLIMB, CLIMB, 0.0, HEIGHT, r)
+        add_probe_at(t - PROBED, PROBE, r)
     elif down > 0.0:
         _climb(min(1.0, down / SINK), SINK, HEIGHT, -BELOW, r)
     return t >= REST and down < SINK

@@ -6,6 +6,9 @@ displacement (`PLACE_RATE`), so that an unknown start does not matter, nor a bia
 however it changes: `t` is what is left of the tracker's motion, `g` what is left of the IMU's. A
 bias of the accelerometer adds a constant to g, the mean of g - t, which is taken off. Then both are
 equal but for noise if the tracker is right.
+
+Poses that suddenly differ are left out, and the filters begin there if they stay. In flight they
+are wrong at once when they have another vertical (`tip`).
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from typing import Any
 
 from estimation.tracker_integrity.evidence import (
     KNOWN,
+    MOST,
     has_jumped,
     is_outlier,
     judge,
@@ -26,6 +30,7 @@ from estimation.tracker_integrity.high_pass import keep, passed
 from estimation.tracker_integrity.memory import RING_LENGTH
 from estimation.tracker_integrity.slopes import PLACE_RATE, fit
 from estimation.tracker_integrity.stuck_axis import follow_tracker, note_turn
+from estimation.tracker_integrity.tip import leans_as, note_tip
 from estimation.tracker_integrity.witnesses import agree, overrule, vote
 from quadrotor.compiled import compiled
 from quadrotor.records import Item, Record
@@ -58,11 +63,16 @@ def compare_pose(memory: Record, pose: Record, state: Record) -> float:
 
     Args:
         memory: INTEGRITY_MEMORY (1,).
-        state: STATE (1,), whose velocity begins the filters.
+        state: STATE (1,), whose velocity begins the filters, and whose attitude is that of the IMU
+            while poses count as missing.
 
     Returns the largest evidence, or -1 for a pose that was not judged.
     """
     m, z = memory[0], pose[0]
+    if m.tipped == 1:
+        if not leans_as(z, state[0]):
+            return MOST
+        m.tipped = m.tips = 0
     since = 1e-9 * (z.stamp_ns - m.stamp_ns)
     if m.stamp_ns > 0 and since > -LONGEST_GAP and since <= 0.0:
         return -1.0
@@ -71,6 +81,8 @@ def compare_pose(memory: Record, pose: Record, state: Record) -> float:
         if felt and _take(m, z, since):
             overrule(m)
             return strongest(m) if m.learnt > KNOWN else -1.0
+        if felt and note_tip(m, z, since):
+            return MOST
         if felt and since < OUTLIERS:
             return -1.0
     _start(m, z, state[0])
@@ -135,6 +147,7 @@ def _take(m: Item, z: Item, since: float) -> bool:
         rate_b = along(rate_b, 1.0, vector(m.turn_felt_b[3:]))
         fit(m, since, subtract(g_b, t_b), rate_b, t_w, felt_w)
     m.settled += since
+    m.tips = 0
     keep(m.turn_shown_b, t_b, still, since, TURN_RATE)
     keep(m.turn_felt_b, g_b, still, since, TURN_RATE)
     keep(m.quick_shown_b, quick_t_b, still, since, QUICK_RATE)

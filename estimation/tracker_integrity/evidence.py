@@ -36,6 +36,8 @@ LEAST_TURN, LEAST_PLACE = math.radians(0.1), 0.003
 FELT_TURN = math.radians(0.3)
 """Turn, rad rms, that may be the noise of the gyroscope alone, which adds up for 1 s: at
 rest it is up to 0.1 deg."""
+SUDDEN = 0.5
+"""Share of a turn now that is surely not that noise, before its mean square is known."""
 ERROR = 0.2
 """Share of the motion that counts as noise."""
 SKEW = 0.25
@@ -171,7 +173,8 @@ def _weigh(m: Item, test: int, t: Vector, g: Vector, since: float) -> None:
         uncertain = (uncertain + unknown(m)) * max(1.0, CORRELATION / since)
     found = 0.5 * (felt * felt - 2.0 * dot(t, g)) / uncertain
     if of_turn:
-        found *= max(0.0, 1.0 - FELT_TURN**2 / max(m.motion[test], FELT_TURN**2))
+        moved = max(m.motion[test], SUDDEN**2 * felt * felt, FELT_TURN**2)
+        found *= 1.0 - FELT_TURN**2 / moved
     if found > 0.0 and not (SMALLER * felt < shown < LARGER * felt + VISIBLE * math.sqrt(variance)):
         return
     size = min(max(0.0, abs(found) - SLOWEST * since), FASTEST * since)

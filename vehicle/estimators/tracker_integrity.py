@@ -42,6 +42,7 @@ _TURNS, _MOVES = (
 )
 _WITNESS = (_TURNS, _TURNS, _MOVES, _MOVES)
 """What contradicts what, by the test."""
+_TIPPED = "the tracker's vertical jumped, which neither the gyroscope nor gravity shows"
 _VERTICAL = (
     "the tracker's frame or the body's axes are tilted, or the accelerometer is not calibrated"
 )
@@ -159,7 +160,10 @@ class TrackerIntegrity:
         if not self._parameters.tracker_check:
             self.contradiction = ""
         elif evidence >= ALARM and not self.contradiction:
-            self.contradiction = _WITNESS[int(self._memory["evidence"][0].argmax())]
+            tipped = self._memory["tipped"].item() == 1
+            self.contradiction = (
+                _TIPPED if tipped else _WITNESS[int(self._memory["evidence"][0].argmax())]
+            )
             self._say(f"{self.contradiction}: its poses count as missing; {_AXES}", mailbox.ERROR)
         elif evidence == 0.0 and self.contradiction:
             self.contradiction = ""
