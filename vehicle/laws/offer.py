@@ -6,6 +6,7 @@ from pathlib import Path
 
 from control import laws
 from control.laws import extended
+from control.parameters import NONE
 from vehicle.laws.contract import LAW
 from vehicle.plugins.links import UDP
 from vehicle.plugins.plugins import Plugins
@@ -18,7 +19,7 @@ def plugins_of(folder: Path | None, waits: bool = True) -> Plugins:
         folder: of files NAME.py and NAME.fmu; may be missing.
         waits: whether simulated time waits for the answers of a plugin.
     """
-    return Plugins(LAW, folder, waits, (*laws.BUILT_IN, *extended(), UDP, laws.NONE))
+    return Plugins(LAW, folder, waits, (*laws.BUILT_IN, *extended(), UDP, NONE))
 
 
 def others_of(plugins: Plugins) -> tuple[str, ...]:
