@@ -7,6 +7,7 @@ const POLL = 250; // ms between two questions while the server reads the log
 const WIDTH_OF = { position: 3, rotation: 4 };
 const THRUST = 4; // column of the actuators, N
 const GRAVITY = 9.81; // m/s²
+const SEEN = 0.3; // s, for which bearings to other vehicles are shown
 
 export class Run {
   place;
@@ -139,6 +140,12 @@ export class Run {
             .map((one) => one.slice(1)),
         }
       : null;
+  }
+
+  // What it saw of other vehicles at t: {sigma, seen: [[number, x, y, z in body axes], …]}; null without.
+  neighbours(t) {
+    const found = this.description.neighbours.filter((one) => one.t <= t).at(-1);
+    return found && t - found.t < SEEN ? found : null;
   }
 
   // Values and ages at t, by name.
