@@ -127,5 +127,5 @@ class StatusWriter:
                 self._status[field] = number
         if navigation.shadowed.status is not self._shadow:
             self._shadow = navigation.shadowed.status
-            for field, value in zip(_SHADOW, self._shadow, strict=True):
-                self._status[field] = value
+            for field, figure in zip(_SHADOW, self._shadow, strict=True):
+                self._status[field] = figure
