@@ -78,7 +78,7 @@ export class Errors {
     this.beside.hidden = !convergence;
     if (!convergence) return;
     const figures = ["now", ""].map(() => element("td"));
-    figures[0].textContent = figure(distance == null ? null : 1000 * distance, 0);
+    figures[0].textContent = figure(distance === null ? null : 1000 * distance, 0);
     Object.assign(figures[1], { colSpan: DIGITS.length - 1, textContent: "from the vehicle's estimate" });
     const words = [element("b", {}, partsOf(name)[0]), element("small", {}, "on board")];
     const label = element("td", {}, element("span", { className: "estimate" }, ...words));

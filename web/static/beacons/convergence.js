@@ -6,7 +6,7 @@ import { fixed } from "../core/format.js";
 const LACKS = ["nothing runs in parallel", "no measurement in time", "converging", "too far away"];
 const NOTHING = 4; // vehicle.estimators.readiness.Lack
 
-const millimetres = (metres) => (metres == null ? null : `${fixed(1000 * metres, 0)} mm`);
+const millimetres = (metres) => (metres === null ? null : `${fixed(1000 * metres, 0)} mm`);
 
 // {lack: "" when it may be flown on, share: 0 to 1, text}; null without such an estimator
 export function convergenceOf(status) {

@@ -338,7 +338,7 @@ export class ReplayScene {
     if (sight) this.conesTo(pose, sight.places, sight.sigma, this.color.amber);
     if (!others) return;
     const turn = rotation(pose.rotation),
-      tips = others.seen.map(([, ...bearing]) => moved(turn, pose.position, bearing));
+      tips = others.seen.map(([, x, y, z]) => moved(turn, pose.position, [x, y, z]));
     this.conesTo(pose, tips, others.sigma, this.color.wanted);
     tips.forEach((tip, k) => {
       const at = this.dot(tip, this.color.wanted, 2);
