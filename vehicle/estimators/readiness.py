@@ -1,4 +1,4 @@
-"""Whether an estimator in parallel may take over from the one in use, and what it lacks."""
+"""The judgement whether an estimator in parallel may take over from the one in use."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PERIOD_NS = 100_000_000
 
 
 class Lack(IntEnum):
-    """What an estimator lacks to be flown on, also its number in STATUS records."""
+    """The condition that an estimator lacks to be flown on, also its number in STATUS records."""
 
     SHADOW = 0
     """no estimator runs in parallel"""

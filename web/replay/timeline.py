@@ -175,7 +175,7 @@ def sights_of(bearings: Series | None) -> list[dict[str, Any]]:
     return sorted(found, key=lambda one: one["t"])[:MOST_LINES]
 
 
-def neighbours_of(bearings: Series | None) -> list[dict[str, Any]]:
+def neighbours_of(bearings: Series | None) -> list[Moment]:
     """Return what a vehicle saw of others, at most NEIGHBOUR_RATE times a second: t, sigma (rad)
     and rows of the other's number and its bearing, a unit vector in body axes.
     """
@@ -186,7 +186,7 @@ def neighbours_of(bearings: Series | None) -> list[dict[str, Any]]:
     picked = np.append(True, slots[1:] != slots[:-1]) | np.append(np.diff(slots) > 1.0, True)
     paths = [f"bearings[{k}].{axis}" for k in range(len(ids)) for axis in "xyz"]
     rows = bearings.rows(["sigma", *ids, *paths])[picked][:MOST_LINES]
-    found: list[dict[str, Any]] = []
+    found: list[Moment] = []
     for t, (sigma, *numbers) in zip(bearings.time[picked], rows.tolist(), strict=False):
         seen, axes = numbers[: len(ids)], np.reshape(numbers[len(ids) :], (len(ids), 3)).round(5)
         pairs = zip(seen, axes.tolist(), strict=True)

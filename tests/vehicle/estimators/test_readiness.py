@@ -1,4 +1,4 @@
-"""Whether an estimator in parallel may take over, and how far it is."""
+"""An estimator in parallel may take over when nothing is lacking; how far it is."""
 
 from __future__ import annotations
 
