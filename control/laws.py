@@ -14,7 +14,7 @@ another; while `airborne` is False the ground carries the vehicle.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -27,7 +27,7 @@ from control.parameters import CONTROL, GEOMETRIC, NEAR_HOVERING, NONE, ControlP
 from quadrotor.errors import UsageError
 from quadrotor.extension import Law
 from quadrotor.extensions import Offered, Registry, registry
-from quadrotor.parameters import Parameters
+from quadrotor.parameters import Parameters, offer_choices
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
 
@@ -35,7 +35,8 @@ Bytes = npt.NDArray[np.uint8]
 Own = tuple[Bytes, Bytes]
 Records = tuple[Record, Record, Record, Record, Record]
 Step = Callable[[Own, Records, bool, bool, float], None]
-RESERVED = (GEOMETRIC, NEAR_HOVERING, NONE, "udp", *ControlParameters.model_fields)
+BUILT_IN = GEOMETRIC, NEAR_HOVERING
+RESERVED = (*BUILT_IN, NONE, "udp", *ControlParameters.model_fields)
 """Names that no law of an extension may have: built-in ones, and the groups beside it."""
 TYPES = {"float": "f8", "int": "i8", "bool": "i8"}
 
@@ -109,6 +110,14 @@ def _tree(found: Registry) -> type[ControlParameters]:
             kind = law.load(law.offer.parameters)
             fields[name] = (kind, kind())
     return create_model("ExtendedControlParameters", __base__=ControlParameters, **fields)
+
+
+def offer(others: Sequence[str]) -> None:
+    """Make these names, besides the built-in ones, values of the parameters, in place of those
+    offered before: of laws that whoever makes the parameter tree can start.
+    """
+    offer_choices(ControlParameters, "law", (*BUILT_IN, *others))
+    offer_choices(ControlParameters, "shadow_law", (NONE, *others))
 
 
 def example_arguments(law: CompiledLaw, settings: Bytes) -> tuple[object, ...]:

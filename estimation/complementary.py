@@ -8,7 +8,7 @@ import numpy as np
 
 from estimation.compiled_estimator import CompiledEstimator
 from estimation.complementary_filter import correct, correct_one, predict, predict_one, report
-from estimation.convergence import Convergence, Deviations
+from estimation.convergence import Convergence, Deviations, ratio
 from estimation.history import recall
 from estimation.memory import START_ATTITUDE, START_POSITION, new_memory
 from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
@@ -65,16 +65,21 @@ class ComplementaryEstimator(CompiledEstimator):
             return Convergence(False, "the newest pose is too far from its prediction")
         slowest = min(p.position_bandwidth, p.attitude_bandwidth)
         needed, run = SETTLED_AFTER / slowest, 1e-9 * float(m["stamp_ns"] - m["started_ns"])
-        if run < needed:
-            return Convergence(
-                False, f"started {run:.1f} s ago, needs {needed:.1f} s at {slowest:g} rad/s"
-            )
         position, attitude = math.sqrt(m["position_spread"]), math.sqrt(m["attitude_spread"])
+        share = min(
+            ratio(FIT_POSITION, position),
+            ratio(FIT_ATTITUDE, attitude),
+            max(0.0, run / needed),
+            1.0,
+        )
+        if run < needed:
+            late = f"started {run:.1f} s ago, needs {needed:.1f} s at {slowest:g} rad/s"
+            return Convergence(False, late, share)
         text = f"innovations {position:.3f} m, {math.degrees(attitude):.2f} deg rms"
         fit = position < FIT_POSITION and attitude < FIT_ATTITUDE
         if not fit:
             text += f"; allowed {FIT_POSITION:g} m, {math.degrees(FIT_ATTITUDE):.0f} deg"
-        return Convergence(fit, text)
+        return Convergence(fit, text, share)
 
     def reset(self) -> None:
         """Forget everything, biases included."""

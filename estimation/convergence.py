@@ -12,10 +12,15 @@ from quadrotor.records import Record
 
 @dataclass(frozen=True, slots=True)
 class Convergence:
-    """The judgement whether an estimator may be flown on, and its `reason` with numbers."""
+    """The judgement whether an estimator may be flown on, and its `reason` with numbers.
+
+    Attributes:
+        share: of the way there: the smallest ratio, 0 to 1, of what it has to what it needs.
+    """
 
     reached: bool
     reason: str
+    share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +45,15 @@ class Difference:
             f"{self.position:.3f} m, {self.velocity:.3f} m/s, {math.degrees(self.attitude):.2f} deg"
         )
 
+    def share_of(self, found: Difference) -> float:
+        """Return the smallest ratio of these limits to what was found, at most 1; 0 for NaN."""
+        pairs = (
+            (self.position, found.position),
+            (self.velocity, found.velocity),
+            (self.attitude, found.attitude),
+        )
+        return min(ratio(limit, length) for limit, length in pairs)
+
     def within(self, other: Difference) -> bool:
         """Return whether each part is at most the other's; False for NaN."""
         return (
@@ -47,6 +61,13 @@ class Difference:
             and self.velocity <= other.velocity
             and self.attitude <= other.attitude
         )
+
+
+def ratio(limit: float, found: float) -> float:
+    """Return limit / found, at most 1; 0 for NaN."""
+    if found <= limit:
+        return 1.0
+    return limit / found if math.isfinite(found) else 0.0
 
 
 def difference(one: Record, other: Record) -> Difference:

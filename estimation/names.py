@@ -11,6 +11,7 @@ from typing import Any
 from estimation.parameters import EstimationParameters
 from quadrotor.extension import Estimator
 from quadrotor.extensions import Offered, registry
+from quadrotor.parameters import offer_choices
 
 BUILT_IN: Mapping[str, str] = {
     "complementary": ".complementary:ComplementaryEstimator",
@@ -41,6 +42,5 @@ def offer(plugins: Sequence[str]) -> None:
     """Make these names, too, values of the parameters, in place of those offered before: of
     estimators that whoever makes the parameter tree can start.
     """
-    for field, none in (("estimator", ()), ("shadow", (NONE,))):
-        extra: Any = EstimationParameters.model_fields[field].json_schema_extra
-        extra["choices"][:] = [*none, *names(), *plugins]
+    offer_choices(EstimationParameters, "estimator", (*names(), *plugins))
+    offer_choices(EstimationParameters, "shadow", (NONE, *names(), *plugins))

@@ -8,7 +8,7 @@ components: it validates, applies, counts revisions, and never applies a change 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -186,6 +186,12 @@ def _choices(owner: type[Parameters], of: str) -> tuple[str, ...]:
     extra = owner.model_fields[of].json_schema_extra
     choices = extra.get("choices") if isinstance(extra, dict) else None
     return tuple(map(str, choices)) if isinstance(choices, list) else ()
+
+
+def offer_choices(owner: type[Parameters], of: str, choices: Iterable[str]) -> None:
+    """Make these the values that a text may have in the trees whose store is made from now on."""
+    extra: Any = owner.model_fields[of].json_schema_extra
+    extra["choices"][:] = choices
 
 
 @lru_cache(maxsize=4096)

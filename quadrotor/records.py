@@ -220,6 +220,12 @@ STATUS = np.dtype(
         ("suspect_offset", "f8"),  # rad, of the beacon's bearings from those expected by the others
         ("suspect_beacon", "i4"),  # its id; -1: it is unclear which
         ("suspect_left_out", "u1"),  # the estimator ignores it
+        # The estimator in parallel (`estimation.shadow`):
+        ("shadow_lack", "u1"),  # vehicle.estimators.readiness.Lack: what it needs to be flown on
+        ("shadow_share", "f8"),  # of the way there, 0..1
+        ("shadow_ready", "f8"),  # s since it lacks nothing
+        ("shadow_deviation", "f8"),  # m, of its position as it states it; NaN: it does not
+        ("shadow_distance", "f8"),  # m, from the estimate in use
         # While the flag OSCILLATING is set:
         ("oscillation_frequency", "f8"),  # Hz
         ("oscillation_axis", "i4"),  # index into vehicle.safety.oscillation.CHANNELS

@@ -168,7 +168,7 @@ def test_the_vehicle_s_wheel_runs_with_its_few_libraries_alone(vehicle_python: P
     for words, told in (
         (["up"], "quadlab: the command up is not in quadlab-vehicle, the part"),
         (["upp"], "quadlab: there is no command 'upp'; there are doctor, vehicle;"),
-        (["vehicle", "--serial", "none", "--set", "control.law=x"], "quadlab: control.law = 'x'"),
+        (["vehicle", "--serial", "none", "--set", "control.law=x"], "quadlab: --set control.law=x"),
     ):
         refused = subprocess.run(
             (vehicle_python, "-m", "quadlab", *words),

@@ -10,8 +10,8 @@ run them. Any other form is refused with its file and line:
 A file can also be named from the root, as "/static/core/dom.js". Lines stay as they are, and a
 source map leads a browser's tools back to the files.
 
-An extension's panel has a script of its own, so that an error in it stops nothing else. The modules
-that it shares with the page's script are run once, by that script.
+A module that shows panels of an extension has a script of its own, so that an error in it stops
+nothing else. The modules that it shares with the page's script are run once, by that script.
 """
 
 from __future__ import annotations
@@ -93,18 +93,21 @@ def join_modules(
     return _joined(modules, wanted, ([], before_entry, []), (map_address, place))
 
 
-def join_panel(panel: PanelScript, page: str, read: Read, map_address: str, place: str) -> Joined:
-    """Join the modules of a panel, without those that it shares with the page. Raises JoinError.
+def join_panels(
+    panels: Sequence[PanelScript], page: str, read: Read, map_address: str, place: str
+) -> Joined:
+    """Join the modules of the panels that one module shows, without those that it shares with the
+    page. Raises JoinError.
 
     Args:
         page: name of the module that the page loads.
         map_address, place: as for `join_modules`.
     """
     known = _in_order(page, read)
-    modules, wanted = _of_panel(panel, read, known)
+    modules, wanted = _of_panel(panels[0], read, known)
     shared = sorted(name for name in wanted if name in known)
     head = [f'const {_variable(name)} = {_SHARED}["{name}"];' for name in shared]
-    tail = [f'{_variable(PANELS)}.addPanel("{panel.name}", {panel.function});']
+    tail = [f'{_variable(PANELS)}.addPanel("{one.name}", {one.function});' for one in panels]
     return _joined(modules, wanted, (head, [], tail), (map_address, place))
 
 

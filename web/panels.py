@@ -99,8 +99,8 @@ def with_panels(document: str, panels: Sequence[Panel], address: str) -> str:
     )
     links = [f'<link rel="stylesheet" href="{address}{f}">\n' for one in shown for f in one.styles]
     scripts = [
-        f'<script type="module" src="{address}joined/{one.script.module}"></script>\n'
-        for one in shown
+        f'<script type="module" src="{address}joined/{module}"></script>\n'
+        for module in dict.fromkeys(one.script.module for one in shown)
     ]
     before, end, after = made.partition("</head>")
     return f"{before}{''.join((*links, *scripts))}{end}{after}"

@@ -26,7 +26,7 @@ from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.types import Scope
 
 from web import uplot
-from web.joined_files import Joined, JoinError, join_modules, join_panel, join_styles
+from web.joined_files import Joined, JoinError, join_modules, join_panels, join_styles
 from web.panels import FOLDER, Document, Panel, places, with_panels
 from web.theme import html_tag
 
@@ -133,7 +133,15 @@ class CachedFiles(StaticFiles):
                 return f"there is no place {panel.offer.place}; there are {', '.join(known)}"
             if any(f'id="{panel.offer.name}"' in one for one in self._documents()):
                 return "a part of the page has this name; rename it"
-            self._joined_panel(panel, "")
+            module, there = (
+                panel.script.module,
+                [one for one in self._panels if one.offer.place in known],
+            )
+            first = next(one for one in there if one.script.module == module)
+            if self._page_of(first) != self._page_of(panel):
+                other = f"{first.offer.name} of another page"
+                return f"{module} shows {other}, too; write a module for each page"
+            self._joined_panels([panel], "")
             join_styles(panel.styles, self._read)
         except FileNotFoundError as error:
             return f"there is no file {error.filename}"
@@ -176,24 +184,25 @@ class CachedFiles(StaticFiles):
 
     def _joined_script(self, entry: str) -> Joined:
         map_address = f"{Path(entry).name}.map"
-        for panel in self._panels:
-            if panel.script.module == entry:
-                return self._joined_panel(panel, map_address)
+        fine = [panel for panel, why in self._problems().items() if not why]
+        if mine := [panel for panel in fine if panel.script.module == entry]:
+            return self._joined_panels(mine, map_address)
         there = [place for one in self._documents(entry) for place in places(one)]
         if not self._documents(entry):
             raise FileNotFoundError(entry)
-        shown = [
-            panel.script
-            for panel, why in self._problems().items()
-            if panel.offer.place in there and not why
-        ]
+        shown = [panel.script for panel in fine if panel.offer.place in there]
         return join_modules(entry, self._read, map_address, PLACE, shown)
 
-    def _joined_panel(self, panel: Panel, map_address: str) -> Joined:
+    def _joined_panels(self, panels: Sequence[Panel], map_address: str) -> Joined:
+        scripts, page = [one.script for one in panels], self._page_of(panels[0])
+        return join_panels(scripts, page, self._read, map_address, PLACE)
+
+    def _page_of(self, panel: Panel) -> str:
+        """Return the module that the page with the place of a panel loads."""
         page = next(one for one in self._documents() if panel.offer.place in places(one))
         found = _SCRIPT.search(page)
         assert found is not None, "a document with places has a script"
-        return join_panel(panel.script, found[1], self._read, map_address, PLACE)
+        return found[1]
 
     def _documents(self, entry: str = "") -> list[str]:
         """Return the documents of the page that have a script, or all."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from estimation.convergence import Convergence, Deviations
+from estimation.convergence import Convergence, Deviations, ratio
 from estimation.error_state.gate import RUN_LEAST
 from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS, REFUSED_MAX
 from quadrotor.records import Array
@@ -80,12 +80,19 @@ def convergence_of(m: np.void) -> Convergence:
     """Return whether an initialized filter with fresh measurements, an ERROR_STATE_MEMORY item, may
     be flown on.
     """
-    applied = int(m["applied"])
+    applied, d = int(m["applied"]), deviations_of(m)
+    share = min(
+        ratio(FIT.position, d.position),
+        ratio(FIT.velocity, d.velocity),
+        ratio(FIT.attitude, d.attitude),
+        ratio(FIT_CONSISTENCY, float(m["consistency"])),
+        applied / FIT_UPDATES,
+        1.0,
+    )
     if applied < FIT_UPDATES:
-        return Convergence(False, f"{applied} measurements applied, needs {FIT_UPDATES}")
+        return Convergence(False, f"{applied} measurements applied, needs {FIT_UPDATES}", share)
     if contradicted := _refusals(m) or _refused_share(m) or _innovations(m):
-        return Convergence(False, contradicted)
-    d = deviations_of(m)
+        return Convergence(False, contradicted, share)
     text = (
         f"deviations {d.position:.3f} m, {d.velocity:.3f} m/s, {math.degrees(d.attitude):.2f} deg"
     )
@@ -95,7 +102,7 @@ def convergence_of(m: np.void) -> Convergence:
             f"; allowed {FIT.position:g} m, {FIT.velocity:g} m/s, "
             f"{math.degrees(FIT.attitude):g} deg"
         )
-    return Convergence(fit, text)
+    return Convergence(fit, text, share)
 
 
 def inconsistency_of(m: np.void) -> str:

@@ -11,13 +11,13 @@ from vehicle_link.messages import definition, ros_name
 from vehicle_link.topics.rmw_keys import full_name
 from vehicle_link.topics.table import SERVICES, TOPICS
 
-INNER = ("sweeps", "ticks")
-"""Topics that say nothing that another one does not say."""
+INNER = ("sweeps", "ticks", "stick", "presence")
+"""Topics that say nothing that another one does not say, and those between page and station."""
 CHANNELS = tuple(
     name
     for name, row in TOPICS.items()
     # What the vehicle sends on the lane would arrive a second time over the radio.
-    if not (row.sender == "vehicle" and row.lane) and row.sender != "web" and name not in INNER
+    if not (row.sender == "vehicle" and row.lane) and name not in INNER
 )
 """Topics by channel number."""
 CALLED = (*(name for name, row in COMMANDS.items() if row.has_route), "mark", "control")

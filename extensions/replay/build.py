@@ -23,7 +23,7 @@ from flight_log.attached import parameters_of
 from flight_log.run import Run, read_run
 from quadrotor.errors import StorageError
 
-VERSION = 6
+VERSION = 7
 """Version of the files; those of another version are made again."""
 MOST_SIGNALS = 4000
 INDEX, TRACK = "replay.json", "track.bin"
@@ -122,6 +122,7 @@ def _timeline(run: Run) -> dict[str, Any]:
         "boxes": [(*zip(b.low_w, b.high_w, strict=True),) for b in keep_out(parameters.get)],
         "beacons": timeline.beacons_of(parameters, changes),
         "sights": timeline.sights_of(run.topics.get("bearings")),
+        "neighbours": timeline.neighbours_of(run.topics.get("neighbour_bearings")),
         "spans": spans,
         "airborne": airborne,
         "moments": timeline.moments(armed, airborne, marks, spans["behavior"]),

@@ -26,6 +26,8 @@ _PEOPLE = ("requester", "operator", "author", "who", "by", "person")
 _WARNING = 30  # rcl_interfaces/Log
 SIGHT_LASTS = 0.3
 """Time in s after which a frame of bearings is no sight of its beacons any more."""
+NEIGHBOUR_RATE = 10.0
+"""Hz, at most, of the bearings to other vehicles that the 3D view draws."""
 LAYOUTS = ("station.bearings.layout", "bearings.layout", "beacons.layout")
 
 Times = npt.NDArray[np.float64]
@@ -171,6 +173,26 @@ def sights_of(bearings: Series | None) -> list[dict[str, Any]]:
     ]
     found += [{"t": float(t) + SIGHT_LASTS, "ids": [], "sigma": 0.0} for t in bearings.time[late]]
     return sorted(found, key=lambda one: one["t"])[:MOST_LINES]
+
+
+def neighbours_of(bearings: Series | None) -> list[Moment]:
+    """Return what a vehicle saw of others, at most NEIGHBOUR_RATE times a second: t, sigma (rad)
+    and rows of the other's number and its bearing, a unit vector in body axes.
+    """
+    ids = [] if bearings is None else [n for n in bearings.names if n.startswith("beacon_ids[")]
+    if bearings is None or not len(bearings) or "sigma" not in bearings:
+        return []
+    slots = np.floor(bearings.time * NEIGHBOUR_RATE)
+    picked = np.append(True, slots[1:] != slots[:-1]) | np.append(np.diff(slots) > 1.0, True)
+    paths = [f"bearings[{k}].{axis}" for k in range(len(ids)) for axis in "xyz"]
+    rows = bearings.rows(["sigma", *ids, *paths])[picked][:MOST_LINES]
+    found: list[Moment] = []
+    for t, (sigma, *numbers) in zip(bearings.time[picked], rows.tolist(), strict=False):
+        seen, axes = numbers[: len(ids)], np.reshape(numbers[len(ids) :], (len(ids), 3)).round(5)
+        pairs = zip(seen, axes.tolist(), strict=True)
+        told = [[int(id), *axis] for id, axis in pairs if np.isfinite([id, *axis]).all()]
+        found.append({"t": float(t), "sigma": sigma, "seen": told})
+    return found
 
 
 def _numbered(kind: str, label: str, times: list[float]) -> list[Moment]:

@@ -25,7 +25,7 @@ import xxhash
 
 from flight_log.columns.places import UNFINISHED, identity, make_room, place_of
 from flight_log.columns.topic import Topic
-from flight_log.columns.writer import INDEX, VERSION, digest, write_columns
+from flight_log.columns.writer import INDEX, VERSION, digest, reader_digest, write_columns
 from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
 
@@ -62,7 +62,7 @@ class LogColumns:
 
 
 class _DamagedError(Exception):
-    """The columns differ from what was written, or belong to another log."""
+    """The columns differ from what was written, belong to another log, or lack what is read now."""
 
 
 class _Folder:
@@ -88,6 +88,8 @@ class _Folder:
         index: dict[str, Any] = json.loads(data)
         if index["version"] != VERSION or self._identity not in ([], index["identity"]):
             raise _DamagedError
+        if self._progress and index["problems"] and index.get("reader") != reader_digest():
+            raise _DamagedError  # what could not be read then may be read now
         return index
 
     def _make(self, place: Path) -> None:

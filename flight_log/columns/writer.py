@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,14 @@ import numpy as np
 import numpy.typing as npt
 import xxhash
 
+from flight_log import payload_columns, payload_layout, topic_columns
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.topic_columns import ColumnReader, Columns
 
 VERSION = 1
 """Version of the files; columns of another version are made again."""
+READERS = payload_layout, payload_columns, topic_columns
+"""Modules that read messages. Columns with topics that other ones could not read are made again."""
 INDEX = "log.json"
 WHOLE = (
     *("/events", "/marks", "/parameter_changes"),
@@ -217,6 +221,7 @@ def write_columns(
     text = json.dumps(
         {
             "version": VERSION,
+            "reader": reader_digest(),
             "log": str(log.resolve()),
             "identity": identity,
             "topics": found,
@@ -232,6 +237,12 @@ def write_columns(
     )
     data = text.encode()
     (folder / INDEX).write_bytes(f"{xxhash.xxh3_64_hexdigest(data)}\n".encode() + data)
+
+
+@cache
+def reader_digest() -> str:
+    """Return the checksum of the sources that read messages."""
+    return "".join(digest(Path(one.__file__)) for one in READERS if one.__file__)
 
 
 def digest(file: Path) -> str:

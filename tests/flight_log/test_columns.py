@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import subprocess
@@ -12,12 +13,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+import xxhash
 
 from benchmarks.logs.recorded_run import MadeRun, write_run
 from flight_log import read_log
 from flight_log.columns import log_columns, places
 from flight_log.columns.log_columns import kept_columns, read_columns
 from flight_log.columns.places import CACHES, place_of
+from flight_log.columns.writer import INDEX
 from flight_log.file import LogFile
 from quadrotor.errors import StorageError
 from vehicle_link.messages import decode
@@ -39,6 +42,23 @@ def heights(log: Path) -> npt.NDArray[np.floating[Any]]:
 def decoded(log: Path) -> list[float]:
     found = read_log(log, topics=[STATE])
     return [decode(one.payload, "nav_msgs/Odometry").pose.pose.position.z for one in found]
+
+
+def test_columns_that_an_older_reader_could_not_fill_are_made_again(log: Path) -> None:
+    read_columns(log, dtype=np.float64)
+    file = place_of(log) / INDEX
+    whole = json.loads(file.read_bytes().partition(b"\n")[2])
+
+    def said(**older: Any) -> bytes:
+        data = json.dumps({**whole, **older}).encode()
+        file.write_bytes(f"{xxhash.xxh3_64_hexdigest(data)}\n".encode() + data)
+        read_columns(log, dtype=np.float64)
+        return file.read_bytes().partition(b"\n")[2]
+
+    unread = {"problems": {"/service": "cannot be read"}}
+    assert json.loads(said(**unread, reader="of last year"))["problems"] == {}
+    assert json.loads(said(**unread))["problems"] == unread["problems"]  # would not be read now
+    assert json.loads(said(reader="of last year"))["reader"] == "of last year"  # nothing is lacking
 
 
 @pytest.mark.parametrize("held", [100, 1 << 15])

@@ -435,8 +435,8 @@ def test_a_law_that_is_not_there_stops_the_start_with_those_there_are(
     (tmp_path / "plugins" / "mine.py").write_text("")
     ports = {"up": ["--port", "18391", "--link-port", "17991"], "vehicle": ["--serial", "none"]}
     words = [command, "--data", str(tmp_path), "--set", "control.law=mien", *ports[command]]
-    assert main(words) == 1
+    assert main(words) == 2
     told = capsys.readouterr()
-    assert "control.law = 'mien' is not a law; there are geometric" in told.err
-    assert "udp, mine; put NAME.py or NAME.fmu into" in told.err
+    assert "control.law = 'mien' is not one of geometric, near_hovering, " in told.err
+    assert told.err.endswith(", udp, mine\n")
     assert told.out == ""

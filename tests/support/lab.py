@@ -14,6 +14,8 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
 from tests.support.kept_log import KeptLog
+from vehicle.behaviors.offer import offer_behaviors
+from vehicle.laws.offer import offer_laws
 from vehicle.modes import Flag
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
@@ -39,6 +41,8 @@ class Lab(SimulatedFlight):
         plugins: Path | None = None,
     ) -> None:
         parameters = parameters or flight_parameters()
+        offer_laws(plugins)
+        offer_behaviors(plugins)
         self.kept = KeptLog()
         self.robot = SimulatedVehicle(parameters.simulator)
         super().__init__(parameters, self.robot, self.kept, None, plugins)  # type: ignore[arg-type]

@@ -85,6 +85,7 @@ class ScriptedStation(Station):
         self.specific_force = (0.0, 0.0, 0.0)
         self.answers_sticks = True
         self.present: set[str] = set()
+        self.published: list[tuple[str, bytes, int | None]] = []
         self.real_time_factor = 0.0
         self.said: dict[str, Any] = {}  # fields of the status that differ from the default
         self.refusal = ""
@@ -112,6 +113,9 @@ class ScriptedStation(Station):
         if self.answers_sticks:
             self.reactions.stick_answered(stamp_ns, enabled, "")
         return stamp_ns
+
+    def publish(self, topic: str, payload: bytes, stamp_ns: int | None = None) -> None:
+        self.published.append((topic, payload, stamp_ns))
 
     def publish_presence(self, labels: Any) -> None:
         self.present = set(labels)

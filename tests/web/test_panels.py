@@ -131,6 +131,36 @@ def test_a_panels_script_uses_the_modules_of_the_page_and_runs_its_own(
     assert '\n$$console$panels.addPanel("wind", show);\n' in ours
 
 
+def two_panels(tmp_path: Path, **second: Any) -> CachedFiles:
+    """Return the files of a page with two panels that one module shows."""
+    page, ours = written(tmp_path / "static", PAGE), written(tmp_path / "ours", OURS)
+    offers = PagePanel(**OFFER), PagePanel(**{**OFFER, "name": "gusts", **second})
+    return CachedFiles(page, [Panel(one, "tunnel", ours) for one in offers])
+
+
+def test_one_module_shows_several_panels_and_runs_once(tmp_path: Path) -> None:
+    files = two_panels(tmp_path, target="page/wind.js:gusts", place="setup")
+    (tmp_path / "ours" / "wind.js").write_text(OURS["wind.js"] + "export function gusts() {}\n")
+    text = document(files)
+    assert files.problems == []
+    assert text.count("joined/extensions/tunnel/wind.js") == 1
+    script = fetched(files, "joined/extensions/tunnel/wind.js").text
+    assert script.count("// ---- extensions/tunnel/wind.js") == 1
+    assert re.findall(r"addPanel\((.*)\);", script) == ['"wind", show', '"gusts", gusts']
+
+
+def test_a_module_that_shows_panels_of_two_pages_is_told(tmp_path: Path) -> None:
+    files = two_panels(tmp_path, place="attic")
+    other = (
+        PAGE["page/page.html"].replace("page/page.js", "page/other.js").replace("setup", "attic")
+    )
+    other = other.replace("  <!-- tabs -->\n", "").replace("<!-- place: tabs -->\n", "")
+    written(tmp_path / "static", {"page/other.html": other, "page/other.js": PAGE["page/page.js"]})
+    (line,) = files.problems
+    assert "gusts is left out: extensions/tunnel/wind.js shows wind of another page, too" in line
+    assert document(files).count("joined/extensions/tunnel/wind.js") == 1
+
+
 @pytest.mark.parametrize(
     ("changed", "why"),
     [

@@ -9,9 +9,8 @@ from control.behaviors.behavior import ExternalReference
 from control.behaviors.parameters import NONE
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
-from vehicle.behaviors.contract import BEHAVIOR
 from vehicle.behaviors.external import ExternalBehavior
-from vehicle.plugins.plugins import Plugins
+from vehicle.behaviors.offer import plugins_of
 
 PARAMETER = "behavior.plugin"
 
@@ -34,7 +33,7 @@ class OwnBehaviors:
     def __init__(
         self, folder: Path | None, waits: bool, outside: ExternalReference, chosen: str = NONE
     ) -> None:
-        self._plugins = Plugins(BEHAVIOR, folder, waits, (NONE,))
+        self._plugins = plugins_of(folder, waits)
         self._outside = outside
         self._name = NONE
         self.external: ExternalBehavior | None = None

@@ -8,12 +8,10 @@ reserve on the tracker's poses. Everything else is refused and changes nothing.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from estimation import registry
-from estimation.convergence import Difference, difference
 from estimation.estimator import Estimator
 from estimation.names import NONE
 from estimation.parameters import EstimationParameters
@@ -21,9 +19,8 @@ from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle.estimators.estimator_runner import BEARINGS, BOTH, POSES, Runner
+from vehicle.estimators.readiness import Lack, readiness
 
-AGREEMENT = Difference(position=0.25, velocity=0.4, attitude=math.radians(6.0))
-"""Largest difference between an estimate and the one in use for a hand-over in flight."""
 ESTIMATOR, SHADOW, SOURCE = "estimation.estimator", "estimation.shadow", "estimation.source"
 SHADOW_SOURCE = "estimation.shadow_source"
 RESCUE, BUILT_IN = "estimation.rescue", "estimation.plugin.built_in"
@@ -174,7 +171,9 @@ def check(
     in_place = active.name == wanted[ESTIMATOR] and wanted[SOURCE] == BOTH
     if armed and moves and not in_place:
         successor = _successor(estimators, wanted)
-        _check_successor(successor, active, state)
+        ready = readiness(successor, active, state)
+        if ready.lack is not Lack.NOTHING:
+            raise RefusedError(ready.reason)
         if SHADOW not in values and successor is not active.built_in:
             # The previous one stays as the shadow; on poses it is the reserve anyway.
             extra[SHADOW] = wanted[SHADOW] = _left(active, wanted)
@@ -219,21 +218,6 @@ def _successor(estimators: EstimatorSet, wanted: Mapping[str, str]) -> Runner:
         f"{name} on {source} does not run yet (running: {running}): run it in parallel first "
         f"({SHADOW} = {name}, {SHADOW_SOURCE} = {source})"
     )
-
-
-def _check_successor(successor: Runner, active: Runner, state: Record) -> None:
-    convergence = successor.estimator.convergence
-    if not convergence.reached:
-        late = "; late ones need a longer estimation.measurement_timeout"
-        hint = late if successor.estimator.initialized and successor.estimator.stale else ""
-        raise RefusedError(f"estimator {successor} has not converged: {convergence.reason}{hint}")
-    if successor.source == POSES != active.source:
-        return  # a change back to the tracker is never refused for a difference
-    apart = difference(successor.state, state)
-    if not apart.within(AGREEMENT):
-        raise RefusedError(
-            f"estimator {successor} is {apart} away from {active}; allowed {AGREEMENT}"
-        )
 
 
 def _compile(estimators: EstimatorSet, choice: Choice, built_in: str, armed: bool) -> None:

@@ -27,6 +27,7 @@ from vehicle.estimators.fade import Fade
 from vehicle.estimators.frame_inspection import inspected
 from vehicle.estimators.heading_watch import HeadingWatch
 from vehicle.estimators.measurement_reports import MeasurementReports
+from vehicle.estimators.readiness import ShadowWatch
 from vehicle.estimators.suspect_beacon import SuspectBeacon
 from vehicle.parameters import FallBackParameters
 
@@ -50,6 +51,7 @@ class Navigation:
         agreement: reports whether measurements agree with it.
         heading: reports an unknown heading.
         suspect: reports a beacon whose bearings are off.
+        shadowed: judges whether the shadow may take over.
         measured: whether the last step had measurements.
     """
 
@@ -68,6 +70,7 @@ class Navigation:
         self.agreement = AgreementWatch(say)
         self.heading = HeadingWatch(say)
         self.suspect = SuspectBeacon(say)
+        self.shadowed = ShadowWatch()
         self.measured = False
         self._fade = Fade()
         self._refuses_bearings = False
@@ -144,6 +147,11 @@ class Navigation:
             self.heading.check(estimate)
         if self.agreement.flags:
             self.agreement.step(imu["stamp_ns"].item())
+        if (shadow := self.running.shadow) is not None:
+            try:
+                self.shadowed.step(imu["stamp_ns"].item(), shadow, self.running.active, state)
+            except Exception as error:
+                self._drop(shadow, error)
 
     def measure(self, measurement: Record) -> None:
         """Take one POSE_SAMPLE, or BEARINGS_SAMPLE without places, (1,); it acts at the next
@@ -213,6 +221,7 @@ class Navigation:
         if choice != self._choice:  # a failed shadow is not recreated by an unrelated change
             self._choice = choice
             self.running = self.running.rearranged(choice, self._make)
+            self.shadowed.begin()
         running = self.running
         self.active, self.source = running.active.estimator, running.active.source
         if str(running.active) != before:
@@ -295,6 +304,7 @@ class Navigation:
         running = self.running
         what = "shadow" if runner is running.shadow else "reserve"
         setattr(running, what, None)
+        self.shadowed.begin()
         self._note_running()
         is_plugin = isinstance(runner.estimator, ExternalEstimator)  # whose reason is whole
         why = str(error) if is_plugin else f"{type(error).__name__}: {error}"

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from estimation import names
+from vehicle.behaviors.offer import offer_behaviors
 from vehicle.estimators.contract import ESTIMATOR
+from vehicle.laws.offer import offer_laws
 from vehicle.plugins import declared
 from vehicle.plugins.plugins import Plugins
 
@@ -26,10 +28,12 @@ def offer_estimators(folder: Path | None = None) -> None:
 
 
 def offer_plugins(folder: Path | None) -> list[str]:
-    """Make the names of estimators values of the parameters, and the parameters that plugins
-    declare part of them, before a tree's store is made.
+    """Make the names of estimators, laws and behaviors values of the parameters, and the parameters
+    that plugins declare part of them, before a tree's store is made.
 
     Returns a line for each file whose parameters cannot be read.
     """
     offer_estimators(folder)
+    offer_laws(folder)
+    offer_behaviors(folder)
     return declared.offer(folder)

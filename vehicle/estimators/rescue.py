@@ -15,9 +15,10 @@ from estimation.parameters import EstimationParameters
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import Record
 from vehicle import mailbox
-from vehicle.estimators.choice import AGREEMENT, ESTIMATOR, SAME, SHADOW, SHADOW_SOURCE, Change
+from vehicle.estimators.choice import ESTIMATOR, SAME, SHADOW, SHADOW_SOURCE, Change
 from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.navigation import Navigation
+from vehicle.estimators.readiness import AGREEMENT
 from vehicle.modes import Flag
 
 MEMORY, DOUBTED = 0.05, 0.5

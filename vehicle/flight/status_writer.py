@@ -25,6 +25,7 @@ from vehicle.safety.supervisor import Supervisor
 
 _ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
 _SUSPECT = ("suspect_beacon", "suspect_offset", "suspect_left_out")
+_SHADOW = tuple(f"shadow_{name}" for name in ("lack", "share", "ready", "deviation", "distance"))
 # Plain numbers, as an IntFlag costs half a microsecond per operation.
 _GYRO_UNCALIBRATED, _NO_POSE = int(Flag.GYRO_UNCALIBRATED), int(Flag.NO_POSE)
 _SATURATED, _TILT_LIMITED = int(Flag.SATURATED), int(Flag.TILT_LIMITED)
@@ -56,6 +57,7 @@ class StatusWriter:
         self._voltage, self._pressure = status["battery_voltage"], status["pressure"]
         self._written: tuple[int, ...] = ()
         self._suspect: tuple[int, float, bool] | None = None
+        self._shadow: tuple[float, ...] = ()
         self._oscillated = False
 
     def loop(
@@ -123,3 +125,7 @@ class StatusWriter:
             self._suspect = suspect
             for field, number in zip(_SUSPECT, suspect, strict=True):
                 self._status[field] = number
+        if navigation.shadowed.status is not self._shadow:
+            self._shadow = navigation.shadowed.status
+            for field, figure in zip(_SHADOW, self._shadow, strict=True):
+                self._status[field] = figure

@@ -13,8 +13,8 @@ from quadrotor.errors import QuadlabError, RefusedError
 from vehicle.laws.compiled import CompiledController
 from vehicle.laws.contract import LAW as CONTRACT
 from vehicle.laws.external import ExternalLaw
+from vehicle.laws.offer import others_of, plugins_of
 from vehicle.plugins.links import UDP, NoLink, udp_link
-from vehicle.plugins.plugins import Plugins
 
 BUILT_IN: dict[str, Callable[[], GeometricController]] = {
     GEOMETRIC: GeometricController,
@@ -37,13 +37,11 @@ class Laws:
     """
 
     def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
-        self._extended = extended()
-        taken = (*BUILT_IN, *self._extended, UDP, NONE)
-        self._plugins = Plugins(CONTRACT, folder, waits, taken)
+        self._extended, self._plugins = extended(), plugins_of(folder, waits)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all laws, built-in ones first."""
-        return (*BUILT_IN, *self._extended, UDP, *self._plugins.names())
+        return (*BUILT_IN, *others_of(self._plugins))
 
     def check(self, law: str, shadow: str) -> None:
         """Raise RefusedError for a law that is not there, and for two external ones."""

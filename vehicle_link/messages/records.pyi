@@ -710,6 +710,11 @@ class VehicleStatus(Message):
     suspect_offset: float
     suspect_beacon: int
     suspect_left_out: bool
+    shadow_lack: int
+    shadow_share: float
+    shadow_ready: float
+    shadow_deviation: float
+    shadow_distance: float
     oscillation_frequency: float
     oscillation_axis: int
     board_command_rate: float

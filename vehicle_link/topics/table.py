@@ -200,6 +200,9 @@ _ROWS = (
     Topic("transfers", "quadlab_msgs/Transfers", "station", 2, stale=3.0),
     Topic("marks", "quadlab_msgs/Mark", "station", 0, qos=RELIABLE),
     Topic("presence", "quadlab_msgs/Presence", "web", 1),
+    Topic(  # to other vehicles, emulated for a formation that is flown from the page
+        "neighbour_bearings", "quadlab_msgs/BearingArray", "web", 30, recorded=True, newest=50
+    ),
     Topic(
         "truth",
         "nav_msgs/Odometry",

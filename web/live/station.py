@@ -90,8 +90,7 @@ class Station:
         self.reactions = reactions
         self._link_said = ""
         self._node: Node | None = None
-        self._stick: Publisher | None = None
-        self._presence: Publisher | None = None
+        self._own: dict[str, Publisher] = {}  # of the topics that this process sends
         self._clients: dict[str, ServiceClient[Answer]] = {}
         self._parameters: dict[str, ParameterClient] = {}
         self._making = threading.Lock()
@@ -202,17 +201,28 @@ class Station:
 
         Return the stamp (ns) that the station's answer will have; 0 if there is no station.
         """
-        if self._stick is None:
+        if not self._own:
             return 0
         now = host_time_ns()
         message = new(JOY, header=header(now, requester), axes=axes, buttons=[int(enabled)])
-        self._stick.put(encode(message), now)
+        self.publish("stick", encode(message), now)
         return now
 
     def publish_presence(self, labels: Iterable[str]) -> None:
         """Publish the labels of those who have a page open."""
-        if self._presence is not None:
-            self._presence.put(encode(new("quadlab_msgs/Presence", names=list(labels))))
+        self.publish("presence", encode(new("quadlab_msgs/Presence", names=list(labels))))
+
+    def publish(self, topic: str, payload: bytes, stamp_ns: int | None = None) -> None:
+        """Publish a message of a topic of which this process is the sender in the table; nothing
+        while there is no station.
+
+        Args:
+            stamp_ns: source time in ns; now when not given.
+
+        Raises LinkError if the session is closed.
+        """
+        if (publisher := self._own.get(topic)) is not None:
+            publisher.put(payload, stamp_ns)
 
     def _call_blocking(self, service: str, request: Any) -> Any:
         node = self._require_node()
@@ -258,8 +268,8 @@ class Station:
         for topic, react in reactions:
             node.subscribe(topic, TOPICS[topic].type_name, react, qos=TOPICS[topic].qos)
         encode(new(JOY))  # serialisers are generated on first use, which takes up to 0.1 s
-        self._stick = node.advertise(TOPICS["stick"])
-        self._presence = node.advertise(TOPICS["presence"])
+        own = (row for row in TOPICS.values() if row.sender == "web")
+        self._own = {row.name: node.advertise(row) for row in own}
         self._watched.join(session)
         self._forwarded.join(session)
         self._node = node

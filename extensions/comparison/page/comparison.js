@@ -1,10 +1,13 @@
 // Estimators compared at the station, on the Beacons tab: their errors as a table and a chart. Of the
 // chosen one, the tab shows the residuals. While the tab is hidden there is no socket and no signal.
 
+import { convergenceOf } from "/static/beacons/convergence.js";
 import { element } from "/static/core/dom.js";
 import { Socket } from "/static/core/sockets.js";
 import { ErrorChart } from "./chart.js";
 import { COMPARED, Errors } from "./errors.js";
+
+const SHADOW = "estimation.shadow";
 
 export function show(place, parts) {
   new Comparison(place, parts);
@@ -19,6 +22,8 @@ class Comparison {
     const chart = element("section", { id: "beacons-chart", className: "chart" });
     place.append(errors, chart);
     this.beacons = beacons;
+    this.events = events;
+    this.gains = gains;
     this.ages = ages;
     this.errors = new Errors(errors, { gains, isOperator, choose: (name) => beacons.choose(name) });
     this.chart = new ErrorChart(chart, history, description);
@@ -58,6 +63,8 @@ class Comparison {
     }
     const chosen = names.includes(this.beacons.chosen) ? this.beacons.chosen : "vehicle";
     this.errors.show(this.newest, chosen);
+    const { status } = this.events.summary;
+    this.errors.showShadow(this.gains.value(SHADOW), convergenceOf(status), status?.shadow_distance);
     const one = estimators.find(({ name }) => name === chosen);
     this.beacons.residuals.show(one, sigma, this.ages.isOld("comparison"));
   }

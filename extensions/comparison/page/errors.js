@@ -20,6 +20,7 @@ export class Errors {
     this.reason = element("div", { className: "reason", hidden: true });
     this.boxes = element("div", { className: "boxes" });
     this.body = element("tbody");
+    this.beside = element("tr", { hidden: true });
     const head = element(
       "thead",
       {},
@@ -37,7 +38,13 @@ export class Errors {
         th("%"),
       ),
     );
-    this.table = element("table", { className: "errors" }, head, this.body);
+    this.table = element(
+      "table",
+      { className: "errors" },
+      head,
+      this.body,
+      element("tfoot", {}, this.beside),
+    );
     this.empty = element(
       "p",
       { className: "empty" },
@@ -64,6 +71,18 @@ export class Errors {
       button.setAttribute("aria-pressed", String(one.name === chosen));
       setText(state, stateOf(one));
     }
+  }
+
+  // The vehicle's own estimator in parallel, which is known by its distance from the one in use alone.
+  showShadow(name, convergence, distance) {
+    this.beside.hidden = !convergence;
+    if (!convergence) return;
+    const figures = ["now", ""].map(() => element("td"));
+    figures[0].textContent = figure(distance === null ? null : 1000 * distance, 0);
+    Object.assign(figures[1], { colSpan: DIGITS.length - 1, textContent: "from the vehicle's estimate" });
+    const words = [element("b", {}, partsOf(name)[0]), element("small", {}, "on board")];
+    const label = element("td", {}, element("span", { className: "estimate" }, ...words));
+    this.beside.replaceChildren(label, ...figures);
   }
 
   build(names) {

@@ -16,9 +16,9 @@ from extensions.formations.live.squad import Pose, Situation, Squad
 from extensions.formations.mathematics.steering import NullMotion
 from extensions.formations.options import FormationOptions
 from extensions.formations.pilot import STEP
-from quadrotor.errors import UsageError
+from quadrotor.errors import LinkError, UsageError
 from quadrotor.plain_rotations import rotate
-from vehicle_link.clock import monotonic_ns
+from vehicle_link.clock import time_ns
 from vehicle_link.messages.records import Odometry
 from web.commands.sticks import SILENCE
 
@@ -91,7 +91,7 @@ class Formations:
                 f"--vehicles {AT_LEAST}"
             )
         if self._squad is None:
-            self._squad = Squad(self.names, self.options, self._tell)
+            self._squad = Squad(self.names, self.options, self._tell, record=self._record)
         return self._squad
 
     def change(self, options: FormationOptions) -> None:
@@ -99,7 +99,7 @@ class Formations:
         if self._hand is not None:
             raise UsageError(f"{self._hand.label} steers the formation: release its sticks first")
         if len(self._contexts) >= AT_LEAST:
-            self._squad = Squad(self.names, options, self._tell)
+            self._squad = Squad(self.names, options, self._tell, record=self._record)
         self.options = options
 
     # ------------------------------------------------------------------ people
@@ -180,7 +180,7 @@ class Formations:
             self.release(hand, f"the page was silent for {now - hand.at:.2f} s")
             hand = None
         sticks = self.squad.step(
-            monotonic_ns(), [situation_of(one) for one in self._contexts], self._motion(hand)
+            time_ns(), [situation_of(one) for one in self._contexts], self._motion(hand)
         )
         if hand is None:
             return
@@ -217,9 +217,17 @@ class Formations:
         velocity = (p.speed * forward, p.speed * left, p.speed * up)
         return NullMotion(velocity, p.yaw_rate * turn, p.scale_rate * grow)
 
+    def _of(self, vehicle: str) -> VehicleContext:
+        return next(one for one in self._contexts if one.vehicle == vehicle)
+
+    def _record(self, vehicle: str, topic: str, payload: bytes, stamp_ns: int) -> None:
+        """Have the station record what the sensor of a vehicle measures."""
+        with contextlib.suppress(LinkError):  # the session was closed first
+            self._of(vehicle).station.publish(topic, payload, stamp_ns)
+
     def _tell(self, vehicle: str, line: str) -> None:
         """Keep a line, and tell it to the pages of the vehicle whose program tells it."""
-        next(one for one in self._contexts if one.vehicle == vehicle).hub.say("warn", line)
+        self._of(vehicle).hub.say("warn", line)
         if line in self.lines:
             self.lines.remove(line)
         self.lines = [*self.lines, line][-TOLD:]
@@ -231,7 +239,7 @@ def situation_of(context: VehicleContext) -> Situation:
     state, status = live.current("state"), live.current("status")
     truth = live.current("truth")
     seen, topic = (state, "state") if truth is None else (truth, "truth")
-    pose = None if seen is None else pose_of(seen, monotonic_ns() - round(1e9 * live.age(topic)))
+    pose = None if seen is None else pose_of(seen, time_ns() - round(1e9 * live.age(topic)))
     if state is None or status is None:
         return Situation(pose)
     xy, z, yaw_rate = (

@@ -24,6 +24,7 @@ from quadrotor.plain_rotations import Triple
 from quadrotor.records import Array
 
 Quadruple = tuple[float, float, float, float]
+Record = Callable[[str, str, bytes, int], None]
 RADIUS = 0.377
 """m, of a sphere around the rotors of a vehicle, which hides those behind it."""
 OUT_OF_RANGE = (1e6, 1e6, 1e6)
@@ -102,7 +103,8 @@ class Member:
         self.mail = mail
 
     def log(self, topic: str, type_name: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
-        """Keep nothing: a run in real time has what the station records."""
+        """Have a message recorded."""
+        self._squad.record(self.names[self.index], topic, payload, stamp_ns)
 
     def event(self, line: str) -> None:
         """Tell a line of its program."""
@@ -118,7 +120,8 @@ class Squad:
 
     Args:
         names: of all vehicles. event: called with the name of a vehicle, and the line that its
-            program tells. seed: of the emulated sensors.
+            program tells. seed: of the emulated sensors. record: called with the name of a
+            vehicle, topic, payload and stamp (ns) of what its sensor measures.
 
     Attributes:
         shape: the desired formation.
@@ -132,8 +135,9 @@ class Squad:
         options: FormationOptions,
         event: Callable[[str, str], None],
         seed: int = 1,
+        record: Record = lambda *_: None,
     ) -> None:
-        self.names, self.options = tuple(names), options
+        self.names, self.options, self.record = tuple(names), options, record
         self.shape: Shape = shape_of(options.desired, len(names))
         self.members = [Member(self, k, event, seed + k) for k in range(len(names))]
         self._pilots = [Pilot(one, options, self.shape) for one in self.members]

@@ -14,6 +14,9 @@ import websockets.exceptions
 
 from extensions.formations.live.squad import Squad
 from extensions.formations.tests.conftest import PLACES
+from vehicle_link.clock import time_ns
+from vehicle_link.messages import decode, stamp_of
+from vehicle_link.topics.table import TOPICS
 from web.commands.sticks import StickOutput
 
 
@@ -79,8 +82,15 @@ def test_a_held_button_sends_each_vehicle_its_own_sticks_after_a_release(
 ) -> None:
     _pressed(hand, until)
     assert hand.hold(lambda: _all_sent(fleet), until)["on"]
-    for station in fleet.stations:
+    for k, station in enumerate(fleet.stations):
         assert station.sticks[0] == ((0.0, 0.0, 0.0, 0.0), False)
+        # What its sensor has measured is recorded.
+        topic, payload, stamp_ns = station.published[-1]
+        seen = decode(payload, TOPICS[topic].type_name)
+        assert topic == "neighbour_bearings"
+        assert stamp_of(seen) == stamp_ns
+        assert 0 < abs(time_ns() - stamp_ns) < 60 * 10**9
+        assert set(seen.beacon_ids.tolist()) <= {1, 2, 3} - {k + 1}
     hand.send(held=False)
     last = [station.sticks[-1] for station in fleet.stations]
     assert last == [((0.0, 0.0, 0.0, 0.0), False)] * 3

@@ -137,7 +137,7 @@ def test_parameters_of_a_law_are_those_of_the_vehicle(fly: Callable[..., Lab]) -
     unknown = refusal(lambda: lab.change({"control.indi.cutof": 50.0}))
     assert "did you mean control.indi.cutoff" in unknown
     assert "5" in refusal(lambda: lab.change({"control.indi.cutoff": 1.0}))
-    assert "is built in" in refusal(lambda: lab.change({"control.shadow_law": GEOMETRIC}))
+    assert "is not one of none" in refusal(lambda: lab.change({"control.shadow_law": GEOMETRIC}))
     both: dict[str, ParameterValue] = {"control.law": "indi", "control.shadow_law": "pid_cascade"}
     assert "one external law" in refusal(lambda: lab.change(both))
 

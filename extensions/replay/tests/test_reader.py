@@ -388,6 +388,25 @@ def test_the_beacons_in_sight_are_those_of_the_newest_frame_until_it_is_old(tmp_
     assert sights[0]["sigma"] == pytest.approx(0.02)
 
 
+def test_what_a_vehicle_sees_of_others_is_drawn_ten_times_a_second_and_at_the_end_of_each_spell(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "a.mcap"
+    frames = [(0.01, [2, 3]), (0.04, [2]), (0.12, [3]), (0.5, [2, 3])]
+    with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
+        for t, ids in frames:
+            stamp_ns = SECOND + _ns(t)
+            payload = encode_bearings(stamp_ns, ids, np.eye(3)[: len(ids)], 0.02)
+            kind = "quadlab_msgs/BearingArray"
+            writer.write("/quad1/neighbour_bearings", kind, payload, stamp_ns, stamp_ns)
+    seen = shown(log).described()["neighbours"]
+    first = [[2, 1.0, 0.0, 0.0], [3, 0.0, 1.0, 0.0]]
+    assert [one["seen"] for one in seen] == [first, [[3, 1.0, 0.0, 0.0]], first]
+    assert [one["t"] for one in seen] == pytest.approx([0.0, 0.11, 0.49], abs=1e-6)
+    assert seen[0]["sigma"] == pytest.approx(0.02)
+    assert shown(log).described()["sights"] == []
+
+
 def _ns(seconds: float) -> int:
     return round(1e9 * seconds)
 

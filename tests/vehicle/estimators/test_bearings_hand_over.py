@@ -16,6 +16,7 @@ from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
 from tests.support.lab import Lab, flight_parameters, refusal
+from vehicle.estimators.readiness import Lack
 from vehicle.modes import Flag
 from vehicle.parameters import check_pairs, new_parameters
 
@@ -121,6 +122,36 @@ def test_what_does_not_run_or_has_not_converged_is_refused_with_numbers() -> Non
     assert "allowed 0.250 m" in refused_unchanged(lab, HAND_OVER)
     lab.advance()
     lab.hand_over()
+
+
+def test_the_status_tells_how_far_the_shadow_is_from_a_hand_over() -> None:
+    lab = BearingsLab()
+    lab.change({"estimation.shadow": "none"})
+    lab.wait(0.1)
+    assert told(lab)["lack"] == Lack.SHADOW
+    lab.change({"estimation.shadow": "error_state"})
+    lab.advance()
+    assert (told(lab)["lack"], told(lab)["ready"]) == (Lack.MEASUREMENTS, 0.0)
+    lab.wait(0.25)
+    assert told(lab)["lack"] == Lack.CONVERGENCE
+    assert 0.0 < told(lab)["share"] < 1.0
+    lab.wait(2.0)
+    ready = told(lab)
+    assert (ready["lack"], ready["share"]) == (Lack.NOTHING, 1.0)
+    assert 1.0 < ready["ready"] < 2.2
+    assert 0.001 < ready["deviation"] < 0.15
+    shadow = lab.stack.navigation.shadow_state["position_w"]
+    assert ready["distance"] == pytest.approx(
+        np.linalg.norm(shadow - lab.stack.state["position_w"]), abs=0.02
+    )
+    lab.hand_over()  # and the complementary filter is no shadow then
+    lab.wait(0.1)
+    assert told(lab)["lack"] == Lack.SHADOW
+
+
+def told(lab: BearingsLab) -> dict[str, float]:
+    names = ("lack", "share", "ready", "deviation", "distance")
+    return {name: lab.stack.status[f"shadow_{name}"][0].item() for name in names}
 
 
 def test_the_walls_close_in_on_bearings_and_open_again() -> None:

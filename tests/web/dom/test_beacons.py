@@ -112,13 +112,23 @@ def test_the_way_onto_bearings_and_back(tab: Any, look: Any, station: Any) -> No
     look.text("#beacons-session .flies", "^Flies on the tracker's poses$")
     look.has_class("#beacons-session .steps li >> nth=0", "done")
     over = "#beacons-session button:has-text('Fly on bearings')"
-    look.text("#beacons-session .steps li >> nth=2", "^Hand over, run it in parallel first")
+    look.text("#beacons-session .steps li >> nth=3", "^Hand over, run it in parallel first")
     assert not tab.is_enabled(over)
     tab.click("#beacons-session button:has-text('Run in parallel')")
     look.has_class("#beacons-session .steps li >> nth=1", "done")
     now = values(station)
     assert now["estimation.shadow"] == "error_state"
     assert now["estimation.shadow_source"] == "bearings"
+    figures = {"shadow_deviation": 0.21, "shadow_distance": 0.034}
+    station.said = {"shadow_lack": 2, "shadow_share": 0.7, **figures}
+    look.text("#beacons-session .convergence", "^σ 210 mm · 34 mm apart · converging$")
+    look.text("#beacons-session .steps li >> nth=3", "^Hand over, converging")
+    assert not tab.is_enabled(over)
+    look.text("#beacons-errors tfoot", "^error-stateon board34from the vehicle's estimate$")
+    station.said = {"shadow_lack": 4, "shadow_share": 1.0, "shadow_ready": 4.2, **figures}
+    look.text("#beacons-session .convergence", "ready for 4 s$")
+    look.has_class("#beacons-session .convergence", "done")
+    look.text("#beacons-session .steps li >> nth=3", "^Hand over, it has converged")
     station.refusal = "estimator error_state on bearings has not converged: 0.3 s of 2 s"
     tab.click("#beacons-session button:has-text('Fly on bearings')")
     look.text("#beacons-session .reason", "has not converged")

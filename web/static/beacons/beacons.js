@@ -105,7 +105,9 @@ export class Beacons extends EventTarget {
   draw() {
     if (document.hidden) return;
     this.session.draw();
-    this.layout.lock(this.session.isFlown ? LOCKED : "");
+    const locked = this.session.isFlown ? LOCKED : "";
+    this.layout.lock(locked);
+    this.survey.lock(locked);
     this.residuals.mark(this.events.summary.status, this.ages.isOld("status"));
     this.dispatchEvent(new Event("draw"));
   }

@@ -1,5 +1,6 @@
 // What the vehicle flies on, and the way onto bearings and back: three steps in plain words.
 
+import { ConvergenceBar, convergenceOf } from "./convergence.js";
 import { partsOf } from "./estimate_names.js";
 import { attempt, element, optionsOf, setText } from "../core/dom.js";
 
@@ -57,6 +58,8 @@ export class Session {
     );
     this.reason = element("div", { className: "reason", hidden: true, role: "status" });
     this.steps = [step("Hover on the tracker"), step("", this.stop, this.beside), step("", this.over)];
+    this.bar = new ConvergenceBar();
+    const [hover, beside, over] = this.steps.map(({ place: line }) => line);
     this.choice = element(
       "div",
       { className: "choice" },
@@ -67,7 +70,7 @@ export class Session {
       "div",
       {},
       this.choice,
-      element("ol", { className: "steps" }, ...this.steps.map(({ place: line }) => line)),
+      element("ol", { className: "steps" }, hover, beside, this.bar.place, over),
     );
     place.append(
       element("div", { className: "flying" }, element("div", {}, this.line, this.detail), this.back),
@@ -197,8 +200,15 @@ export class Session {
     setText(this.beside, runs ? "Set gains" : "Run in parallel");
     this.stop.hidden = !runs;
     this.beside.parentElement?.classList.toggle("two", runs && !isSet);
-    this.missing = hovers ? (runs && isSet ? "" : "run it in parallel first") : "hover on the tracker first";
-    mark(over, `Hand over, ${this.missing || "once it has converged"}`, false);
+    const convergence = runs && !isStale ? convergenceOf(status) : null;
+    this.bar.show(convergence);
+    this.missing = "hover on the tracker first";
+    if (hovers) this.missing = runs && isSet ? (convergence?.lack ?? "") : "run it in parallel first";
+    mark(
+      over,
+      `Hand over, ${this.missing || (convergence ? "it has converged" : "once it has converged")}`,
+      false,
+    );
   }
 }
 

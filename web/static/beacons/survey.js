@@ -17,6 +17,7 @@ export class Survey {
 
   constructor(place, isOperator) {
     this.isOperator = isOperator;
+    this.locked = "";
     this.run = element("select", { ariaLabel: "flight to survey", disabled: !isOperator });
     this.begin = element(
       "button",
@@ -27,11 +28,7 @@ export class Survey {
       },
       "Survey",
     );
-    this.accept = element(
-      "button",
-      { disabled: true, title: "station and vehicle check the layout", onclick: () => this.ask("/accept") },
-      "Accept",
-    );
+    this.accept = element("button", { disabled: true, onclick: () => this.ask("/accept") }, "Accept");
     this.reject = element(
       "button",
       { disabled: true, title: "discard the result; nothing changes", onclick: () => this.ask("/reject") },
@@ -72,6 +69,13 @@ export class Survey {
     if (state) this.show(state);
   }
 
+  // reason: why the layout cannot change now; "" when it can
+  lock(reason) {
+    this.locked = reason;
+    this.accept.disabled = !this.isOperator || Boolean(reason);
+    this.accept.title = reason || "station and vehicle check the layout";
+  }
+
   hide() {
     clearTimeout(this.timer);
   }
@@ -103,7 +107,8 @@ export class Survey {
     showNote(this.said, words);
     showNote(this.reason, state === "failed" ? `${run}: ${reason}` : "");
     this.begin.disabled = !this.isOperator || isUnderWay || !this.run.options.length;
-    for (const one of [this.accept, this.reject]) one.disabled = !this.isOperator;
+    this.reject.disabled = !this.isOperator;
+    this.lock(this.locked);
     for (const one of [this.table, this.left]) hide(one, !proposal);
     hide(this.acts, !proposal || Boolean(decision));
     if (proposal) {

@@ -162,9 +162,8 @@ export class FleetPlot {
     pen.stroke();
     pen.font = font(1, "600");
     pen.fillText(name, x + 9, y - 9);
-    const wide = pen.measureText(name).width;
     pen.fillStyle = color("--dim");
     pen.font = font();
-    pen.fillText(fixed(z, 2), x + 15 + wide, y - 9);
+    pen.fillText(fixed(z, 2), x + 9, y + 17);
   }
 }

@@ -8,6 +8,7 @@ const WIDTH_OF = { position: 3, rotation: 4 };
 const THRUST = 4; // column of the actuators, N
 const GRAVITY = 9.81; // m/s²
 const EPOCH = 1e9; // s; a clock before 2001 is a simulation's
+const SEEN = 0.3; // s, for which bearings to other vehicles are shown
 
 export class Run {
   place;
@@ -146,6 +147,12 @@ export class Run {
             .map((one) => one.slice(1)),
         }
       : null;
+  }
+
+  // What it saw of other vehicles at t: {sigma, seen: [[number, x, y, z in body axes], …]}; null without.
+  neighbours(t) {
+    const found = this.description.neighbours.filter((one) => one.t <= t).at(-1);
+    return found && t - found.t < SEEN ? found : null;
   }
 
   // Values and ages at t, by name.

@@ -89,7 +89,7 @@ export class ReplayScene {
       more: [
         element(
           "label",
-          { title: "three standard deviations of a bearing, around each beacon in sight" },
+          { title: "three standard deviations of a bearing, around each beacon or vehicle in sight" },
           cones,
           "Bearing cones",
         ),
@@ -330,24 +330,36 @@ export class ReplayScene {
     }
   }
 
-  // From the true pose, else the estimate, to each beacon in sight.
+  // From the true pose, else the estimate, to each beacon in sight, and a metre towards each vehicle seen.
   cones(run, t) {
     const pose = run.pose("truth", t) ?? run.pose("state", t),
-      sight = pose && run.sight(t);
-    if (!sight) return;
-    for (const place of sight.places) {
+      sight = pose && run.sight(t),
+      others = pose && run.neighbours(t);
+    if (sight) this.conesTo(pose, sight.places, sight.sigma, this.color.amber);
+    if (!others) return;
+    const turn = rotation(pose.rotation),
+      tips = others.seen.map(([, x, y, z]) => moved(turn, pose.position, [x, y, z]));
+    this.conesTo(pose, tips, others.sigma, this.color.wanted);
+    tips.forEach((tip, k) => {
+      const at = this.dot(tip, this.color.wanted, 2);
+      if (at) this.pen.fillText(String(others.seen[k][0]), at[0] + 5, at[1] - 5);
+    });
+  }
+
+  conesTo(pose, places, sigma, color) {
+    for (const place of places) {
       const along = place.map((c, i) => c - pose.position[i]),
         length = Math.hypot(...along),
-        radius = length * Math.tan(DEVIATIONS * sight.sigma);
+        radius = length * Math.tan(DEVIATIONS * sigma);
       const [x, y, z] = along.map((c) => c / length),
         level = Math.hypot(x, y) || 1e-9;
       const side = [-y / level, x / level, 0],
         up = [(-z * x) / level, (-z * y) / level, level];
       const rim = ROUND.map(([c, s]) => place.map((p, i) => p + radius * (c * side[i] + s * up[i])));
       this.pen.globalAlpha = 0.09;
-      for (let k = 1; k < rim.length; k++) this.area([pose.position, rim[k - 1], rim[k]], this.color.amber);
+      for (let k = 1; k < rim.length; k++) this.area([pose.position, rim[k - 1], rim[k]], color);
       this.pen.globalAlpha = 0.7;
-      this.line(rim, this.color.amber, 1);
+      this.line(rim, color, 1);
     }
     this.pen.globalAlpha = 1;
   }
