@@ -244,7 +244,7 @@ class PageFeature(Offer):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageDocument(Offer):
     """A document of the page, at `/NAME`; documents and panels that lead to it ask whether it is
-    there (`core/documents.js`).
+    there (`core/vehicle_path.js`).
 
     The target is a file of the folder `page` beside the declaration, as "page/replay.html".
 

@@ -30,7 +30,7 @@ def follow_choice(came: HTTPConnection) -> None:
 
 def html_tag() -> str:
     """Return the opening tag of a page, with the chosen theme, if any, and the names of the
-    documents that extensions offer (`static/core/documents.js`).
+    documents that extensions offer (`static/core/vehicle_path.js`).
     """
     chosen = _chosen.get()
     theme = f' data-theme="{chosen}"' if chosen else ""

@@ -2,9 +2,8 @@
 // metric, its medians over two factors, and the rows, each with the command that flies it again.
 
 import { get, request } from "/static/core/api.js";
-import { isThere } from "/static/core/documents.js";
 import { attempt, element, optionsOf, setText } from "/static/core/dom.js";
-import { here } from "/static/core/vehicle_path.js";
+import { here, isThere } from "/static/core/vehicle_path.js";
 import { Comparison } from "./comparison.js";
 import { drawEcdf, drawHeat, short } from "./drawings.js";
 

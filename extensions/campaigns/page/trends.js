@@ -2,11 +2,10 @@
 // pack or tag. It is of the runs that the page's search finds.
 
 import { get } from "/static/core/api.js";
-import { isThere } from "/static/core/documents.js";
 import { $, attempt, element, optionsOf, setText, svg } from "/static/core/dom.js";
 import { day } from "/static/core/format.js";
 import { timeZone } from "/static/core/time_zone.js";
-import { here } from "/static/core/vehicle_path.js";
+import { here, isThere } from "/static/core/vehicle_path.js";
 import { query } from "/static/runs/labels.js";
 import { short } from "./drawings.js";
 

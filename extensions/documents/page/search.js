@@ -2,9 +2,8 @@
 // A button is shown and not pressed: what moves the vehicle is pressed by a person, where its guards are.
 
 import { get } from "/static/core/api.js";
-import { isThere } from "/static/core/documents.js";
 import { $, element, setText } from "/static/core/dom.js";
-import { here } from "/static/core/vehicle_path.js";
+import { here, isThere } from "/static/core/vehicle_path.js";
 import { ranked } from "./ranking.js";
 
 const PAUSE = 150; // ms without typing before the runs are searched

@@ -3,7 +3,7 @@
 import { motorFit } from "./fit.js";
 import { residualBars } from "./residuals.js";
 import { BEYOND, compared, figure, GOOD } from "./labels.js";
-import { isThere } from "../core/documents.js";
+import { isThere } from "../core/vehicle_path.js";
 import { element, tableHead } from "../core/dom.js";
 import { digitsOf, exact, words } from "../core/format.js";
 

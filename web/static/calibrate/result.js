@@ -3,7 +3,7 @@
 import { get } from "../core/api.js";
 import { recordView } from "./record.js";
 import { labelOf } from "./labels.js";
-import { isThere } from "../core/documents.js";
+import { isThere } from "../core/vehicle_path.js";
 import { element } from "../core/dom.js";
 import { words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";

@@ -15,3 +15,8 @@ export const pathname = location.pathname.slice(PREFIX.length);
 // This same page of another vehicle; `hash` with its sign, or "".
 /** @param {string} name */
 export const sameFor = (name, hash = "") => `/v/${name}${pathname}${hash}`;
+
+// Whether a document that an extension offers is there, as the server says in the page's first tag; a link to one is
+// shown only then.
+/** @param {string} name */
+export const isThere = (name) => (document.documentElement.dataset.documents ?? "").split(" ").includes(name);

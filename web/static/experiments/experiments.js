@@ -9,7 +9,7 @@ import { Guide } from "./guide.js";
 import { OptionForm } from "./options.js";
 import { Series } from "./series.js";
 import { SessionNotes } from "./session_notes.js";
-import { isThere } from "../core/documents.js";
+import { isThere } from "../core/vehicle_path.js";
 import { element, hide, setText } from "../core/dom.js";
 import { duration, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";

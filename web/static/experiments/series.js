@@ -2,7 +2,7 @@
 // one follows the other; a real vehicle is started by a person each time. It goes on while this page is open.
 
 import { badge, decisive, number, unitOf } from "./figures.js";
-import { isThere } from "../core/documents.js";
+import { isThere } from "../core/vehicle_path.js";
 import { element, hide, optionsOf, setText } from "../core/dom.js";
 import { exact, parseNumber, words } from "../core/format.js";
 

@@ -1,7 +1,7 @@
 // The chosen run: what can be done with it, its tags, notes and marks. Several: what can be done with all.
 
 import { get, request } from "../core/api.js";
-import { isThere } from "../core/documents.js";
+import { isThere } from "../core/vehicle_path.js";
 import { element, hide } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
 import { bytes, fixed } from "../core/format.js";

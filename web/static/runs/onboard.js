@@ -1,7 +1,7 @@
 // The vehicle's own logs: what it has, fetching one to this computer, and how far that is.
 
 import { get, request } from "../core/api.js";
-import { isThere } from "../core/documents.js";
+import { isThere } from "../core/vehicle_path.js";
 import { element } from "../core/dom.js";
 import { bytes, duration, moment } from "../core/format.js";
 import { ENDED, Progress } from "./fill.js";

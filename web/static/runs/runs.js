@@ -1,7 +1,6 @@
 // The page of runs: recorded flights, what people say about them, and what can be done with them.
 
 import { get, request } from "../core/api.js";
-import { isThere } from "../core/documents.js";
 import { $, element } from "../core/dom.js";
 import { onKey } from "../core/keys.js";
 import { head } from "../core/page_header.js";
@@ -13,7 +12,7 @@ import { Trash } from "./trash.js";
 import { query } from "./labels.js";
 import { showPanels } from "../console/panels.js";
 import { Events } from "../core/sockets.js";
-import { here } from "../core/vehicle_path.js";
+import { here, isThere } from "../core/vehicle_path.js";
 
 const TYPING_PAUSE = 200; // ms
 

@@ -1,4 +1,4 @@
-"""From a row of a campaign to its replay, in Chromium."""
+"""A row of a campaign is flown again and replayed, in Chromium."""
 
 from __future__ import annotations
 
