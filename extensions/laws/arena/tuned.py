@@ -44,8 +44,8 @@ def best_trial(rows: pa.Table) -> Found | None:
     names = [name for name in rows.column_names if name.startswith(OWN)]
     flown: dict[tuple[float, ...], list[float]] = defaultdict(list)
     columns = [rows[name].to_pylist() for name in (*names, "verdict", AIM)]
-    for *key, verdict, error in zip(*columns, strict=True):
-        flown[tuple(key)].append(error if verdict == "passed" else float("inf"))
+    for *values, verdict, error in zip(*columns, strict=True):
+        flown[tuple(values)].append(error if verdict == "passed" else float("inf"))
     whole = max(map(len, flown.values()))
     key = min(
         flown, key=lambda one: fmean(flown[one]) if len(flown[one]) == whole else float("inf")
