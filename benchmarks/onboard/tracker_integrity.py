@@ -29,7 +29,8 @@ from control.behaviors.parameters import BehaviorParameters
 from control.geometric_law import step_one
 from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight, figure_eight_at
-from control.trajectories.lift_off_probe import BEGINS, add_probe_at
+from control.trajectories.lift_off_probe import BEGINS as PROBE_BEGINS
+from control.trajectories.lift_off_probe import add_probe_at
 from estimation.complementary_filter import correct_one, predict_one
 from estimation.parameters import EstimationParameters
 from estimation.tracker_integrity.comparison import compare_pose
@@ -67,7 +68,9 @@ HEIGHT, BELOW = 1.0, 0.05
 """Height of hover and depth of the landing's end, in m."""
 _SHARES = np.linspace(0.0, 0.5, 5001)
 PROBED = REST + CLIMB * float(
-    np.interp(BEGINS / HEIGHT, _SHARES**3 * (10.0 - 15.0 * _SHARES + 6.0 * _SHARES**2), _SHARES)
+    np.interp(
+        PROBE_BEGINS / HEIGHT, _SHARES**3 * (10.0 - 15.0 * _SHARES + 6.0 * _SHARES**2), _SHARES
+    )
 )
 """Time, in s, at which the reference climbs through the height of the probe."""
 PROBE = math.radians(BehaviorParameters().take_off_probe)

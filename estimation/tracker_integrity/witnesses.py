@@ -40,6 +40,9 @@ FADING, QUICK_FADING = 1.0, 0.7
 """Time constants, in s, of the vote and of agreement."""
 GUST = 0.4
 """Time, in s, within which the errors of the motors' displacements are alike."""
+SLOW = math.radians(0.2)
+"""Quick turn, in rad, below which it may be what a bias that changes leaves: that of a change by
+0.8 deg/s each second."""
 AIRBORNE = 1.0
 """Time, in s, from which on the motors have carried the vehicle and not the ground."""
 LARGEST, LARGEST_AGREEMENT = 20.0, 3.0
@@ -78,6 +81,8 @@ def agree(m: Item, since: float, t: Vector, g: Vector) -> None:
     left, share = max(0.0, 1.0 - since / QUICK_FADING), min(1.0, since / CORRELATION)
     for i in range(3):
         said = share * (t[i] * g[i] - 0.5 * g[i] * g[i]) / uncertain
+        if said < 0.0:
+            said *= max(0.0, 1.0 - (SLOW / max(abs(g[i]), SLOW)) ** 2)
         sum_ = left * m.agreement[i] + said
         m.agreement[i] = min(LARGEST_AGREEMENT, max(-LARGEST_AGREEMENT, sum_))
 

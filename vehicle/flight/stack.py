@@ -29,6 +29,8 @@ _GROUND, _EXTERNAL = BehaviorName.GROUND, BehaviorName.EXTERNAL
 _DESCENT, _USED = BehaviorName.EMERGENCY_LANDING, int(Agreement.USED)
 LONGEST_STEP = 0.05
 """Longest step, in s, of laws and behaviors, also after a longer gap between samples."""
+TOLD_GAP, TOLD_EVERY_NS = 0.1, 10_000_000_000
+"""Gap between samples in flight, in s, that an event tells, and the least time between two."""
 
 
 class FlightStack:
@@ -85,6 +87,7 @@ class FlightStack:
         )
         self._make_command = command_maker(board, tick, self.law)
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
+        self._gap_told_ns = -TOLD_EVERY_NS
 
     # ------------------------------------------------------------------ the tick
     def tick(self, sample: RawSample) -> Command | None:
@@ -94,6 +97,8 @@ class FlightStack:
             return None
         dt = min(since, LONGEST_STEP)
         modes, tick = self.modes, self._tick
+        if since > TOLD_GAP and modes.mode in FLYING:
+            self._tell_gap(since)
         self.imu_calibrator.calibrate(sample, tick.imu)
         self.integrity.note(tick.imu, tick.actuators, self.law.model, sample.pressure)
         if modes.mode is STARTING:
@@ -221,6 +226,13 @@ class FlightStack:
             return True
         vehicle = self.parameters.estimation.tracker.measured(pose)
         return self.integrity.takes(vehicle, self.state, self.modes.mode in FLYING)
+
+    def _tell_gap(self, seconds: float) -> None:
+        """Report that no samples came for this time."""
+        if self.stamp_ns - self._gap_told_ns >= TOLD_EVERY_NS:
+            self._gap_told_ns = self.stamp_ns
+            line = f"the board sent no samples for {seconds:.2f} s in flight: check its connection"
+            self.say(line, mailbox.WARN)
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """Estimate the altitude by the barometer in every mode, as it may be needed at any time."""

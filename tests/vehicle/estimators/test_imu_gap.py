@@ -75,6 +75,7 @@ def test_a_gap_of_a_fifth_of_a_second_at_a_metre_a_second_costs_next_to_nothing(
     assert worst[0] < 0.02
     assert worst[1] < 0.15
     assert lab.stack.estimate["measurements_refused"][0] == 0
+    assert "the board sent no samples for 0.20 s in flight" in lab.said
 
 
 def test_the_barometric_height_climbs_on_over_a_gap() -> None:
