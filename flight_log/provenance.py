@@ -11,6 +11,8 @@ from importlib.metadata import PackageNotFoundError, version
 from quadrotor.checkout import PREFIX, ROOT
 
 PACKAGES = ("numpy", "numba", "mcap", "rosbags", "eclipse-zenoh", "pydantic")
+LONGEST_GIT = 20.0
+"""s for git on a busy computer: the bytes of a log must not depend on its load."""
 REVISION = "revision.json"
 """File of a wheel with what git says of a checkout."""
 
@@ -28,13 +30,18 @@ def provenance() -> dict[str, str]:
 
 
 def revision() -> dict[str, str]:
-    """Return the revision of the sources and whether they were changed since; unknown if it is."""
+    """Return the revision of the sources, and whether they were changed since: what git does not
+    tell is unknown.
+    """
     if PREFIX:
         recorded: dict[str, str] = json.loads((ROOT / REVISION).read_text())
         return recorded
     found = _git("rev-parse", "HEAD")
-    is_dirty = ("true" if _git("status", "--porcelain") else "false") if found else ""
-    return {"git_revision": found or "unknown", "git_dirty": is_dirty}
+    if found is None:
+        return {"git_revision": "unknown", "git_dirty": ""}
+    changes = _git("status", "--porcelain")
+    is_dirty = "unknown" if changes is None else "true" if changes else "false"
+    return {"git_revision": found, "git_dirty": is_dirty}
 
 
 def _versions() -> dict[str, str]:
@@ -47,16 +54,16 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _git(*words: str) -> str:
-    """Return git's output; empty without git or outside a repository."""
+def _git(*words: str) -> str | None:
+    """Return git's output; None without git, outside a repository, and when it takes too long.
+
+    It takes no lock, which a process that is killed would leave in the repository.
+    """
+    command = ["git", "--no-optional-locks", "-C", str(ROOT), *words]
     try:
         done = subprocess.run(
-            ["git", "-C", str(ROOT), *words],
-            capture_output=True,
-            text=True,
-            timeout=2.0,
-            check=False,
+            command, capture_output=True, text=True, timeout=LONGEST_GIT, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
-        return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None

@@ -1,4 +1,4 @@
-"""From a row of a campaign to its replay, in Chromium."""
+"""The way from a row of a campaign to its replay, in Chromium."""
 
 from __future__ import annotations
 
