@@ -11,8 +11,6 @@ from importlib.metadata import PackageNotFoundError, version
 from quadrotor.checkout import PREFIX, ROOT
 
 PACKAGES = ("numpy", "numba", "mcap", "rosbags", "eclipse-zenoh", "pydantic")
-LONGEST_GIT = 20.0
-"""s for git on a busy computer: the bytes of a log must not depend on its load."""
 REVISION = "revision.json"
 """File of a wheel with what git says of a checkout."""
 
@@ -37,11 +35,9 @@ def revision() -> dict[str, str]:
         recorded: dict[str, str] = json.loads((ROOT / REVISION).read_text())
         return recorded
     found = _git("rev-parse", "HEAD")
-    if found is None:
-        return {"git_revision": "unknown", "git_dirty": ""}
-    changes = _git("status", "--porcelain")
+    changes = _git("status", "--porcelain") if found else ""
     is_dirty = "unknown" if changes is None else "true" if changes else "false"
-    return {"git_revision": found, "git_dirty": is_dirty}
+    return {"git_revision": found or "unknown", "git_dirty": is_dirty if found else ""}
 
 
 def _versions() -> dict[str, str]:
@@ -57,13 +53,12 @@ def _versions() -> dict[str, str]:
 def _git(*words: str) -> str | None:
     """Return git's output; None without git, outside a repository, and when it takes too long.
 
-    It takes no lock, which a process that is killed would leave in the repository.
+    It takes no lock, which a process that is killed would leave in the repository; and it may take
+    long, as the bytes of a log must not depend on the load of the computer.
     """
     command = ["git", "--no-optional-locks", "-C", str(ROOT), *words]
     try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=LONGEST_GIT, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, timeout=20.0, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() if done.returncode == 0 else None
