@@ -28,13 +28,16 @@ def provenance() -> dict[str, str]:
 
 
 def revision() -> dict[str, str]:
-    """Return the revision of the sources and whether they were changed since; unknown if it is."""
+    """Return the revision of the sources, and whether they were changed since: what git does not
+    tell is unknown.
+    """
     if PREFIX:
         recorded: dict[str, str] = json.loads((ROOT / REVISION).read_text())
         return recorded
     found = _git("rev-parse", "HEAD")
-    is_dirty = ("true" if _git("status", "--porcelain") else "false") if found else ""
-    return {"git_revision": found or "unknown", "git_dirty": is_dirty}
+    changes = _git("status", "--porcelain") if found else ""
+    is_dirty = "unknown" if changes is None else "true" if changes else "false"
+    return {"git_revision": found or "unknown", "git_dirty": is_dirty if found else ""}
 
 
 def _versions() -> dict[str, str]:
@@ -47,16 +50,15 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _git(*words: str) -> str:
-    """Return git's output; empty without git or outside a repository."""
+def _git(*words: str) -> str | None:
+    """Return git's output; None without git, outside a repository, and when it takes too long.
+
+    It takes no lock, which a process that is killed would leave in the repository; and it may take
+    long, as the bytes of a log must not depend on the load of the computer.
+    """
+    command = ["git", "--no-optional-locks", "-C", str(ROOT), *words]
     try:
-        done = subprocess.run(
-            ["git", "-C", str(ROOT), *words],
-            capture_output=True,
-            text=True,
-            timeout=2.0,
-            check=False,
-        )
+        done = subprocess.run(command, capture_output=True, text=True, timeout=20.0, check=False)
     except (OSError, subprocess.TimeoutExpired):
-        return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None

@@ -114,7 +114,7 @@ def version_blocks(log: RunLog) -> list[Block]:
         return [Heading("Versions"), Text(f"{NOT_RECORDED.capitalize()}: no metadata in this log.")]
     rows = []
     if "git_revision" in run:
-        changed = {"true": ", with uncommitted changes", "false": ""}
+        changed = {"true": ", with uncommitted changes", "unknown": ", perhaps changed since"}
         rows.append(
             ("quadlab", f"{run['git_revision']}{changed.get(run.get('git_dirty', ''), '')}")
         )

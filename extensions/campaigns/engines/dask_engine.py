@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Answer = tuple[str, list[Outcome]]
 """Why a worker is refused, empty if it is not, and the outcomes of a task."""
+TLS = "DASK_DISTRIBUTED__COMM__TLS__"
+"""Beginning of the variables of the environment with Dask's certificates."""
 REACH = "10s"
 """How long a scheduler may take to answer."""
 WAITING = 2
@@ -108,6 +110,7 @@ def _client(address: str) -> Client:
 
     for name in ("distributed", "distributed.client"):  # what they log is told in one line here
         logging.getLogger(name).setLevel(logging.CRITICAL)
+    _check_certificates(address)
     try:
         return Client(address, timeout=REACH, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
@@ -115,6 +118,26 @@ def _client(address: str) -> Client:
             f"no scheduler of Dask answers at {address} ({str(error).splitlines()[0]}); start "
             "`dask scheduler` and `dask worker`, or correct the address"
         ) from None
+
+
+def _check_certificates(address: str) -> None:
+    """Raise UsageError for an address with TLS without certificates, or for some that cannot be
+    read.
+    """
+    from distributed.security import Security
+
+    try:
+        context = Security().get_connection_args("client")["ssl_context"]
+    except OSError as error:
+        raise UsageError(
+            f"--dask {address}: the certificates that Dask is configured with cannot be read "
+            f"({error.strerror or error}); correct {TLS}…"
+        ) from None
+    if context is None and address.startswith("tls://"):
+        raise UsageError(
+            f"--dask {address} needs certificates: set {TLS}CA_FILE, {TLS}CLIENT__CERT and "
+            f"{TLS}CLIENT__KEY"
+        )
 
 
 def _check_workers(client: Client, address: str) -> None:

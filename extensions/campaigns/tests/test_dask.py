@@ -144,8 +144,7 @@ def tls_files(folder: Path) -> tuple[str, ...]:
     return tuple(words)
 
 
-def test_over_tls_only_who_has_a_certificate_is_heard(bench: Any, tmp_path: Path) -> None:
-    """Scheduler, worker and run have certificates; a run without one is refused in one line."""
+def test_scheduler_worker_and_run_speak_tls(bench: Any, tmp_path: Path) -> None:
     files = tls_files(tmp_path)
     ca_file, certificate, key = files[1::2]
     place = ("scheduler", "--host", "tls://127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
@@ -159,9 +158,18 @@ def test_over_tls_only_who_has_a_certificate_is_heard(bench: Any, tmp_path: Path
             run = started("run", plan, "--out", out, "--dask", address[0], environment=environment)
             _, said = run.communicate()
             assert run.returncode == 0, said
-            refused = bench.refused(
-                "run", plan, "--out", bench.folder / "none", "--dask", address[0]
-            )
     assert rows(CampaignFolder(out)).equals(rows(bench.flown(COMPILED, "alone")))
-    assert f"no scheduler of Dask answers at {address[0]}" in refused
-    assert rows_of(bench.folder / "none") == 0
+
+
+def test_an_address_with_tls_needs_certificates_that_can_be_read(bench: Any) -> None:
+    from dask import config
+
+    words = ("run", bench.plan(COMPILED), "--out", bench.folder / "out", "--dask", "tls://there:1")
+    line = bench.refused(*words)
+    assert "--dask tls://there:1 needs certificates: set DASK_DISTRIBUTED__COMM__TLS__CA_" in line
+    names = ("ca-file", "client.cert", "client.key")
+    none = {f"distributed.comm.tls.{name}": str(bench.folder / "none.pem") for name in names}
+    with config.set(none):
+        line = bench.refused(*words)
+    assert "the certificates that Dask is configured with cannot be read (No such file" in line
+    assert list((bench.folder / "out" / "rows").iterdir()) == []

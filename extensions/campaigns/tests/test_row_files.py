@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -80,7 +81,7 @@ def test_a_folder_that_is_just_being_renamed_is_waited_for(
     """There are two renames on a file system that cannot exchange folders."""
     old = parts.path / "rows.old"
     parts.rows.rename(old)
-    monkeypatch.setattr(row_files.time, "sleep", lambda _: old.rename(parts.rows))
+    monkeypatch.setattr(time, "sleep", lambda _: old.rename(parts.rows))
     assert parts.count() == 5
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from optuna.trial import TrialState
 
-from extensions.campaigns.factors import Range
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.search import study
 from extensions.campaigns.search.plan import Search
@@ -122,7 +121,8 @@ def test_a_trial_below_a_margin_is_not_flown(bench: Any, margins: str, words: st
 
 def test_trials_that_were_never_flown_do_not_end_others_early() -> None:
     """A trial is compared with the median of eight flown ones, not with that of the first alone."""
-    search = Search(trials=20, aims=["a"], parameters={"x.y": Range(**{"from": 0.0, "to": 1.0})})
+    parts = {"trials": 20, "aims": ["a"], "parameters": {"x.y": {"from": 0.0, "to": 1.0}}}
+    search = Search.model_validate(parts)
     made = study.new_study(search, 1, None)
     proposals = study.distributions(search)
 
