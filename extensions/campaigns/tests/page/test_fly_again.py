@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""A row of a campaign is flown again and replayed, in Chromium."""
-=======
 """The way from a row of a campaign to its replay, in Chromium."""
->>>>>>> h-camp2
 
 from __future__ import annotations
 
