@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 from quadrotor.errors import UsageError
 from quadrotor.extension import PageDocument, PageFeature, PagePanel
@@ -57,7 +56,7 @@ def documents_of_extensions(taken: Collection[str] = ()) -> Iterator[Document]:
         yield Document(offered.offer, *_page_of(offered))
 
 
-def _page_of(offered: Offered[Any]) -> tuple[str, Path]:
+def _page_of(offered: Offered[PagePanel] | Offered[PageDocument]) -> tuple[str, Path]:
     """Return the name of an extension, and its folder `page`."""
     spec = find_spec(offered.package)
     assert offered.extension is not None

@@ -97,6 +97,6 @@ class Previewer:
         self._answer = answer
 
 
-def _previews(orders: int, report: Callable[[Any], None]) -> None:
+def _previews(orders: int, report: Callable[[object], None]) -> None:
     """Answer the orders, in the helper process; the web process imports nothing that flies."""
     import_module(f"{PREFIX}control.behaviors.preview").previews(orders, report)
