@@ -38,7 +38,7 @@ class BehaviorParameters(Parameters):
     """distance of references from keep-out boxes: the vehicle's radius and what it strays"""
     take_off_speed: float = parameter(0.4, unit="m/s", ge=0.05, le=2.0, step=0.05)
     """climb speed of take_off"""
-    take_off_probe: float = parameter(2.5, unit="deg", ge=0.0, le=5.0, step=0.5)
+    take_off_probe: float = parameter(1.5, unit="deg", ge=0.0, le=5.0, step=0.5)
     """tilt of a small circle at lift-off that shows a tracker with wrong axes; 0 = none"""
     landing_speed: float = parameter(0.3, unit="m/s", ge=0.05, le=1.0, step=0.05)
     """descent speed of land"""

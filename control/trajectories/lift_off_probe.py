@@ -18,7 +18,7 @@ from quadrotor.records import Item, Record
 
 BEGINS = 0.005
 """Height, in m, of the reference above its start from which on the circle is flown."""
-DURATION = 0.4
+DURATION = 0.5
 """Duration, in s, of the circle."""
 _RATE = 2.0 * math.pi / DURATION
 _HARMONICS = ((-1.0, 1.0 / 16.0), (0.0, -0.25), (1.0, 0.375), (2.0, -0.25), (3.0, 1.0 / 16.0))

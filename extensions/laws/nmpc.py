@@ -182,8 +182,13 @@ def backward(m: Item, s: Item, push: Push, spin: Vector, model: Item, h: float) 
 
 
 @compiled(inner=True)
-def forward(m: Item, state: Item, push: Push, spin: Vector, model: Item, h: float) -> None:
-    """Fly the model with the new inputs, within their bounds, from where the rotors lead first."""
+def forward(
+    m: Item, state: Item, push: Push, spin: Vector, model: Item, airborne: bool, h: float
+) -> None:
+    """Fly the model with the new inputs, within their bounds, from where the rotors lead first.
+
+    On the ground they lead nowhere, as it carries what they do not.
+    """
     x = m.x_now
     for i in range(3):
         x[i], x[3 + i] = state.position_w[i], state.velocity_w[i]
@@ -192,7 +197,8 @@ def forward(m: Item, state: Item, push: Push, spin: Vector, model: Item, h: floa
         x[6 + i] = state.quaternion_wb[i]
         speed = m.adaptation.rotor_speeds[i]
         m.acting[i] = rotor_thrust(speed, model.motor_slope, model.motor_offset)
-    advance(x, m.acting, push, spin, model, h=model.motor_time_constant, out=m.x_then)
+    ahead = model.motor_time_constant if airborne else 0.0
+    advance(x, m.acting, push, spin, model, h=ahead, out=m.x_then)
     x = m.x_then
     for k in range(NODES):
         difference(x, m.x[k], m.error)
@@ -272,7 +278,7 @@ def fly_one(
     if m.running == 0 or not math.isfinite(m.x[NODES, 0] + m.u[0, 0]):
         begin(m)
     backward(m, s, push, spin, model, h)
-    forward(m, state, push, spin, model, h)
+    forward(m, state, push, spin, model, airborne, h)
     thrusts = m.u[0, 0], m.u[0, 1], m.u[0, 2], m.u[0, 3]
     thrust, x, y, z = wrench_of_thrusts(thrusts, model.arm, model.torque_ratio)
     finish(thrust, (x, y, z), gains.yaw_torque_max, model, actuators)

@@ -100,7 +100,7 @@ class NmpcParameters(Parameters):
     """weight of the attitude error about z, 1/rad²"""
     rates: float = parameter(2.0, ge=0.0, le=50.0, step=0.1)
     """weight of the error of the body rates, s²/rad²"""
-    thrust: float = parameter(1.0, ge=0.01, le=100.0, step=0.01)
+    thrust: float = parameter(20.0, ge=0.01, le=100.0, step=0.01)
     """weight of the thrust of each rotor, 1/N²"""
     last: float = parameter(5.0, ge=0.0, le=100.0, step=1.0)
     """multiple of the weights at the last node"""

@@ -379,7 +379,7 @@ def test_no_lie_from_the_start_turns_the_vehicle_over(lie: Lie) -> None:
     assert flight.down()
     assert flight.trace()[1][:, 2].max() < 0.1
     assert flight.most_tilted < math.radians(10.0)
-    assert flight.hardest < 0.8
+    assert flight.hardest < 1.0  # it falls from there
     assert any(TURNS in text for text in flight.events.texts)
 
 

@@ -23,7 +23,9 @@ from web.signals.plain import MEMBERS
 
 TEXT = {"events", "parameter_changes"}
 """Topics with lines, not values over time."""
-LOGGED = ({*RECORDED_AS_RECEIVED, *RECORDED, *TICK_TOPICS}) - TEXT
+DRAWN = {"neighbour_bearings"}
+"""Topics that are drawn in 3D; their one number, the noise, is a parameter."""
+LOGGED = ({*RECORDED_AS_RECEIVED, *RECORDED, *TICK_TOPICS}) - TEXT - DRAWN
 WITH_NUMBERS = {topic for topic in LOGGED if numbers(TOPICS[topic].type_name, 0)}
 
 
