@@ -16,14 +16,11 @@ State (p, v, q, omega), inputs u = thrusts of the four rotors, N nodes of h:
     omega' = J^-1 (M_tau u - omega x J omega) + sigma_tau
     cost = sum 1/2 |x - x_r|_Q^2 + 1/2 |u - u_r|_R^2 within f_min <= u <= f_max
 
-with x_r, u_r of the flat outputs, and sigma of `adaptation`. With z_B(q), the attitude of a node's
-begin, the plan would lead the vehicle by h/2. The step is Gauss-Newton's, in the error (dp, dv,
-dtheta, domega) of the trajectory at hand, without the derivative of omega x J omega. With rotors
-as inputs, no plan leaves too little thrust for the attitude. Rotors lag their commands by their
-time constant: the plan begins that much later, in the state to which the thrusts of the rotors'
-model lead. The law has the present reference alone: it continues it as the harmonic motion that
-its derivatives describe, and what remains of jerk and snap as a polynomial. Without `adaptive`
-there is no integral: what the model lacks stays as an error.
+with x_r, u_r of the flat outputs, and sigma of `adaptation`. With z_B(q) the plan would lead by
+h/2. The step is Gauss-Newton's, in the error (dp, dv, dtheta, domega), without the derivative of
+omega x J omega. With rotors as inputs, enough thrust stays for the attitude. The plan begins one
+time constant of the rotors later, where their thrusts lead. The reference is continued as the
+harmonic motion that its derivatives describe, with the rest of jerk and snap as a polynomial.
 """
 
 from __future__ import annotations
@@ -185,10 +182,7 @@ def backward(m: Item, s: Item, push: Push, spin: Vector, model: Item, h: float) 
 def forward(
     m: Item, state: Item, push: Push, spin: Vector, model: Item, airborne: bool, h: float
 ) -> None:
-    """Fly the model with the new inputs, within their bounds, from where the rotors lead first.
-
-    On the ground they lead nowhere, as it carries what they do not.
-    """
+    """Fly the model with the new, bounded inputs, in the air from where the rotors lead first."""
     x = m.x_now
     for i in range(3):
         x[i], x[3 + i] = state.position_w[i], state.velocity_w[i]
@@ -197,7 +191,7 @@ def forward(
         x[6 + i] = state.quaternion_wb[i]
         speed = m.adaptation.rotor_speeds[i]
         m.acting[i] = rotor_thrust(speed, model.motor_slope, model.motor_offset)
-    ahead = model.motor_time_constant if airborne else 0.0
+    ahead = model.motor_time_constant if airborne else 0.0  # the ground carries the rest
     advance(x, m.acting, push, spin, model, h=ahead, out=m.x_then)
     x = m.x_then
     for k in range(NODES):
