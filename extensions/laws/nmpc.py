@@ -272,7 +272,7 @@ def fly_one(
     if m.running == 0 or not math.isfinite(m.x[NODES, 0] + m.u[0, 0]):
         begin(m)
     backward(m, s, push, spin, model, h)
-    forward(m, state, push, spin, model, airborne, h)
+    forward(m, state, push, spin, model, airborne, h=h)
     thrusts = m.u[0, 0], m.u[0, 1], m.u[0, 2], m.u[0, 3]
     thrust, x, y, z = wrench_of_thrusts(thrusts, model.arm, model.torque_ratio)
     finish(thrust, (x, y, z), gains.yaw_torque_max, model, actuators)
