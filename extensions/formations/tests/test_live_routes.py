@@ -81,7 +81,11 @@ def test_a_held_button_sends_each_vehicle_its_own_sticks_after_a_release(
     fleet: Any, hand: Hand, until: Callable[..., None]
 ) -> None:
     _pressed(hand, until)
-    assert hand.hold(lambda: _all_sent(fleet), until)["on"]
+
+    def all_measured() -> bool:
+        return _all_sent(fleet) and all(one.published for one in fleet.stations)
+
+    assert hand.hold(all_measured, until)["on"]
     for k, station in enumerate(fleet.stations):
         assert station.sticks[0] == ((0.0, 0.0, 0.0, 0.0), False)
         # What its sensor has measured is recorded.
