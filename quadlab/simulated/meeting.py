@@ -50,7 +50,7 @@ class Meeting:
         own: indices, from 0, of the vehicles of this process.
 
     Attributes:
-        rows: of all vehicles at the last meeting; those of this process are written before one.
+        rows: of all vehicles at the last meeting.
     """
 
     def __init__(self, files: Sequence[int], count: int, own: Sequence[int]) -> None:
@@ -59,6 +59,7 @@ class Meeting:
         self._count, self._own = count, own
         self._others = [k for k in range(count) if k not in own]
         here = (0.0, 0.0, 0.0)
+        self._left: dict[int, Row] = {}
         self.rows = [Row(0, here, here, (1.0, *here), 0.0, 0.0, mail=b"") for _ in range(count)]
 
     @staticmethod
@@ -73,8 +74,14 @@ class Meeting:
             os.set_inheritable(file, True)
         return files
 
+    def leave_row(self, index: int, row: Row) -> None:
+        """Leave the row of a vehicle of this process, which all see from the next meeting on."""
+        self._left[index] = row
+
     def meet(self) -> None:
         """Leave the rows of this process, wait until all have left theirs, and read them."""
+        for k, row in self._left.items():
+            self.rows[k] = row
         if not self._others:
             return
         with self._counters() as (parties, waiting, meetings):

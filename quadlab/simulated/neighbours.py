@@ -118,7 +118,8 @@ class Neighbours:
         slope, offset = p.motor_slope, p.motor_offset
         thrust = sum(rotor_thrust(speed, slope, offset) for speed in self._speeds.tolist())
         motion = (x, y, z), (u, v, w), (a, b, c, d)
-        self._meeting.rows[self.index] = Row(now_ns, *motion, thrust, radius_of(p), self._mail)
+        row = Row(now_ns, *motion, thrust, radius_of(p), self._mail)
+        self._meeting.leave_row(self.index, row)
 
     def _look(self, now_ns: int) -> None:
         x, y, z = self._position_w.tolist()

@@ -173,8 +173,8 @@ def test_processes_read_the_rows_of_the_same_meeting() -> None:
         meeting = Meeting(files, 3, own)
         for number in range(meetings):
             for k in own:
-                row = meeting.rows[k]
-                meeting.rows[k] = row._replace(stamp_ns=number, mail=bytes([k]) * (number % 5))
+                row = meeting.rows[k]._replace(stamp_ns=number, mail=bytes([k]) * (number % 5))
+                meeting.leave_row(k, row)
             meeting.meet()
             seen[process].append([(row.stamp_ns, row.mail) for row in meeting.rows])
         meeting.leave()
@@ -195,6 +195,15 @@ def test_processes_read_the_rows_of_the_same_meeting() -> None:
             *((last, bytes([k]) * (last % 5)) for k in (0, 1)),
             (number, bytes([2]) * (number % 5)),
         ]
+
+
+def test_vehicles_of_one_process_see_each_other_as_they_were_at_the_meeting_too() -> None:
+    meeting = Meeting(Meeting.new_files(2, 1), 2, [0, 1])
+    for number in (1, 2):
+        for k in (0, 1):  # the first one flies on before the second one has looked
+            assert [row.stamp_ns for row in meeting.rows] == [number - 1, number - 1]
+            meeting.leave_row(k, meeting.rows[k]._replace(stamp_ns=number))
+        meeting.meet()
 
 
 def test_the_jet_beneath_a_vehicle_keeps_its_momentum_and_ends_beside_it() -> None:
