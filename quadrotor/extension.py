@@ -61,7 +61,7 @@ class Offer:
 
     kind: ClassVar[str]
     is_file: ClassVar[bool] = False
-    """Whether the target is a file, without a name in it."""
+    """True for a target that is a file, without a name in it."""
     name: str
     target: str
 

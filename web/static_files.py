@@ -70,7 +70,9 @@ class CachedFiles(StaticFiles):
         self._kept: dict[str, tuple[int, int, bytes]] = {}
         self._version = ""
         self._left_out = {one: self._lacking(one) for one in documents}
-        self.documents = {one.place: one.file for one, why in self._left_out.items() if not why}
+        there = [one for one, why in self._left_out.items() if not why]
+        self.documents = {one.place: one.file for one in there}
+        self._names = [one.offer.name for one in there]
         self._joined: dict[str, tuple[str, bytes]] = {}  # by name: version and content
         self._packed: dict[str, tuple[str, bytes]] = {}  # the same, compressed
 
@@ -90,7 +92,7 @@ class CachedFiles(StaticFiles):
         if found := _SCRIPT.search(text):
             self._join(f"{JOINED}{found[1]}", self._version)
             text = text.replace(f'src="{PLACE}{found[1]}"', f'src="{PLACE}{JOINED}{found[1]}"')
-        text = uplot.with_version(text.replace('<html lang="en">', html_tag(), 1))
+        text = uplot.with_version(text.replace('<html lang="en">', html_tag(self._names), 1))
         return HTMLResponse(text.replace(f'"{PLACE}', f'"{PLACE}v-{self._version}/'))
 
     @property

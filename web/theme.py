@@ -5,6 +5,7 @@ A page that follows the system's theme needs nothing from the server: `core/toke
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextvars import ContextVar
 from pathlib import Path
 
@@ -28,10 +29,13 @@ def follow_choice(came: HTTPConnection) -> None:
     _chosen.set(found if found in CHOICES else "")
 
 
-def html_tag() -> str:
+def html_tag(documents: Iterable[str] | None = None) -> str:
     """Return the opening tag of a page, with the chosen theme, if any, and the names of the
-    documents that extensions offer (`static/core/vehicle_path.js`).
+    extensions' documents that are there (`static/core/vehicle_path.js`); None: all they offer.
     """
-    chosen = _chosen.get()
+    chosen, there = (
+        _chosen.get(),
+        registry().offers(PageDocument) if documents is None else documents,
+    )
     theme = f' data-theme="{chosen}"' if chosen else ""
-    return f'<html lang="en"{theme} data-documents="{" ".join(registry().offers(PageDocument))}">'
+    return f'<html lang="en"{theme} data-documents="{" ".join(there)}">'

@@ -244,6 +244,7 @@ def test_a_document_of_an_extension_has_its_address_and_its_joined_files(tmp_pat
     )
     text = bytes(files.document(files.documents["/map/{run_id}"]).body).decode()
     script, sheet = (re.findall(rf'{word}="/static/([^"]+)"', text)[0] for word in ("src", "href"))
+    assert 'data-documents="map"' in text
     assert "element = 2" in fetched(files, script).text
     assert 'element("map")' in fetched(files, script).text
     assert "b { c: d }" in fetched(files, sheet).text
@@ -266,3 +267,4 @@ def test_a_document_without_one_of_its_files_is_left_out_and_told(
     assert "extension tunnel: its document of the page map is left out: " in line
     assert said in line
     assert "page.js" in document(files), "the page itself is as without"
+    assert 'data-documents=""' in document(files), "no link leads to it"
