@@ -95,7 +95,7 @@ def assemble(
 
 @dataclass(frozen=True)
 class _Parts:
-    """What is started and stopped with the application."""
+    """Parts that are started and stopped with the application."""
 
     contexts: Sequence[VehicleContext]
     shared: SharedServices
