@@ -8,11 +8,11 @@ The second form is `id x y z` of each beacon, m in world axes, separated by semi
 
 from __future__ import annotations
 
-import difflib
 import math
 
 from bearing_sim.beacon_set import Beacons
 from quadrotor.errors import MeasurementError
+from quadrotor.similar_names import did_you_mean
 
 __all__ = ["PAPER_BEACONS", "PRESETS", "Beacons", "format_layout", "parse_layout"]
 
@@ -66,8 +66,7 @@ def parse_layout(text: str) -> Beacons:
         return PRESETS[name]
     parts = [part for part in name.replace("\n", ";").split(";") if part.strip()]
     if len(parts) <= 1 and not any(letter.isdigit() for letter in name):
-        near = difflib.get_close_matches(name, PRESETS, n=1)
-        hint = f"did you mean {near[0]}?" if near else "write x y z in m"
+        hint = did_you_mean(name, PRESETS, most=1) or "write x y z in m"
         raise MeasurementError(
             f"layout {_shown(name)} is neither a preset ({', '.join(PRESETS)}) "
             f"nor 'id x y z; …' of at least 4 beacons: {hint}"

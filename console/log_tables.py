@@ -19,6 +19,7 @@ from flight_log.columns.topic import Topic
 from flight_log.columns.writer import RECEIVED, STAMP
 from flight_log.summary import summarize
 from quadrotor.errors import UsageError
+from quadrotor.similar_names import did_you_mean
 from vehicle_link.messages.units import unit_of_path
 
 ROWS = 20_000
@@ -150,5 +151,6 @@ def _resolved(word: str, names: dict[str, str]) -> str:
         if word in (topic, name, topic.strip("/")):
             return topic
     raise UsageError(
-        f"no topic {word!r} in this log; there are {', '.join(sorted(names.values()))}"
+        f"no topic {word!r} in this log; {did_you_mean(word, names.values(), after=' ')}there are "
+        f"{', '.join(sorted(names.values()))}"
     )

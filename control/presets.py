@@ -6,6 +6,7 @@ from control.parameters import ControlParameters
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
+from quadrotor.similar_names import did_you_mean
 
 PRESETS: dict[str, dict[str, ParameterValue]] = {
     # The defaults: fly the paper's vehicle at any loop rate from 60 Hz.
@@ -60,7 +61,10 @@ DECIDED = ("position.", "attitude.", "disturbance.")
 def preset(name: str) -> ControlParameters:
     """Return the whole gain set. Raises OutOfBoundsError for an unknown name."""
     if name not in PRESETS:
-        raise OutOfBoundsError(f"no gain set is called {name!r}: there are {', '.join(PRESETS)}")
+        hint = did_you_mean(name, PRESETS, after=" ")
+        raise OutOfBoundsError(
+            f"no gain set is called {name!r}: {hint}there are {', '.join(PRESETS)}"
+        )
     out = ControlParameters().model_copy(deep=True)
     for path, value in PRESETS[name].items():
         group, field = path.split(".")

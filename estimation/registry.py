@@ -27,6 +27,7 @@ from quadrotor.records import (
     READING_SAMPLE,
     new_state,
 )
+from quadrotor.similar_names import did_you_mean
 
 Factory = Callable[[EstimationParameters], Estimator]
 
@@ -52,7 +53,8 @@ def create(name: str, parameters: EstimationParameters) -> Estimator:
     """
     if name not in names():
         raise UnknownParameterError(
-            f"no estimator is called {name!r}: there are {', '.join(names())}"
+            f"no estimator is called {name!r}: {did_you_mean(name, names(), after=' ')}there are "
+            f"{', '.join(names())}"
         )
     factory: Factory = known.registered.get(name) or known.offered()[name].load()
     return factory(parameters)

@@ -7,7 +7,6 @@ components: it validates, applies, counts revisions, and never applies a change 
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -16,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from quadrotor.errors import ReadOnlyError, UnknownParameterError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue, coerce
+from quadrotor.similar_names import did_you_mean
 
 
 class Parameters(BaseModel):
@@ -164,9 +164,8 @@ class ParameterStore:
         members = [one for one in self._places if one.rpartition(".")[0] == group]
         few = group and 0 < len(members) <= FEW_MEMBERS
         cutoff = 0.8 if few else 0.5
-        near = difflib.get_close_matches(name, members or self._places, n=3, cutoff=cutoff)
-        if near:
-            return f"did you mean {' or '.join(near)}?"
+        if question := did_you_mean(name, members or self._places, cutoff=cutoff):
+            return question
         if few:
             return f"{group} has {', '.join(one.rpartition('.')[2] for one in members)}"
         return "docs/parameters.md lists them all"

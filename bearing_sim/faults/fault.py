@@ -7,7 +7,6 @@ of a live parameter with `value` moves that parameter by the same schedules.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -16,6 +15,7 @@ from bearing_sim.faults.schedule import WORDS, Moment, Schedule, stream_of
 from quadrotor.errors import OutOfBoundsError, ParameterError
 from quadrotor.parameter_description import ParameterDescription, parse_text
 from quadrotor.parameters import Parameters, ParameterStore
+from quadrotor.similar_names import did_you_mean
 
 Memory = dict[Any, Any]
 """What a fault remembers while it is on; empty when it comes on."""
@@ -161,8 +161,7 @@ class Catalogue:
         home = HOMES.get(name.partition(".")[0], self.home)
         if home != self.home:
             raise OutOfBoundsError(f"it belongs in {home}")
-        near = difflib.get_close_matches(name, [*self.faults, *movable], n=2, cutoff=0.5)
-        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        hint = did_you_mean(name, (*self.faults, *movable), after=" ", most=2, cutoff=0.5)
         raise OutOfBoundsError(f"no fault is called {name!r}: {hint}{LISTED}")
 
 

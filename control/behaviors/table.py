@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from enum import IntEnum
 
 from quadrotor.errors import RefusedError
+from quadrotor.similar_names import did_you_mean
 
 
 class BehaviorName(IntEnum):
@@ -78,8 +78,7 @@ def behavior_of(name: str) -> BehaviorName:
         if behavior.name.lower() == name:
             return behavior
     names = [behavior.name.lower() for behavior in BehaviorName if behavior is not B.GROUND]
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {near[0]}? " if near else ""
+    hint = did_you_mean(name, names, after=" ", most=1)
     raise RefusedError(f"unknown behavior {name!r}: {hint}there are {', '.join(names)}")
 
 

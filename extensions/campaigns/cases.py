@@ -6,8 +6,9 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from extensions.campaigns.factors import Factor, Value, nearest
+from extensions.campaigns.factors import Factor, Value
 from extensions.campaigns.table import FIXED_COLUMNS, MACHINE
+from quadrotor.similar_names import did_you_mean
 
 if TYPE_CHECKING:
     from extensions.campaigns.plan import Plan
@@ -41,10 +42,8 @@ def with_cases(plan: Plan) -> dict[str, Factor]:
             raise ValueError(f"factors.{name}: cases are chosen by a list of their names")
         for label in map(str, chosen):
             if label not in cases:
-                raise ValueError(
-                    f"factors.{name}: there is no case {label!r}"
-                    + (nearest(label, list(cases)) or f"; there are {', '.join(cases)}")
-                )
+                hint = did_you_mean(label, cases) or f"there are {', '.join(cases)}"
+                raise ValueError(f"factors.{name}: there is no case {label!r}; {hint}")
         for label, settings in cases.items():
             if both := ", ".join(sorted(settings.keys() & varied)):
                 raise ValueError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -11,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic import model_validator as validator
+
+from quadrotor.similar_names import did_you_mean
 
 Value = bool | int | float | str
 MOST_FLIGHTS = 10_000_000
@@ -63,7 +64,7 @@ class Distribution(Part):
         if self.distribution not in names:
             raise ValueError(
                 f"scipy.stats has no distribution {self.distribution!r}"
-                f"{nearest(self.distribution, names)}"
+                f"{did_you_mean(self.distribution, names, before='; ')}"
             )
         try:
             frozen = getattr(stats, self.distribution)(**(self.model_extra or {}))
@@ -94,7 +95,8 @@ def correlation_matrix(
     for one in correlations:
         for name in one.factors:
             if name not in names:
-                raise ValueError(f"correlations: {name} is no factor{nearest(name, list(names))}")
+                hint = did_you_mean(name, names, before="; ")
+                raise ValueError(f"correlations: {name} is no factor{hint}")
         a, b = (names.index(name) for name in one.factors)
         found[a, b] = found[b, a] = one.rho
     if np.linalg.eigvalsh(found).min() <= 1e-9:
@@ -119,9 +121,3 @@ Factor = Annotated[
     | Annotated[Distribution, Tag("distribution")],
     Discriminator(kind_of),
 ]
-
-
-def nearest(word: str, known: list[str]) -> str:
-    """Return a question whether a known name is meant, empty if none is like it."""
-    near = difflib.get_close_matches(word, known, n=3, cutoff=0.6)
-    return f"; did you mean {' or '.join(near)}?" if near else ""

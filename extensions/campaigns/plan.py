@@ -16,18 +16,11 @@ from pydantic import BaseModel, Field, ValidationError
 from pydantic import model_validator as validator
 
 from extensions.campaigns.cases import Cases, with_cases
-from extensions.campaigns.factors import (
-    Correlation,
-    Factor,
-    Part,
-    Range,
-    Value,
-    correlation_matrix,
-    nearest,
-)
+from extensions.campaigns.factors import Correlation, Factor, Part, Range, Value, correlation_matrix
 from extensions.campaigns.recorded import logs as over_logs
 from extensions.campaigns.search.plan import Search
 from quadrotor.errors import StorageError, UsageError, os_errors
+from quadrotor.similar_names import did_you_mean
 
 COMPILED = "closed_loop"
 """The experiment that is flown in compiled code."""
@@ -275,7 +268,8 @@ def _said(error: ValidationError) -> str:
     said = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":
         known = _fields(place[:-1])
-        said = "is not known" + (nearest(place[-1], known) or f"; known are {', '.join(known)}")
+        said = did_you_mean(place[-1], known) or f"known are {', '.join(known)}"
+        said = f"is not known; {said}"
     elif first["type"] == "missing":
         said = "is missing"
     elif first["type"] not in ("value_error",):

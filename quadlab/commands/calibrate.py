@@ -11,6 +11,7 @@ from console.experiments.catalogue import experiments
 from quadlab.option_types import Flag, Settings
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import ParameterError, UsageError
+from quadrotor.similar_names import did_you_mean
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient
@@ -78,7 +79,8 @@ class Calibrate:
             if known.get(name):
                 raise UsageError(f"{name} cannot run: {known[name]}")
             there = [n for n, record in zip(reply.names, reply.calibrations, strict=True) if record]
-            raise UsageError(f"no calibration {name!r:.60}; known are {', '.join(there)}")
+            hint = did_you_mean(name, there, after=" ")
+            raise UsageError(f"no calibration {name!r:.60}; {hint}known are {', '.join(there)}")
         options = {one.name: one for one in map(from_descriptor, reply.descriptors)}
         values = {}
         for word in self.set:

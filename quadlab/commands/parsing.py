@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import io
 import re
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from collections.abc import Sequence
 from quadlab.commands.table import Command, commands, examples_of, is_at_station
 from quadrotor.checkout import DISTRIBUTION
 from quadrotor.errors import UsageError
+from quadrotor.similar_names import did_you_mean
 
 WORDS = (
     (r"Expected 1 values", "Expected one value"),
@@ -72,8 +72,7 @@ def _no_command(word: str) -> str:
             f"the command {word} is not in {DISTRIBUTION}, the part of quadlab for the vehicle's "
             "computer; run it where quadlab is installed"
         )
-    near = difflib.get_close_matches(word.lower(), commands(), n=2, cutoff=0.5)
-    meant = f"; did you mean {' or '.join(near)}?" if near else ""
+    meant = did_you_mean(word.lower(), commands(), before="; ", most=2, cutoff=0.5)
     there_are = ", ".join(commands())
     return f"there is no command {word!r}; there are {there_are}{meant}; --help explains them"
 
@@ -134,5 +133,4 @@ def _nearest(said: str) -> str:
     if not wrong or not allowed or "Perhaps you meant" in said:
         return ""
     words = [word.strip(" '") for word in allowed[1].split(",")]
-    near = difflib.get_close_matches(wrong[1].lower(), words, n=2, cutoff=0.5)
-    return f"; did you mean {' or '.join(near)}?" if near else ""
+    return did_you_mean(wrong[1].lower(), words, before="; ", most=2, cutoff=0.5)

@@ -15,6 +15,7 @@ from quadlab.data_folder import data_folder, open_data_folder
 from quadlab.settings import parse_settings
 from quadlab.vehicle_names import THE_VEHICLE
 from quadrotor.errors import QuadlabError, UsageError
+from quadrotor.similar_names import did_you_mean
 
 if TYPE_CHECKING:
     from console.experiments.client import Experiment, Result
@@ -210,9 +211,10 @@ def chosen(name: str, vehicle: str = THE_VEHICLE) -> Experiment:
         packaged = packaged_files(GROUP)
         if name in packaged:
             return load(packaged[name], vehicle)
+        known = *experiments(), *packaged
         raise UsageError(
-            f"unknown experiment {name!r}; known are {', '.join((*experiments(), *packaged))}, and "
-            "your own files: quadlab fly FILE.py"
+            f"unknown experiment {name!r}; {did_you_mean(name, known, after=' ')}known are "
+            f"{', '.join(known)}, and your own files: quadlab fly FILE.py"
         )
     return find(name, vehicle)
 

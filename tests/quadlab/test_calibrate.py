@@ -282,7 +282,11 @@ def test_a_station_that_started_anew_ends_it(
         (["motor_bench", "--accept", "--reject"], 2, "give one of them"),
         (["--accept"], 2, "need a calibration"),
         (["--set", "hold=2"], 2, "need a calibration"),
-        (["motor", "--accept"], 2, "no calibration 'motor'; known are motor_bench, gyroscope"),
+        (
+            ["motor", "--accept"],
+            2,
+            "no calibration 'motor'; did you mean motor_bench? known are motor_bench, gyroscope",
+        ),
         (["hover", "--accept"], 2, "no calibration 'hover'"),
         (["mine.py", "--accept"], 2, "mine.py cannot run: mine.py line 3: SyntaxError"),
         (["motor_bench", "--accept", "--set", "hold"], 2, "write it as NAME=VALUE"),

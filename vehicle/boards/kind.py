@@ -15,6 +15,7 @@ from quadrotor.errors import UsageError
 from quadrotor.extension import Board as Offered
 from quadrotor.extensions import registry
 from quadrotor.packaged_files import packaged
+from quadrotor.similar_names import did_you_mean
 from vehicle_link.serial.port import BAUD_RATE, Port
 
 if TYPE_CHECKING:
@@ -129,7 +130,8 @@ def find_kind(name: str) -> Kind:
         return theirs
     if name not in offered.names:
         there_are = ", ".join([MIKROKOPTER, *extending, *sorted(offered.names)])
-        raise UsageError(f"--board {name!r} is not known; there are {there_are}")
+        meant = did_you_mean(name, [MIKROKOPTER, *extending, *offered.names], after=" ")
+        raise UsageError(f"--board {name!r} is not known; {meant}there are {there_are}")
     kind = offered[name].load()
     if not isinstance(kind, Kind):
         raise UsageError(f"--board {name}: {offered[name].value} is not a vehicle.boards.kind.Kind")

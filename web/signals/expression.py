@@ -11,12 +11,12 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
 from quadrotor.errors import OutOfBoundsError
+from quadrotor.similar_names import did_you_mean
 from web.signals.functions import FUNCTIONS, Node, Step, applied, constant
 
 LONGEST = 300
@@ -201,10 +201,8 @@ class _Parser:
             self._close()
             return self._call(called[0], arguments)
         self._at = begin
-        near = get_close_matches(word, self._units, 3)
-        raise self._error(
-            f"no signal {word:.80}" + (f"; did you mean {' or '.join(near)}?" if near else "")
-        )
+        hint = did_you_mean(word, self._units, before="; ")
+        raise self._error(f"no signal {word:.80}{hint}")
 
     def _call(self, name: str, arguments: list[Node]) -> Node:
         least, most, make = FUNCTIONS[name]

@@ -5,7 +5,6 @@ A table of contents is read once for each checksum and kept for later starts of 
 
 from __future__ import annotations
 
-import difflib
 import struct
 from collections.abc import Generator, Iterable, Mapping
 from fnmatch import fnmatchcase
@@ -38,6 +37,7 @@ from extensions.crazyflie.board.messages import (
 )
 from extensions.crazyflie.crtp.packets import CrtpPort, Packet
 from quadrotor.errors import LinkError
+from quadrotor.similar_names import did_you_mean
 
 
 class Entry(msgspec.Struct, frozen=True):
@@ -163,11 +163,8 @@ def find(contents: Contents, name: str, what: str) -> Entry:
         return others[name]
     if name in contents:
         raise LinkError(f"{name} of the Crazyflie is read-only")
-    near = " or ".join(difflib.get_close_matches(name, others, 3))
-    raise LinkError(
-        f"the Crazyflie has no {what} {name}; "
-        + (f"did you mean {near}?" if near else f"it has {len(others)} others")
-    )
+    hint = did_you_mean(name, others) or f"it has {len(others)} others"
+    raise LinkError(f"the Crazyflie has no {what} {name}; {hint}")
 
 
 def select(contents: Contents, named: Iterable[str]) -> list[str]:
