@@ -69,7 +69,7 @@ def _lines(fit: ResidualFit, flights: int) -> list[str]:
         share = f"{100 * one.explained:.0f} %, with more terms {100 * one.by_all:.0f} %"
         lines.append(f"  {one.name:<6} {value:<26} {share:<30} {left}")
         if not one.good:
-            lines.append(f"  {one.name} is not proposed: it is within two standard deviations of 0")
+            lines.append(f"  {one.name} is not proposed: it explains nothing, or is not clear of 0")
     for axis, rms in fit.quiet.items():
         lines.append(f"  {axis}: not excited, {rms:.2f} m/s rms; nothing is known along it")
     for whose, values in (("the vehicle", fit.model()), ("the simulator", fit.simulator())):

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from extensions.identification.residual.flights import FlightResidual
+from extensions.identification.residual.flights import EVERY, FlightResidual
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
 
@@ -30,6 +30,8 @@ RIDGES = 0.0, 1e-3, 1e-2, 1e-1, 1.0
 """Penalties of coefficients per sample, of terms of unit variance; the best on held-out parts is
 taken."""
 THIRDS = 3
+LEAST = 6.0
+"""Shortest free flight, s."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,12 @@ class Found:
 
     @property
     def good(self) -> bool:
-        """Return whether it helps on flights that it has not seen, and is not noise."""
-        return self.explained > 0.0 and not abs(self.value) < 2.0 * self.deviation
+        """Return whether it helps on flights that it has not seen, and is clear of zero.
+
+        A force has the sign of drag, while drag may act above or below the centre of mass.
+        """
+        value = self.value if self.name in SPEED_MIN else abs(self.value)
+        return self.explained > 0.0 and value > 2.0 * self.deviation
 
 
 @dataclass(frozen=True)
@@ -92,7 +98,7 @@ class ResidualFit:
         """Return the values of the simulator's parameters."""
         terms = {"x": "rotor_drag_x", "y": "rotor_drag_y", "z": "inflow_loss"}
         values = {
-            f"simulator.{terms[name]}": max(0.0, one.value)
+            f"simulator.{terms[name]}": one.value
             for name, one in self.found.items()
             if name in terms and one.good
         }
@@ -106,7 +112,7 @@ class ResidualFit:
             return {}
         lever = self._lever()
         return {
-            "model.drag": max(0.0, sum(level) / len(level)),
+            "model.drag": sum(level) / len(level),
             **({} if lever is None else {"model.drag_lever": lever}),
         }
 
@@ -133,6 +139,11 @@ def fit_residual(flights: Sequence[FlightResidual]) -> ResidualFit:
         raise MeasurementError(
             f"not excited along any axis of the body (m/s rms: {told}), so no force can be told "
             "from noise; fly the 8, circles or steps"
+        )
+    seconds = sum(len(one.time) for one in flights) * EVERY
+    if seconds < LEAST:
+        raise MeasurementError(
+            f"{seconds:.1f} s of free flight are too short, {LEAST:g} s are needed"
         )
     is_alone = len(flights) == 1
     parts = split(flights[0], THIRDS) if is_alone else flights

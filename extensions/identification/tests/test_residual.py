@@ -13,7 +13,7 @@ import pytest
 from console.evaluation.log_columns import FlownParameters
 from extensions.identification.residual import command, figure, flights
 from extensions.identification.residual.command import Identify
-from extensions.identification.residual.fit import explained, fit_residual, ridge
+from extensions.identification.residual.fit import explained, fit_residual, ridge, split
 from extensions.identification.residual.flights import FlightResidual, lagged, residual
 from quadrotor.errors import MeasurementError, StorageError, UsageError
 from quadrotor.vehicle_model import GRAVITY
@@ -91,12 +91,21 @@ def test_an_axis_that_was_not_excited_is_named_and_left_out() -> None:
         fit_residual([flown(1, size=0.01, climb=0.01)])
 
 
-def test_noise_is_not_proposed() -> None:
+def test_a_short_flight_is_refused() -> None:
+    short = split(flown(1), 5)[0]
+    with pytest.raises(MeasurementError, match=r"4\.0 s of free flight are too short, 6 s"):
+        fit_residual([short])
+
+
+def test_neither_noise_nor_a_push_along_the_motion_is_proposed() -> None:
     calm = flown(1)
     noise = np.random.default_rng(5).normal(0.0, 0.3, calm.force_b.shape)
     found = fit_residual([replace(calm, force_b=noise)])
     assert not found.found["x"].good
     assert "simulator.rotor_drag_x" not in found.simulator()
+    pushed = fit_residual([replace(calm, force_b=-calm.force_b)])
+    assert pushed.found["x"].explained > 0.85
+    assert pushed.model() == {}
 
 
 def test_a_penalty_shrinks_and_held_out_parts_tell_noise_from_force() -> None:

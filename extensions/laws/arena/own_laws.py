@@ -33,23 +33,27 @@ class OwnLaw:
     """A user's law, loaded when it is chosen; its flights follow each other.
 
     Attributes:
-        source: as `vehicle.plugins.host.load` takes it.
+        sources: as `vehicle.plugins.host.load` takes them; more than one is a mistake.
         failures: the reasons for which it was out, in the order of their first appearance.
     """
 
-    source: str
+    sources: list[str]
     failures: dict[str, None] = field(default_factory=dict)
 
     @cached_property
     def law(self) -> Law:
         """Return the law, which has answered the inputs of the rehearsal.
 
-        Raises UsageError with file and line for a file that holds no law, or one that fails.
+        Raises UsageError for two of one name, and with file and line for a file that holds no law,
+        or one that fails.
         """
-        law, out = load(self.source), np.zeros(1, OUTPUT_TYPE)
+        if len(self.sources) > 1:
+            told = " and ".join(Path(one).name for one in self.sources)
+            raise UsageError(f"two files or packages have one name, {told}; rename one")
+        law, out = load(self.sources[0]), np.zeros(1, OUTPUT_TYPE)
         for x in LAW.rehearsal:
             answer = partial(step, law, as_attributes(x), out)
-            call_user_code(Path(self.source), answer, UsageError)
+            call_user_code(Path(self.sources[0]), answer, UsageError)
         return law
 
     def tick(self, memory: Bytes, records: Records, airborne: bool, dt: float) -> None:
@@ -77,7 +81,7 @@ class OwnLaw:
     def _answer(self, x: Record, out: Record) -> None:
         """Write the law's answer. Raises RefusedError when it has none that can be flown."""
         answer = partial(step, self.law, as_attributes(x), out.view(OUTPUT_TYPE))
-        call_user_code(Path(self.source), answer, RefusedError)
+        call_user_code(Path(self.sources[0]), answer, RefusedError)
         if not np.isfinite(out["wrench"]).all():
             raise RefusedError(f"it answered {out['wrench'][0].tolist()}, which is not finite")
 
@@ -101,5 +105,4 @@ class OwnLaw:
 
 def own_laws(folder: Path | None) -> dict[str, OwnLaw]:
     """Return the laws of a folder and of installed packages by name."""
-    found = plugins_of(folder).sources().items()
-    return {name: OwnLaw(sources[0]) for name, sources in found}
+    return {name: OwnLaw(sources) for name, sources in plugins_of(folder).sources().items()}

@@ -76,5 +76,8 @@ def test_mistakes_in_a_file_are_told_before_the_first_flight(folder: Path) -> No
     chosen("geometric", own_laws(folder))  # others fly
     with pytest.raises(UsageError, match=r"there are geometric, .*nmpc, mine"):
         chosen("yours", own_laws(folder))
+    (folder / "mine.fmu").write_bytes(b"")
+    with pytest.raises(UsageError, match=r"one name, mine\.fmu and mine\.py; rename one"):
+        chosen("mine", own_laws(folder))
     with pytest.raises(UsageError, match=r"mine is of a file.*leave it out of --laws"):
         tuned([Entry("mine", "mine", own=own_laws(folder)["mine"])], folder)
