@@ -15,12 +15,12 @@ from pathlib import Path
 import pytest
 
 from console.experiments.catalogue import find
-from documentation.reference import PAGES
 from quadlab import laboratory
 from quadlab.__main__ import main
 from quadlab.commands.parsing import parse
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
+from scripts.docs.reference import PAGES
 from web.signals.expression import parse as parse_signal
 
 DOCUMENTS = sorted(

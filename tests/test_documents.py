@@ -66,7 +66,7 @@ def test_every_path_of_the_repository_in_a_document_is_there() -> None:
 
 def test_the_parameters_page_is_what_the_models_say() -> None:
     # In a process of its own: flights of other tests in this one offer names of plugins.
-    code = "from documentation.parameters import page; print(page(), end='')"
+    code = "from scripts.docs.parameters import page; print(page(), end='')"
     words = [sys.executable, "-c", code]
     page = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     text = (ROOT / "docs/parameters.md").read_text()
@@ -74,7 +74,7 @@ def test_the_parameters_page_is_what_the_models_say() -> None:
 
 
 def test_the_faults_page_and_the_panels_table_are_what_the_declarations_say() -> None:
-    from documentation.faults import page, page_table
+    from scripts.docs.faults import page, page_table
 
     said = "run scripts/faults_page"
     assert (ROOT / "docs/how_to/faults.md").read_text() == page(), said

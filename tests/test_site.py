@@ -9,10 +9,10 @@ from typing import Any, cast
 import pytest
 from mkdocs.exceptions import PluginError
 
-from documentation import hooks, reference
 from extensions.documents import diagrams
 from quadlab.commands.table import commands as known_commands
 from quadrotor.checkout import ROOT
+from scripts.docs import hooks, reference
 from vehicle_link.topics.table import TOPICS
 
 

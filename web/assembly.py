@@ -6,6 +6,8 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import AsyncIterator, Callable, Collection, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -22,11 +24,12 @@ from web.access.sign_in_limiter import SignInLimiter
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import PAGES, create_app
+from web.feature import Feature
 from web.features import built_in, documents_of_extensions, of_extensions, panels_of_extensions
 from web.fleet.fleet import Fleet
 from web.fleet.vehicle_router import VehicleRouter
 from web.live.events import EventHub
-from web.static_files import files_with
+from web.static_files import CachedFiles, files_with
 from web.vehicle_context import Connect, Runs, SharedServices, VehicleContext
 from web.view.server import ViewServer
 
@@ -63,60 +66,77 @@ def assemble(
     Raises StorageError.
     """
     hubs: list[EventHub] = []
-
-    def say(level: str, text: str) -> None:
-        for hub in hubs:
-            hub.say(level, text)
-
+    say = partial(_say, hubs)
     people = open_people(
         data / "web",
         base_url,
         token,
         say=say,
-        on_link=lambda label: show_link(sign_in_link(), label),
+        on_link=lambda label: show_link(_sign_in_link(shared), label),
         limiter=limiter,
         passwords=passwords,
     )
-    links = SignedLinks(people.tokens.secret)
-    shared = SharedServices(base_url, people, catalogue, links, tls)
+    shared = SharedServices(base_url, people, catalogue, SignedLinks(people.tokens.secret), tls)
     contexts = [
         VehicleContext(name, shared, connect, EventHub(hubs), new_view_server())
         for name in vehicles
     ]
-    features = (*built_in(), *of_extensions(say))
-    taken = [place.split("/")[1] for place in PAGES]
-    files = files_with(tuple(panels_of_extensions()), tuple(documents_of_extensions(taken)))
-    for line in (*registry().problems, *files.problems):
-        say("error", line)
-    fleet = Fleet(contexts)
+    features, fleet = (*built_in(), *of_extensions(say)), Fleet(contexts)
+    parts = _Parts(contexts, shared, fleet, features, say, show_link)
+    files = _static_files(say)
+    apps = {  # the first one's runs for all
+        context.vehicle: create_app(context, fleet, features, parts.run if k == 0 else None, files)
+        for k, context in enumerate(contexts)
+    }
+    hosts = allowed_hosts(base_url, names)
+    router = VehicleRouter(apps)
+    return Gate(router, base_url=base_url, hosts=hosts, people=people, links=shared.links)
 
-    def sign_in_link() -> str:
-        return f"{base_url}/?token={people.tokens.token}"
+
+@dataclass(frozen=True)
+class _Parts:
+    """Parts that are started and stopped with the application."""
+
+    contexts: Sequence[VehicleContext]
+    shared: SharedServices
+    fleet: Fleet
+    features: Sequence[Feature]
+    say: Callable[[str, str], None]
+    show_link: ShowLink
 
     @contextlib.asynccontextmanager
-    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        loops = _start_all(contexts, (people, people.sockets, fleet), say)
-        show_link(sign_in_link())
+    async def run(self, _: FastAPI) -> AsyncIterator[None]:
+        """Start everything and show the sign-in link; stop everything at the end."""
+        people = self.shared.people
+        loops = _start_all(self.contexts, (people, people.sockets, self.fleet), self.say)
+        self.show_link(_sign_in_link(self.shared))
         try:
             yield
         finally:
             await _ended(loops)
-            of_vehicles = [one.stop for one in contexts]
-            of_features = [one.stop for one in features]
-            for stop in (*of_vehicles, fleet.stop, *of_features, people.stop):
+            of_vehicles = [one.stop for one in self.contexts]
+            of_features = [one.stop for one in self.features]
+            for stop in (*of_vehicles, self.fleet.stop, *of_features, people.stop):
                 stop()
 
-    apps = {  # the first one's runs for all
-        context.vehicle: create_app(context, fleet, features, lifespan if k == 0 else None, files)
-        for k, context in enumerate(contexts)
-    }
-    return Gate(
-        VehicleRouter(apps),
-        base_url=base_url,
-        hosts=allowed_hosts(base_url, names),
-        people=people,
-        links=links,
-    )
+
+def _sign_in_link(shared: SharedServices) -> str:
+    return f"{shared.base_url}/?token={shared.people.tokens.token}"
+
+
+def _say(hubs: Sequence[EventHub], level: str, text: str) -> None:
+    """Tell the pages of all vehicles."""
+    for hub in hubs:
+        hub.say(level, text)
+
+
+def _static_files(say: Callable[[str, str], None]) -> CachedFiles:
+    """Return the page's files with those of extensions, and say which of these are left out."""
+    taken = [place.split("/")[1] for place in PAGES]
+    files = files_with(tuple(panels_of_extensions()), tuple(documents_of_extensions(taken)))
+    for line in (*registry().problems, *files.problems):
+        say("error", line)
+    return files
 
 
 def _start_all(

@@ -72,9 +72,6 @@ def fly(
     Raises QuadlabError; after the start, its message includes the path of the log.
     """
     from console.experiments.user_file import errors_with_line
-    from quadlab.simulated.flight import SimulatedFlight, TrueState
-    from quadlab.simulated.flight_log import FlightLog
-    from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
     from vehicle.estimators.offer import offer_plugins
     from vehicle.processes.config import PLUGINS
@@ -87,15 +84,8 @@ def fly(
     with errors_with_line(experiment):
         experiment.check()
     path, vehicle = _own_log(experiment, seed, out) if member is None else (member.log, member.name)
-    simulated = _simulated_vehicle(parameters, board)
     facts = {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board}
-    log = FlightLog(path, vehicle, ParameterStore(parameters), facts)
-    neighbours = member.neighbours(simulated, log) if member is not None else None
-    estimator = TrueState(simulated) if true_state else None
-    load_kernels()
-    flight = SimulatedFlight(
-        parameters, simulated, log, estimator, plugins, kind, neighbours=neighbours
-    )
+    flight = _new_flight(parameters, kind, plugins, (path, vehicle, facts), true_state, member)
     if print_instructions:
         flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()
@@ -104,11 +94,34 @@ def fly(
     except QuadlabError as error:
         raise kept(error, path) from error
     finally:
-        for part in (log, flight.stack, simulated):
-            part.close()
+        flight.close()
     took = {"wall": time.perf_counter() - began, "processor": time.process_time() - processor}
     result, proposal = judged(experiment, path, aborted)
     return Flown(flight, path, result, proposal, aborted, **took)
+
+
+def _new_flight(
+    parameters: FlightParameters,
+    kind: Kind,
+    plugins: Path,
+    log: tuple[Path, str, dict[str, str]],
+    true_state: bool,
+    member: Member | None,
+) -> SimulatedFlight:
+    """Return the flight with its simulated vehicle and its log (path, vehicle, facts)."""
+    from quadlab.simulated.flight import SimulatedFlight, TrueState
+    from quadlab.simulated.flight_log import FlightLog
+    from quadrotor.parameters import ParameterStore
+
+    path, vehicle, facts = log
+    simulated = _simulated_vehicle(parameters, facts["board"])
+    written = FlightLog(path, vehicle, ParameterStore(parameters), facts)
+    neighbours = member.neighbours(simulated, written) if member is not None else None
+    estimator = TrueState(simulated) if true_state else None
+    load_kernels()
+    return SimulatedFlight(
+        parameters, simulated, written, estimator, plugins, kind, neighbours=neighbours
+    )
 
 
 def check_seed(seed: int) -> None:

@@ -97,6 +97,11 @@ class SimulatedFlight(SimulatedGuide):
         self._true_position_w = simulated.truth["position_w"][0]
         self._true_quaternion_wb = simulated.truth["quaternion_wb"][0]
 
+    def close(self) -> None:
+        """End the log, the stack and the simulated vehicle."""
+        for part in (self._log, self.stack, self._simulated):
+            part.close()
+
     # ------------------------------------------------------------------ the client API
     finished = False
     has_pilot = False

@@ -86,13 +86,15 @@ def hold(plant: Record, holder: Record, references: Four, duration: float) -> No
         angle = math.sqrt(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])
         step = TURN_RATE * duration
         if angle > step:
-            phi *= step / angle
+            for i in range(3):
+                phi[i] *= step / angle
             q = quaternion_normalize(quaternion_multiply(q, quaternion_exp(phi)))
             for i in range(3):
                 p.x[10 + i] = phi[i] / duration
         else:
             q = h.quaternion_wb.copy()
-        p.x[6:10] = q
+        for i in range(4):  # an assigned slice would take 2 s longer to compile
+            p.x[6 + i] = q[i]
         up = (LIFT_HEIGHT if h.held == HAND else 0.0) - p.x[2]
         if abs(up) > AT_HEIGHT:
             most = LIFT_ACCELERATION * duration
@@ -105,5 +107,7 @@ def hold(plant: Record, holder: Record, references: Four, duration: float) -> No
             if h.held == SET_DOWN and angle <= step:
                 h.held = FREE
         force_w[2] += (p.x[5] - was) / duration
-    p.specific_force_b[:] = rotate_inverse(q, force_w)
+    felt_b = rotate_inverse(q, force_w)
+    for i in range(3):
+        p.specific_force_b[i] = felt_b[i]
     discharge(plant, duration)

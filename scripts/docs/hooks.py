@@ -16,9 +16,9 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from documentation.reference import PAGES, code_page
 from extensions.documents.diagrams import svg
 from quadrotor.checkout import ROOT
+from scripts.docs.reference import PAGES, code_page
 
 DOCS = ROOT / "docs"
 OUTSIDE = "repository/"

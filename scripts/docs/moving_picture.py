@@ -1,6 +1,6 @@
 """docs/images/flight.webp: a flight on bearings on the replay page, in headless Chromium.
 
-    python -m documentation.moving_picture [LOG]
+    python -m scripts.docs.moving_picture [LOG]
 
 Without a log the experiment `bearings` is flown first, in simulated time. The page is the exported
 one, which is drawn at each instant that is asked for: so the frames are the same on any machine.

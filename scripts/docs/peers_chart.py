@@ -1,6 +1,6 @@
 """docs/images/peers.png: speed and accuracy beside peers and the bound, from measured figures.
 
-    python -m documentation.peers_chart [FOLDER]
+    python -m scripts.docs.peers_chart [FOLDER]
 
 The figures are those of docs/performance/performance.json, which `python -m benchmarks` writes.
 """

@@ -1,6 +1,6 @@
 """docs/images/*.png: the pages of a running `quadlab up`, in headless Chromium.
 
-    python -m documentation.pictures [NAME…]
+    python -m scripts.docs.pictures [NAME…]
 
 A simulated vehicle is flown as a person would fly it: two flights with a figure 8, gains changed in
 between, step tests, sticks, bearings and calibrations. The 3D view is drawn in software. Without
@@ -33,7 +33,7 @@ PORT, LINK_PORT = 28140, 28510
 WINDOW, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 REPORT = {"width": 760, "height": 1492}
 FOLDER = ROOT / "docs/images"
-OTHERS = {"faults", "loop_rate", "peers"}  # drawn by benchmarks and documentation.peers_chart
+OTHERS = {"faults", "loop_rate", "peers"}  # drawn by benchmarks and scripts.docs.peers_chart
 DRAWN, SETTLED = 12_000, 2000
 """Time in ms until the 3D view is drawn, at the few frames of software, and until charts are."""
 BOUND = 120_000  # ms
