@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -157,11 +157,8 @@ def fit_residual(flights: Sequence[FlightResidual]) -> ResidualFit:
 
 def split(flight: FlightResidual, number: int) -> list[FlightResidual]:
     """Return a flight in so many parts of equal length."""
-    arrays = {k: v for k, v in vars(flight).items() if isinstance(v, np.ndarray)}
-    pieces = {name: np.array_split(values, number) for name, values in arrays.items()}
-    return [
-        replace(flight, **{name: one[k] for name, one in pieces.items()}) for k in range(number)
-    ]
+    pieces = np.array_split(np.arange(len(flight.time)), number)
+    return [flight.rows(one) for one in pieces]
 
 
 def directions(parts: Sequence[FlightResidual]) -> list[Direction]:
@@ -241,8 +238,10 @@ def ridge(terms: Sequence[Array], forces: Sequence[Array], penalty: float) -> Ar
     A = A / np.where(scale > 0.0, scale, 1.0)
     root = math.sqrt(penalty * len(b)) * np.eye(A.shape[1])
     found = np.linalg.lstsq(np.vstack((A, root)), np.append(b, np.zeros(len(root))))[0]
-    return found / np.where(scale > 0.0, scale, 1.0)
+    coefficients: Array = found / np.where(scale > 0.0, scale, 1.0)
+    return coefficients
 
 
 def _centred(values: Array) -> Array:
-    return values - values.mean(axis=0)
+    centred: Array = values - values.mean(axis=0)
+    return centred

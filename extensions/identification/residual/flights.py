@@ -18,6 +18,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
 from flight_log.fields import FORCE, THRUSTS, TURNING_B, VELOCITY_B
@@ -66,6 +67,19 @@ class FlightResidual:
     torque_b: Array
     parameters: FlownParameters
 
+    def rows(self, chosen: npt.NDArray[np.intp]) -> FlightResidual:
+        """Return the chosen samples."""
+        return FlightResidual(
+            self.name,
+            self.time[chosen],
+            self.velocity_b[chosen],
+            self.thrust[chosen],
+            self.speed[chosen],
+            self.force_b[chosen],
+            self.torque_b[chosen],
+            self.parameters,
+        )
+
 
 def read_residual(log: Path, vehicle: str) -> FlightResidual:
     """Read the residual of a flight from its log.
@@ -86,9 +100,14 @@ def read_residual(log: Path, vehicle: str) -> FlightResidual:
 
     force_b, thrusts = rows("imu", FORCE), rows("actuators", THRUSTS)
     motion_b = rows("state", (*VELOCITY_B, *TURNING_B))
-    found = residual(time, force_b, motion_b, thrusts, parameters.vehicle)
-    kept = np.flatnonzero(free)[:: max(1, round(EVERY / float(np.median(np.diff(time)))))]
-    return FlightResidual(log.stem, time[kept], *(one[kept] for one in found), parameters)
+    velocity_b, thrust, speed, residual_b, torque_b = residual(
+        time, force_b, motion_b, thrusts, parameters.vehicle
+    )
+    every = max(1, round(EVERY / float(np.median(np.diff(time)))))
+    whole = FlightResidual(
+        log.stem, time, velocity_b, thrust, speed, residual_b, torque_b, parameters
+    )
+    return whole.rows(np.flatnonzero(free)[::every])
 
 
 def residual(
