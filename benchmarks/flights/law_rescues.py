@@ -5,11 +5,13 @@
 A law hovers well for some seconds and then does one of seven harms: it answers NaN or infinity,
 asks for a jolt or for no thrust, creeps, or climbs. The built-in law has to take over and hold the
 vehicle, with an event that says why; the payload and the wind of each flight are its own. A tick is
-timed as machine code, so that its longest hundredth shows iterations that do not end in time.
+timed as machine code in processor time, so that its longest hundredth shows iterations that take
+long, and not the computer's other work.
 """
 
 from __future__ import annotations
 
+import time
 from unittest.mock import patch
 
 import numpy as np
@@ -26,8 +28,9 @@ from quadrotor.extension import Extension, Law
 from quadrotor.extensions import Registry
 
 HARM = Law(name="harm", target=".harm:LAW", parameters=".harm:HarmParameters")
-HELD, CAUGHT = 0.5, 2.0
-"""Largest distance (m) from the hover after a harm, and the time (s) for which it is watched."""
+HELD, CAUGHT = 0.75, 2.0
+"""Largest distance (m) from the hover, of which a law that drifts away may take 0.5 m before it is
+out (`control.plugin.distance_max`), and the time (s) for which the vehicle is watched after it."""
 SLOW = {"nmpc": 2e-3}
 """Limits (s) of laws whose tick may take longer than TICK."""
 TICK = 100e-6
@@ -88,7 +91,7 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
         Target("farthest from the hover, m", farthest, HELD),
     ]
     for name, entry in entries().items():
-        times = tick_times(entry, size.of(20000, 5000, 100))
+        times = tick_times(entry, size.of(20000, 5000, 100), time.thread_time)
         late = float(np.quantile(times, 0.99))
         figures = {"median, µs": 1e6 * float(np.median(times)), "99 %, µs": 1e6 * late}
         found.rows.append(Row(f"tick of {name}", figures))
