@@ -66,6 +66,7 @@ FOLDERS = {
         "hostile_flights",
         "hostile_plugins",
         "foreign_laws",
+        "law_rescues",
         "tracking_faults",
         "tracking_systems",
         "starved",

@@ -12,7 +12,8 @@ from pathlib import Path
 from benchmarks.house.sources import FRAGMENT
 
 ROOT = Path(__file__).resolve().parent.parent
-ROW = re.compile(r"^\|[^|]+\|[^|]*\| `([\w.]+)` \| `(tests/[\w/]+\.py)` \|$", re.MULTILINE)
+TEST = r"(?:extensions/\w+/)?tests/[\w/]+\.py"
+ROW = re.compile(rf"^\|[^|]+\|[^|]*\| `([\w.]+)` \| `({TEST})` \|$", re.MULTILINE)
 
 
 def rows() -> list[tuple[str, str]]:

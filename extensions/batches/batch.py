@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import count
@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.tracker import TrackerParameters
-from control.laws import settings_of
+from control.laws import CompiledLaw, settings_of
 from control.parameters import GEOMETRIC, ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.parameters import EstimationParameters
@@ -129,6 +129,7 @@ def fly_batch(
     substep: float = SUBSTEP,
     history_rate: float | None = None,
     threads: int | None = None,
+    others: Mapping[str, CompiledLaw] | None = None,
 ) -> BatchResult:
     """Fly every scenario for `duration` s; the first call compiles.
 
@@ -138,6 +139,7 @@ def fly_batch(
         substep: s, the longest integration step of the plant.
         history_rate: Hz of the sampled histories; None for no history.
         threads: number of threads, None for all cores. The results do not depend on it.
+        others: laws beside those of extensions, by their names in `control.law`.
 
     Raises OutOfBoundsError.
     """
@@ -147,19 +149,19 @@ def fly_batch(
     if history_rate is not None:
         keep_every = max(1, round(1.0 / (history_rate * period)))
         kept = math.ceil(ticks / keep_every)
-    cases, plants = prepare(scenarios)
+    (cases, plants), size = prepare(scenarios), len(scenarios)
     cases["pace"]["ticks"], cases["pace"]["period_ns"] = ticks, period_ns
     cases["pace"]["substeps"] = math.ceil(period / substep - 1e-9)
     cases["pace"]["hover_ticks"] = round(hover / period)
     cases["late"] = [_late(one.truth.command_latency, period) for one in scenarios]
     cases["pace"]["judge_every"] = max(1, round(JUDGE_PERIOD / period))
     cases["pace"]["keep_every"] = keep_every
-    size = len(scenarios)
     outcome, history = np.zeros(size, OUTCOME), np.zeros((size, kept), HISTORY)
     for name in HISTORY.names or ():
         history[name] = np.nan
-    turn, fresh, laws = count(), new_onboard(), laws_of(one.control.law for one in scenarios)
-    fly = entry()
+    laws = laws_of((one.control.law for one in scenarios), others or {})
+    fresh, fly = new_onboard(), entry()
+    turn, workers = count(), min(threads or os.cpu_count() or 1, size)
 
     def work() -> None:
         onboard, motors = fresh.copy(), np.zeros((2, 4))
@@ -176,7 +178,6 @@ def fly_batch(
             fly(case, plant, onboard, judged, history[k], motors, law.step, own, records)
             plants[one], outcome[one] = plant, judged
 
-    workers = min(threads or os.cpu_count() or 1, size)
     if workers <= 1:
         work()
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -27,10 +27,12 @@ def _nothing(own: Own, records: Records, flown: bool, airborne: bool, dt: float)
 NOTHING = CompiledLaw(_nothing, np.dtype([("unused", "i8")]))
 
 
-def laws_of(names: Iterable[str]) -> dict[str, CompiledLaw]:
-    """Return the laws of these names. Raises OutOfBoundsError for one that is not compiled."""
-    there, found = extended(), {GEOMETRIC: NOTHING}
-    for name in {*names} - {GEOMETRIC}:
+def laws_of(names: Iterable[str], others: Mapping[str, CompiledLaw]) -> dict[str, CompiledLaw]:
+    """Return the laws of these names, with those of the caller. Raises OutOfBoundsError for one
+    that is not compiled.
+    """
+    there, found = extended(), {GEOMETRIC: NOTHING, **others}
+    for name in {*names} - found.keys():
         if name not in there:
             raise OutOfBoundsError(
                 f"control.law = {name!r}: compiled flights have {', '.join((GEOMETRIC, *there))}; "

@@ -1,10 +1,19 @@
 """The declaration of the extension `identification`."""
 
-from quadrotor.extension import Evidence, Experiment, Extension, Judged, ReportFigures
+from quadrotor.extension import (
+    Command,
+    Evidence,
+    Experiment,
+    Extension,
+    Group,
+    Judged,
+    ReportFigures,
+)
 
 EXTENSION = Extension(
     name="identification",
-    summary="Drag, noise of the inertial sensors, delay and body of the tracker, as experiments",
+    summary="Drag, noise of the inertial sensors, delay and body of the tracker, as experiments; "
+    "forces that the model leaves unexplained, from recorded flights",
     protocol=1,
     offers=(
         Experiment(name="drag", target=".drag.experiment:DragExperiment", calibration="drag"),
@@ -24,6 +33,14 @@ EXTENSION = Extension(
             calibration="tracker_body",
         ),
         ReportFigures(name="vibration", target=".vibration.figures:vibration"),
+        Command(
+            name="identify",
+            target=".residual.command:Identify",
+            group=Group.RECORDED,
+            summary="Fit drag by axis, its height and the loss of thrust to what the model leaves "
+            "unexplained in recorded flights.",
+            examples={"quadlab identify residual LOG LOG": "propose values, judged by each flight"},
+        ),
     ),
     judged=(Judged(Evidence.SIMULATED, "flights whose truth is known"),),
     docs="calibration.md",

@@ -37,11 +37,11 @@ class Plugins:
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all."""
-        return tuple(sorted(self._sources()))
+        return tuple(sorted(self.sources()))
 
     def check(self, parameter: str, name: str) -> None:
         """Raise RefusedError when more than one has this name."""
-        sources = self._sources().get(name, [])
+        sources = self.sources().get(name, [])
         if len(sources) > 1:
             raise RefusedError(
                 f"{parameter} = {name}: two files or packages have this name, "
@@ -52,7 +52,7 @@ class Plugins:
         """Return the link to the process of a plugin, which is starting; one that cannot start
         has failed already.
         """
-        sources = self._sources().get(name)
+        sources = self.sources().get(name)
         if sources is None:
             return NoLink(f"no {self._contract.kind} is called {name!r}")
         try:
@@ -60,7 +60,7 @@ class Plugins:
         except QuadlabError as error:
             return NoLink(str(error))
 
-    def _sources(self) -> dict[str, list[str]]:
+    def sources(self) -> dict[str, list[str]]:
         """Return what `vehicle.plugins.host.load` takes, by the name of the plugin."""
         found: dict[str, list[str]] = {}
         folder, contract = self.folder, self._contract

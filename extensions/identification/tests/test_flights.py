@@ -12,6 +12,8 @@ from console.experiments.client import Calibrating
 from console.reports.flight import flight_of
 from console.reports.judgement import Judgement
 from console.reports.run_log import read_run
+from extensions.identification.residual.fit import fit_residual
+from extensions.identification.residual.flights import read_residual
 from extensions.reports.experiment_figures import experiment_pictures
 from quadrotor.errors import LogFormatError
 from tests.support.laboratory import laboratory
@@ -43,6 +45,13 @@ def test_drag_is_found_on_circles_and_proposed_for_the_model(tmp_path: Path) -> 
         "model.drag": pytest.approx(0.2, abs=0.01),
         "model.drag_lever": pytest.approx(0.03, abs=0.005),
     }
+    residual = fit_residual([read_residual(log, "quad1")])
+    assert residual.simulator() == {
+        "simulator.rotor_drag_x": pytest.approx(0.2, abs=0.01),
+        "simulator.rotor_drag_y": pytest.approx(0.2, abs=0.01),
+        "simulator.drag_lever": pytest.approx(0.03, abs=0.005),
+    }
+    assert list(residual.quiet) == ["z"]  # circles are level
 
 
 # ---------------------------------------------------------------- vibration

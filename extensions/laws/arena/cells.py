@@ -10,6 +10,7 @@ from control.laws import extended, new_control_parameters
 from control.parameters import GEOMETRIC, ControlParameters
 from control.presets import preset_values
 from control.trajectories.figure_eight import FigureEight
+from extensions.laws.arena.own_laws import OwnLaw
 from quadrotor.errors import UsageError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
@@ -27,12 +28,14 @@ class Entry:
 
     Attributes:
         knows_drag: whether the drag that an experiment would identify is in its model.
+        own: a law of a user's file; None for one of quadlab or of an extension.
     """
 
     name: str
     law: str = GEOMETRIC
     settings: Mapping[str, ParameterValue] = field(default_factory=dict)
     knows_drag: bool = False
+    own: OwnLaw | None = None
 
     def control(self) -> ControlParameters:
         """Return the parameters of the controller. Raises ParameterError."""
@@ -41,21 +44,27 @@ class Entry:
         return control
 
 
-def entries() -> dict[str, Entry]:
-    """Return the paper's law without and with the disturbance observer, and each other law."""
+def entries(own: Mapping[str, OwnLaw] | None = None) -> dict[str, Entry]:
+    """Return the paper's law without and with the disturbance observer, each other law, and users'
+    own ones.
+    """
     observer = {k.removeprefix("control."): v for k, v in preset_values(OBSERVER).items()}
     ours = Entry(GEOMETRIC), Entry(OBSERVER, settings=observer)
     others = (Entry(name, name, knows_drag=name in KNOW_DRAG) for name in extended())
-    return {one.name: one for one in (*ours, *others)}
+    added = (Entry(name, name, own=law) for name, law in (own or {}).items())
+    return {one.name: one for one in (*ours, *others, *added)}
 
 
-def chosen(names: str) -> list[Entry]:
-    """Return the entries of these names, all for none. Raises UsageError."""
-    there = entries()
+def chosen(names: str, own: Mapping[str, OwnLaw] | None = None) -> list[Entry]:
+    """Return the entries of these names; for none, all but users' own. Raises UsageError."""
+    there = entries(own)
     for name in names.split():
         if name not in there:
             raise UsageError(f"--laws {name!r} is not in the arena; there are {', '.join(there)}")
-    return [there[name] for name in names.split() or there]
+    found = [there[name] for name in names.split() or entries()]
+    for one in found:
+        _ = one.own and one.own.law  # a mistake in a file is told before the first flight
+    return found
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,14 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from quadlab.option_types import Folder
 from quadrotor.errors import UsageError
+
+if TYPE_CHECKING:
+    from extensions.laws.arena.cells import Entry
+    from extensions.laws.arena.results import Cell
 
 
 @dataclass
@@ -15,12 +21,14 @@ class Arena:
     errors."""
 
     laws: str = ""
-    """names separated by spaces (default: all)"""
+    """names separated by spaces, also of your own laws (default: all but those)"""
     seeds: int = 12
     """flights of each law in each cell; all laws fly the same seeds"""
     tuned: Path | None = None
     """folder with the campaigns tune_NAME, whose best trials are the settings (default: the laws'
     own values)"""
+    plugins: Folder = None
+    """folder of your own laws (default: plugins in the data folder)"""
     page: Path | None = None
     """Markdown file whose tables are replaced"""
     out: Path | None = None
@@ -29,8 +37,12 @@ class Arena:
     def run(self) -> int:
         from extensions.laws.arena import table
         from extensions.laws.arena.cells import chosen
-        from extensions.laws.arena.flights import fly_arena, tick_time, tolerated_latency
+        from extensions.laws.arena.flights import fly_arena
+        from extensions.laws.arena.own_laws import own_laws
         from extensions.laws.arena.tuned import tuned
+        from quadlab.data_folder import data_folder
+        from vehicle.laws.offer import offer_laws
+        from vehicle.processes.config import PLUGINS
 
         if self.seeds < 2:
             raise UsageError(f"--seeds {self.seeds}: allowed are 2 or more; an interval needs them")
@@ -38,20 +50,16 @@ class Arena:
             table.check_page(self.page)
         if self.out is not None:
             table.check_out(self.out)
-        laws, budget = chosen(self.laws), ""
+        folder = self.plugins or data_folder(None) / PLUGINS
+        offer_laws(folder)
+        laws, budget = chosen(self.laws, own_laws(folder)), ""
         if self.tuned is not None:
             laws, budget = tuned(laws, self.tuned)
         cells = list(fly_arena(laws, self.seeds, lambda line: print(line, file=sys.stderr)))
-        has_base = any(one.entry == laws[0].name == "geometric" for one in cells)
-        settings = f"; settings of each law by {budget}" if budget else ""
-        lines = ["", f"Median position error of {self.seeds} seeds, mm rms{settings}:", ""]
-        lines += table.errors_table(cells)
-        if has_base and len(laws) > 1:
-            lines += ["", "The same over that of `geometric`, seed by seed:", ""]
-            lines += table.ratios_table(cells)
-        facts = [(one.name, tolerated_latency(one), tick_time(one.law)) for one in laws]
-        lines += ["", "Latency tolerated on the 8 in 8 s, and the time of a tick:", ""]
-        lines += [*table.facts_table(facts), ""]
+        lines = self._tables(laws, cells, budget)
+        for one in laws:
+            for why in one.own.failures if one.own else ():
+                print(f"quadlab: {one.name} was out, and crashed: {why}", file=sys.stderr)
         if self.out is not None:
             table.write_out(self.out, cells)
         if self.page is not None:
@@ -59,3 +67,19 @@ class Arena:
         else:
             print("\n".join(lines))
         return 0
+
+    def _tables(self, laws: list[Entry], cells: list[Cell], budget: str) -> list[str]:
+        from extensions.laws.arena import table
+        from extensions.laws.arena.flights import tick_time, tolerated_latency
+
+        has_base = any(one.entry == laws[0].name == "geometric" for one in cells)
+        settings = f"; settings of each law by {budget}" if budget else ""
+        lines = ["", f"Median position error of {self.seeds} seeds, mm rms{settings}:", ""]
+        lines += table.errors_table(cells)
+        if has_base and len(laws) > 1:
+            lines += ["", "The same over that of `geometric`, seed by seed:", ""]
+            lines += table.ratios_table(cells)
+        facts = [table.Facts(one.name, tolerated_latency(one), tick_time(one)) for one in laws]
+        lines += ["", "How often each law is the first, or near it, among all and among those that"]
+        lines += ["tolerate as much latency on the 8 in 8 s:", ""]
+        return [*lines, *table.facts_table(cells, facts), ""]

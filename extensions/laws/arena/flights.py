@@ -49,7 +49,9 @@ def fly_cell(
         )
         for seed in seeds
     ]
-    flown = fly_batch(made, HOVER + course.duration, hover=HOVER)
+    own = {entry.law: entry.own.compiled} if entry.own else {}
+    threads = 1 if own else None  # the law is one object
+    flown = fly_batch(made, HOVER + course.duration, hover=HOVER, threads=threads, others=own)
     rms = np.where(flown.crashed, np.nan, flown.outcome["position_rms"])
     shares = flown.outcome["saturated_share"][~flown.crashed]
     return rms, float(shares.mean()) if len(shares) else math.nan
@@ -82,8 +84,9 @@ def tolerated_latency(entry: Entry) -> float:
     return latency
 
 
-def tick_time(law: str, ticks: int = 5000) -> float:
-    """Return the median time (s) of one tick of a law in machine code, on this computer."""
+def tick_times(entry: Entry, ticks: int, clock: Callable[[], float] = time.perf_counter) -> Array:
+    """Return the times (ticks,) s of a law in machine code, on this computer."""
+    law = entry.law
     if law == GEOMETRIC:
         controller, out = GeometricController(), np.zeros(1, ACTUATORS)
         controller.configure(new_control_parameters(), VehicleModel().record())
@@ -92,7 +95,8 @@ def tick_time(law: str, ticks: int = 5000) -> float:
         def step() -> None:
             controller.step(state, reference, True, 0.002, out)
     else:
-        made, control = extended()[law].load(), new_control_parameters()
+        made = entry.own.compiled if entry.own else extended()[law].load()
+        control = new_control_parameters()
         arguments = example_arguments(made, settings_of(control, law))
         code = direct(made.step, *arguments)
 
@@ -101,7 +105,12 @@ def tick_time(law: str, ticks: int = 5000) -> float:
 
     times = np.empty(ticks)
     for k in range(ticks):
-        began = time.perf_counter()
+        began = clock()
         step()
-        times[k] = time.perf_counter() - began
-    return float(np.median(times))
+        times[k] = clock() - began
+    return times
+
+
+def tick_time(entry: Entry, ticks: int = 5000) -> float:
+    """Return the median time (s) of one tick of a law in machine code, on this computer."""
+    return float(np.median(tick_times(entry, ticks)))

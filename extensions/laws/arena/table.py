@@ -6,11 +6,12 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from control.parameters import GEOMETRIC
-from extensions.laws.arena.results import Cell, as_json, lines_of
+from extensions.laws.arena.results import NEAR, Cell, as_json, lines_of, standings
 from quadrotor.errors import UsageError, os_errors
 
 BEGIN, END = "<!-- quadlab arena begins -->", "<!-- quadlab arena ends -->"
@@ -42,15 +43,32 @@ def ratios_table(cells: Sequence[Cell]) -> list[str]:
     return lines
 
 
-def facts_table(facts: Iterable[tuple[str, float, float]]) -> list[str]:
-    """Return the tolerated latency (s) and the time of a tick (s) of each entry."""
-    rows = list(facts)
-    base = next((tick for name, _, tick in rows if name == GEOMETRIC), math.nan)
-    lines = [_row("law", "tolerated latency", "tick", "of the geometric law's")]
-    lines.append(_row("---", "--:", "--:", "--:"))
-    for name, latency, tick in rows:
-        cost = f"{1e6 * tick:.1f} µs", f"{tick / base:.2f}"
-        lines.append(_row(name, f"{1e3 * latency:.0f} ms", *cost))
+@dataclass(frozen=True)
+class Facts:
+    """The tolerated latency of an entry, s, and the time of its tick, s."""
+
+    law: str
+    latency: float
+    tick: float
+
+
+def facts_table(cells: Sequence[Cell], facts: Sequence[Facts]) -> list[str]:
+    """Return how often each law is the first, or near it, among all laws and among those that
+    tolerate at least as much latency, with this latency and the time of its tick.
+    """
+    base = next((one.tick for one in facts if one.law == GEOMETRIC), math.nan)
+    near = f"within {100 * (NEAR - 1):.0f} %"
+    head = "law", "first", near, f"{near}, at its latency", "crashed", "tolerated latency", "tick"
+    lines = [_row(*head, "of the geometric law's"), _row("---", *("--:" for _ in head))]
+    ranks = {one.law: one for one in standings(cells)}
+    for one in facts:
+        rivals = {other.law for other in facts if other.latency >= one.latency}
+        equal = standings([cell for cell in cells if cell.entry in rivals])
+        rank, among = ranks[one.law], next(found for found in equal if found.law == one.law)
+        counts = f"{rank.first} of {rank.lines}", f"{rank.near} of {rank.lines}"
+        share, lost = f"{among.near} of {among.lines}", f"{rank.crashed} of {rank.flights}"
+        cost = f"{1e3 * one.latency:.0f} ms", f"{1e6 * one.tick:.1f} µs", f"{one.tick / base:.2f}"
+        lines.append(_row(one.law, *counts, share, lost, *cost))
     return lines
 
 

@@ -56,16 +56,22 @@ def best_trial(rows: pa.Table) -> Found | None:
 
 
 def tuned(entries: Sequence[Entry], folder: Path) -> tuple[list[Entry], str]:
-    """Return entries with the settings of the campaigns `tune_NAME` in a folder, and their budget.
+    """Return entries with the settings of the campaigns `tune_NAME` in a folder, and their budget:
+    one for all, or that of each law where they differ.
 
-    Raises UsageError for a campaign that is missing or has no whole trial, and for budgets that
-    differ; StorageError for a campaign that cannot be read.
+    Raises UsageError for a law of a file, and for a campaign that is missing or has no whole trial;
+    StorageError for a campaign that cannot be read.
     """
     door = registry().offers(Function).get("campaign")
     if door is None:
         raise UsageError("--tuned needs the extension campaigns, which is not installed")
-    made, budgets = [], {}
+    made, budgets = [], defaultdict[str, list[str]](list)
     for one in entries:
+        if one.own:
+            raise UsageError(
+                f"--tuned: {one.name} is of a file, and campaigns of compiled flights have none of "
+                "these; leave it out of --laws"
+            )
         plan = f"tune_{one.name}"
         if not (folder / plan).is_dir():
             raise UsageError(
@@ -80,11 +86,7 @@ def tuned(entries: Sequence[Entry], folder: Path) -> tuple[list[Entry], str]:
             )
         own = {name.removeprefix(OWN): value for name, value in found.values.items()}
         made.append(replace(one, settings={**one.settings, **own}))
-        budgets[one.name] = f"{found.trials} trials of {found.flights} flights"
-    if len(set(budgets.values())) > 1:
-        told = ", ".join(f"{name} {budget}" for name, budget in budgets.items())
-        raise UsageError(
-            f"--tuned {folder}: budgets differ ({told}); a table needs one budget: fly the plans "
-            "with the same trials and seeds"
-        )
-    return made, next(iter(budgets.values()))
+        budgets[f"{found.trials} trials of {found.flights} flights"].append(one.name)
+    if len(budgets) == 1:
+        return made, next(iter(budgets))
+    return made, "; ".join(f"{budget} ({', '.join(names)})" for budget, names in budgets.items())

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from control.controller import GeometricController
 from control.laws import example_arguments, extended, new_control_parameters, settings_of
 from control.parameters import control_record
-from extensions.laws.tests.equations import LAWS, plain
+from extensions.laws.tests.equations import LAWS, Geometric, plain
 from quadrotor.compiled import direct
 from quadrotor.records import ACTUATORS, REFERENCE, STATE, Record
 from quadrotor.vehicle_model import VehicleModel
@@ -53,5 +54,27 @@ def test_a_law_equals_its_equations(name: str) -> None:
             step((memory, settings), (x, r, gains, model, actuators), True, True, DT)
             worst = max(worst, float(np.abs(actuators["wrench"][0] - wanted).max()))
             scaled += int(actuators["scaling"][0] < 1.0)
+    assert worst < 1e-9
+    assert 0 < scaled < FLIGHTS * TICKS  # with and without saturation
+
+
+def test_the_papers_law_equals_its_equations_with_any_disturbance_that_an_observer_found() -> None:
+    rng = np.random.default_rng(2)
+    controller, control = GeometricController(), new_control_parameters()
+    gains, model = control_record(control), VehicleModel(drag=0.3, drag_lever=0.02).record()
+    controller.configure(control, model)
+    k, m, out = plain(gains), plain(model), np.zeros(1, ACTUATORS)
+    worst, scaled = 0.0, 0
+    for _ in range(FLIGHTS):
+        controller.reset()
+        script = Geometric()
+        for _ in range(TICKS):
+            x, r, off = random_state(rng), random_reference(rng), controller.disturbance
+            for name, size in (("force_w", 0.5), ("force_rate_w", 1.0), ("torque_b", 0.05)):
+                off[name] = rng.normal(0.0, size, 3)
+            wanted, _ = script.step(plain(off), plain(x), plain(r), k, m, DT)
+            controller.step(x, r, True, DT, out)
+            worst = max(worst, float(np.abs(out["wrench"][0] - wanted).max()))
+            scaled += int(out["scaling"][0] < 1.0)
     assert worst < 1e-9
     assert 0 < scaled < FLIGHTS * TICKS  # with and without saturation
