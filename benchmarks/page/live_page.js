@@ -27,14 +27,15 @@
   CanvasRenderingContext2D.prototype.clearRect = function (...words) {
     const series = window.source?.series[0];
     if (series?.last !== undefined && this.canvas.closest("#chart-0")) {
-      const { times, origin } = { times: series.times, origin: window.source.origin },
+      const { origin } = window.source,
+        { times } = series,
         ticks = [];
       for (let k = series.end - 1; k >= series.start && times[k] > (drawn ?? series.last); k--)
         ticks.push(origin + times[k]);
       drawn = series.last;
+      noted.draws.push(now());
       painted(() => {
         const at = now();
-        noted.draws.push(at);
         noted.delays.push(...ticks.map((tick) => at - tick));
       });
     }

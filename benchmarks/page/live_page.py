@@ -9,13 +9,14 @@ measured:
 - frames: 20 signals of 500 Hz in four charts, in turns with a plain uPlot page of as many;
 - from a tick on board to the frame that shows it;
 - five clients with a page's three websockets, beside the flight;
-- the page frozen for minutes, as in a hidden tab, and shown again;
+- the page's process stopped for minutes, as by a browser or a computer that sleeps;
 - a phone, whose browser limits what it receives and sends.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import statistics
 import time
 from pathlib import Path
@@ -197,18 +198,25 @@ def unsent() -> int:
     return sum(int(row[4].split(":")[0], 16) for row in rows if row[1].endswith(f":{PORT:04X}"))
 
 
+def stopped(browser: Any, what: signal.Signals) -> None:
+    """Stop or continue the processes that run the browser's pages."""
+    devtools = browser.new_browser_cdp_session()
+    for one in devtools.send("SystemInfo.getProcessInfo")["processInfo"]:
+        if one["type"] == "renderer":
+            os.kill(one["id"], what)
+
+
 def hidden(browser: Any, flown: Pilot, size: Size) -> Figures:
-    """Freeze the page for long, and measure until it has what it missed."""
+    """Stop the page for long, and measure until it has what it missed."""
     newest = "source.origin + source.series[0].last"
     with console(browser, flown) as page:
-        devtools = page.context.new_cdp_session(page)
         page.wait_for_timeout(1e3 * size.of(*SETTLED))
         since = page.evaluate(newest)
         behind = statistics.median(late for _, late, _ in page.evaluate("noted.comes"))
-        devtools.send("Page.setWebLifecycleState", {"state": "frozen"})
+        stopped(browser, signal.SIGSTOP)
         time.sleep(size.of(*HIDDEN))
         shown = time.time()
-        devtools.send("Page.setWebLifecycleState", {"state": "active"})
+        stopped(browser, signal.SIGCONT)
         page.wait_for_function(f"() => {newest} >= {shown - behind}", timeout=1e3 * PATIENCE)
         page.wait_for_function(f"() => noted.draws.at(-1) >= {time.time()}")
         took = time.time() - shown

@@ -14,7 +14,7 @@ import { element } from "../core/dom.js";
 import { fixed } from "../core/format.js";
 import { axisLook, font, paint, theme } from "../core/theme.js";
 
-const PERIOD = 66; // ms between two drawings at most
+const PERIOD = 30; // ms between two drawings at least: each frame of the telemetry is drawn
 const READ = 125; // ms between two readings of the newest values
 const COUNT = 500; // ms between two statistics of what runs
 const EMPTY = [
