@@ -13,6 +13,8 @@ from benchmarks.page.up_cost import Pilot
 
 HOST, PORT, LINK_PORT = "127.0.0.1", 28095, 28465
 WINDOW = {"width": 1440, "height": 900}
+SPAN = 10
+"""Seconds that charts of a given layout show: they are drawn whenever they move by half a pixel."""
 NOTING = Path(__file__).with_name("live_page.js")
 
 
@@ -32,7 +34,7 @@ def console(
     context.add_init_script(path=NOTING)
     if layout:
         charts = [{"signals": one, "scales": {}} for one in layout]
-        kept = json.dumps({"name": "", "layout": {"window": 30, "charts": charts}})
+        kept = json.dumps({"name": "", "layout": {"window": SPAN, "charts": charts}})
         context.add_init_script(f"localStorage.setItem('charts.now', {json.dumps(kept)})")
     page = context.new_page()
     page.route("**/viser/**", lambda route: route.fulfill(body="", content_type="text/html"))

@@ -361,8 +361,7 @@ export class Charts {
 
   draw() {
     if (document.hidden) return;
-    const at = performance.now();
-    for (const chart of this.charts) chart.draw(at);
+    for (const chart of this.charts) chart.draw();
   }
 
   drawBar() {
