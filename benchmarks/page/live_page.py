@@ -10,7 +10,7 @@ measured:
 - from a tick on board to the frame that shows it, in the default charts;
 - five clients with a page's three websockets, beside the flight;
 - the page's process stopped for minutes, as by a browser or a computer that sleeps;
-- a phone, whose browser limits what it receives and sends.
+- a phone behind links of several rates.
 """
 
 from __future__ import annotations
@@ -221,9 +221,11 @@ def hidden(browser: Any, flown: Pilot, size: Size) -> Figures:
         since = page.evaluate(newest)
         behind = statistics.median(late for _, late, _ in page.evaluate("noted.comes"))
         stopped(browser, signal.SIGSTOP)
-        time.sleep(size.of(*HIDDEN))
-        shown = time.time()
-        stopped(browser, signal.SIGCONT)
+        try:
+            time.sleep(size.of(*HIDDEN))
+        finally:
+            shown = time.time()
+            stopped(browser, signal.SIGCONT)
         page.wait_for_function(f"() => {newest} >= {shown - behind}", timeout=1e3 * PATIENCE)
         page.wait_for_function(f"() => noted.draws.at(-1) >= {time.time()}")
         took = time.time() - shown
