@@ -22,7 +22,12 @@
   };
 
   // From a tick to the frame that shows it: every tick counts, by the newest one in each drawing.
-  let drawn;
+  let drawn,
+    begun = Infinity;
+  window.begin = () => {
+    const [at, late] = noted.comes.at(-1);
+    begun = at - late; // by the vehicle's clock
+  };
   const { clearRect } = CanvasRenderingContext2D.prototype;
   CanvasRenderingContext2D.prototype.clearRect = function (...words) {
     const series = window.source?.series[0];
@@ -36,7 +41,8 @@
       noted.draws.push(now());
       painted(() => {
         const at = now();
-        noted.delays.push(...ticks.map((tick) => at - tick));
+        const news = ticks.filter((tick) => tick >= begun); // not what filled the chart at first
+        noted.delays.push(...news.map((tick) => at - tick));
       });
     }
     return clearRect.apply(this, words);

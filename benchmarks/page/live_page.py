@@ -131,6 +131,7 @@ def drawn(page: Any, size: Size) -> Figures:
         return float(next(one["value"] for one in found if one["name"] == "TaskDuration"))
 
     page.wait_for_timeout(1e3 * size.of(*SETTLED))
+    page.evaluate("window.begin?.()")
     page.evaluate("Object.values(noted).forEach((list) => list.splice(0))")
     before, since = spent(), time.monotonic()
     page.wait_for_timeout(1e3 * size.of(*SECONDS))
