@@ -82,6 +82,7 @@ FOLDERS = {
         "page_notice",
         "up_cost",
         "live_signals",
+        "live_page",
         "late_ticks",
         "view_rate",
     ),
@@ -98,6 +99,7 @@ IN_CHROMIUM = (
     "run_list",
     "page_notice",
     "view_rate",
+    "live_page",
     "starved",
     "foreign_page",
 )

@@ -140,12 +140,12 @@ class ControlParameters(Parameters):
 
     law: str = parameter(GEOMETRIC)
     """geometric (the paper's), near_hovering (its linear form), a law of an extension, udp (a
-    program that answers over UDP), or a file that the folder plugins had at the start, without its
-    ending; changed on the ground, in flight only between geometric and a law that runs next to
-    it"""
+    program that answers over UDP), or a file of the folder plugins, without its ending (one written
+    since the start is listed after the next start); changed on the ground, in flight only between
+    geometric and a law that runs next to it"""
     shadow_law: str = parameter(NONE)
-    """a law that is not built in, which runs next to the one in use and is compared with it; none:
-    no law"""
+    """a law that is not built in, listed as for law, which runs next to the one in use and is
+    compared with it; none: no law"""
     position: PositionGains = PositionGains()
     attitude: AttitudeGains = AttitudeGains()
     limits: ControlLimits = ControlLimits()

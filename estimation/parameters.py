@@ -80,8 +80,8 @@ class EstimationParameters(Parameters):
     """
 
     estimator: str = parameter("complementary", choices=("complementary", "error_state"))
-    """what the vehicle flies on: built in, a plugin (docs/extending/plugins.md), or udp (a program
-    that answers over UDP); in flight only the shadow may be chosen"""
+    """what the vehicle flies on: built in, a plugin (a file written since the start is listed after
+    the next start), or udp (a program that answers over UDP); in flight choose the shadow alone"""
     shadow: str = parameter("none", choices=("none", "complementary", "error_state"))
     """second estimator, run in parallel, for comparison or to take over"""
     shadow_source: str = parameter("same", choices=("same", "poses", "bearings", "both"))

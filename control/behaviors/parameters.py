@@ -87,8 +87,8 @@ class BehaviorParameters(Parameters):
     excite_error_max: float = parameter(0.5, unit="m", ge=0.05, le=2.0, step=0.05)
     """excite brakes when the vehicle is further off the path on any axis"""
     plugin: str = parameter(NONE)
-    """a file of plugins or of a package whose references external flies; none: those of the topic
-    external_reference"""
+    """a file of plugins (one written since the start is listed after the next start) or of a
+    package, whose references external flies; none: those of the topic external_reference"""
     external_timeout: float = parameter(0.2, unit="s", ge=0.05, le=1.0, step=0.01)
     """external brakes when the newest reference is older"""
     external_step_max: float = parameter(0.2, unit="m", ge=0.01, le=1.0, step=0.01)

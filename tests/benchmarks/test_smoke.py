@@ -26,6 +26,7 @@ IN_REAL_TIME = {
     "laboratory_faults",
     "late_ticks",
     "link",
+    "live_page",
     "live_signals",
     "starved",
     "up_cost",

@@ -247,7 +247,7 @@ class Tune {
     if (!this.isOperator) return "Viewers cannot run tests; ask an operator.";
     if (BUSY.includes(this.status.phase)) return "A test is running.";
     if (!this.events.connected || !(this.events.age("status") < 1))
-      return "The vehicle's status is out of date; a test needs the link.";
+      return "No recent status from the vehicle. Try again in a moment.";
     if (holder && holder !== this.session.label) return `${holder} has control; ask for it to fly a test.`;
     if (!status?.airborne) return "The vehicle is on the ground: take off first.";
     if (status.behavior !== "hover")

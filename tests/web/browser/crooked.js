@@ -29,5 +29,10 @@
       if (Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1) wrong.push(`${name(one)} lies on ${name(other)}`);
     }));
   }
+  const range = document.createRange();
+  for (const cell of [...document.querySelectorAll('#table td:not([colspan], :first-child)')].filter(isSeen)) {
+    range.selectNodeContents(cell); // what overflows a cell to its left does not make it scroll
+    if (range.getBoundingClientRect().width > cell.clientWidth + 1) wrong.push(`${name(cell)} is wider than its column`);
+  }
   return [...new Set(wrong)];
 }

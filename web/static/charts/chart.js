@@ -14,7 +14,8 @@ import { element } from "../core/dom.js";
 import { fixed } from "../core/format.js";
 import { axisLook, font, paint, theme } from "../core/theme.js";
 
-const PERIOD = 66; // ms between two drawings at most
+const BARE = 6; // CSS pixels on the right of lines without names
+const PERIOD = 30; // ms between two drawings at least: each frame of the telemetry is drawn
 const READ = 125; // ms between two readings of the newest values
 const COUNT = 500; // ms between two statistics of what runs
 const EMPTY = [
@@ -210,8 +211,12 @@ export class Chart {
   isListed(_line) {
     return true;
   }
+  // A background that looks as the line does.
   pattern(stroke, dash) {
-    return pattern(stroke, dash);
+    if (!dash?.length) return stroke;
+    let at = 0;
+    const stops = dash.map((length, i) => `${i % 2 ? "transparent" : stroke} ${at}px ${(at += length)}px`);
+    return `repeating-linear-gradient(to right, ${stops.join(", ")})`;
   }
 
   // The value of the same signal in another run.
@@ -223,7 +228,7 @@ export class Chart {
 
   entry({ name, label, title = this.title(name), unit = "", stroke, dash }, output = "", second = "") {
     const entry = element("span", { title }, label, output, second, this.units.length > 1 ? unit : "");
-    entry.style.setProperty("--line-style", pattern(stroke, dash));
+    entry.style.setProperty("--line-style", this.pattern(stroke, dash));
     return entry;
   }
 
@@ -422,7 +427,8 @@ export class Chart {
     const ends = this.lines
       .map(({ label, stroke }, i) => ({ label, end: this.ends[i], color: stroke }))
       .filter(({ label, end }) => label && end);
-    if (!ends.length || this.names.length < 2 || this.axis.head !== null) return; // a replay's lines go to the edge
+    // A replay's lines go to the edge.
+    if (!ends.length || this.axis.head !== null || this.room(bbox.width / ratio) === BARE) return;
     ends.sort((a, b) => a.end[1] - b.end[1]);
     let below = bbox.top - least / 2;
     for (const one of ends)
@@ -447,10 +453,12 @@ export class Chart {
     ctx.restore();
   }
 
-  // Room on the right of what runs, in CSS pixels, for the lines' names.
-  get room() {
-    if (this.names.length < 2) return 6;
-    return 10 + Math.min(100, 6 * Math.max(...this.lines.map(({ label }) => Math.min(18, label.length))));
+  // Room on the right of what runs, in CSS pixels, for the lines' names; none where they would take a third.
+  /** @param {number} width */
+  room(width) {
+    if (this.names.length < 2) return BARE;
+    const room = 10 + Math.min(100, 6 * Math.max(...this.lines.map(({ label }) => label.length)));
+    return 3 * room < width ? room : BARE;
   }
 
   draw(at = performance.now()) {
@@ -459,8 +467,9 @@ export class Chart {
     if (axis.paused ? this.drawn === axis.version : at < this.due) return;
     this.drawn = axis.version;
     const [min, to] = axis.span,
-      width = Math.max(60, uplot.bbox.width / devicePixelRatio);
-    const max = axis.hasRoom ? to + ((to - min) * this.room) / Math.max(40, width - this.room) : to;
+      width = Math.max(60, uplot.bbox.width / devicePixelRatio),
+      room = this.room(width);
+    const max = axis.hasRoom ? to + ((to - min) * room) / Math.max(40, width - room) : to;
     this.pieces = this.lines.map((line) => this.source.samples(line, min, max));
     this.due = at + Math.max(PERIOD, (500 * (max - min)) / width); // half a pixel later
     this.show(min, max);
@@ -519,12 +528,4 @@ export class Chart {
     this.refresh();
     if (this.axis.paused) this.draw();
   }
-}
-
-// A background that looks as the line does.
-function pattern(stroke, dash) {
-  if (!dash?.length) return stroke;
-  let at = 0;
-  const stops = dash.map((length, i) => `${i % 2 ? "transparent" : stroke} ${at}px ${(at += length)}px`);
-  return `repeating-linear-gradient(to right, ${stops.join(", ")})`;
 }

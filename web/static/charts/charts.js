@@ -27,7 +27,7 @@ const DENSITIES = {
   spectrum: [LiveSpectra, SpectrumChart],
   spectrogram: [LiveSpectrogram, SpectrogramChart],
 };
-const LOOK = 66; // ms; each chart knows when it is due
+const LOOK = 100; // ms between two looks whether charts are due while no frames come
 
 // What the server says of the texts of derived signals.
 export const liveExpressions = (texts) =>
@@ -99,6 +99,7 @@ export class Charts {
     events.on("event", (line) => add({ ...line, time: line.time ?? history.origin + axis.now }));
     this.telemetry.addEventListener("frame", ({ detail }) => {
       this.slowness = detail.slowness;
+      this.draw();
     });
   }
 
@@ -360,8 +361,7 @@ export class Charts {
 
   draw() {
     if (document.hidden) return;
-    const at = performance.now();
-    for (const chart of this.charts) chart.draw(at);
+    for (const chart of this.charts) chart.draw();
   }
 
   drawBar() {

@@ -85,7 +85,6 @@ export class RunFill {
     if (isUnderWay) this.progress.show(transfer);
     this.cancel.hidden = !isUnderWay || !this.page.isOperator;
     this.fill.hidden = isUnderWay || !this.page.isOperator || !run.complete;
-    this.fill.textContent = run.completeness ? "Check against onboard log" : "Check against onboard log";
   }
 
   ask(what) {

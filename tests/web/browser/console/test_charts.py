@@ -32,6 +32,16 @@ def modules(chromium: Any, site: Any) -> Iterator[Any]:
     context.close()
 
 
+def test_names_beside_the_lines_leave_a_narrow_chart_to_the_lines(modules: Any) -> None:
+    room = """async (width) => {
+      const { Chart } = await import('/static/charts/chart.js');
+      const lines = [{ label: "tracking error x" }, { label: "tracking error y" }];
+      return Chart.prototype.room.call({ names: ["x", "y"], lines }, width);
+    }"""
+    assert modules.evaluate(room, 130) < 10
+    assert modules.evaluate(room, 600) > 100
+
+
 def layout_of(page: Any) -> Any:
     return json.loads(page.evaluate("localStorage.getItem('charts.now')"))
 

@@ -16,16 +16,15 @@ RUN = "20260131T093042Z_quad1"
 START, FINISH, STOP = (f"#experiment .act .{name}" for name in ("start", "finish", "stop"))
 
 
+COUNT = """() => {
+  window.presses = 0;
+  addEventListener("pointerdown", () => window.presses++, true);
+}"""
+
+
 @pytest.fixture
-def section(
-    kept_page: Any,
-    flying: Any,
-    station: Any,
-    until: Callable[..., None],
-    monkeypatch: pytest.MonkeyPatch,
-) -> Any:
-    """Return the page with its Experiments tab open, on a station that lists its experiments."""
-    page = kept_page
+def listing(station: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the station list its experiments, and tell what `tell` set last."""
     plain = station._call_blocking
 
     def call(service: str, request: Any) -> Any:
@@ -44,6 +43,12 @@ def section(
     monkeypatch.setattr(station, "_call_blocking", call)
     monkeypatch.setattr(station, "told", {"phase": "idle"})
     monkeypatch.setattr(station, "fly", fly_and_tell)
+
+
+@pytest.fixture
+def section(kept_page: Any, listing: None, flying: Any, until: Callable[..., None]) -> Any:
+    """Return the page with its Experiments tab open."""
+    page = kept_page
     page.click("[data-tab=experiments]")
     page.wait_for_selector("#experiment .options input")
     until(lambda: page.is_enabled(START))  # earlier, a press has no effect
@@ -143,3 +148,21 @@ def test_a_run_that_is_not_judged_says_so_everywhere_and_why(
     shown.goto(f"{site.base}/runs")
     shown.wait_for_selector("#list td.verdict[title='bearings: not judged'] .chip.not_judged")
     shown.close()
+
+
+def test_from_the_printed_link_to_a_report_takes_six_clicks(
+    listing: None, flying: Any, open_page: Any, site: Any, station: Any, look_at: Any, report: Path
+) -> None:
+    page = open_page(site)
+    page.evaluate(COUNT)
+    page.click("#help-panel button:has-text('Close')")
+    page.click("[data-tab=experiments]")
+    page.click("#experiment .card:has-text('Figure eight')")
+    started = len(station.requests)
+    look_at(page).hold(START, lambda: len(station.requests) > started)
+    told = {"metric_names": ["position_rms_m"], "metric_values": [0.04], "metric_limits": [0.05]}
+    tell(station, name="figure_eight", phase="passed", verdict="passed", run_id=RUN, **told)
+    with page.context.expect_page() as opened:
+        page.click("#experiment .result .links a >> nth=0")
+    opened.value.wait_for_selector(".figures")
+    assert page.evaluate("presses") <= 6

@@ -55,6 +55,13 @@ def test_every_tab_is_accessible_and_within_the_width(
     assert out_of_sight(console, "#disarm", "#emergency-land", "#cut") == []
 
 
+def test_the_guide_fits_and_can_be_closed(console: Any, crooked: Any) -> None:
+    console.click("#help")
+    assert crooked(console) == []
+    console.click("#help-panel button:has-text('Close')")
+    assert console.is_hidden("#help-panel")
+
+
 def test_the_charts_are_a_tab_that_is_reached_by_keyboard_and_draws(
     console: Any, until: Any
 ) -> None:
