@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from mcap.opcode import Opcode
 
 from extensions.importers.readers.ros_bags import LOGGED
 from extensions.importers.readers.tables import FileTables, seconds_of
-from flight_log.format import parsed
+from flight_log.format import UNREADABLE, parsed
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.records import WalkState, walk
 from flight_log.topic_columns import ColumnReader, Columns
@@ -91,9 +92,11 @@ class McapTables(FileTables):
 
 
 def library_of(path: Path) -> str:
-    """Return which library wrote an MCAP file, as its head says; empty where there is no head.
+    """Return which library wrote an MCAP file, as its head says; empty without a sound head.
 
     Raises LogFormatError or StorageError.
     """
     opcode, data = next(walk(path, WalkState()), (0, b""))
-    return str(parsed(opcode, data).library) if opcode == Opcode.HEADER else ""
+    with suppress(*UNREADABLE):
+        return str(parsed(opcode, data).library) if opcode == Opcode.HEADER else ""
+    return ""
