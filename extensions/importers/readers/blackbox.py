@@ -8,6 +8,7 @@ the firmware writes them.
 
 from __future__ import annotations
 
+import mmap
 import re
 import struct
 from collections.abc import Collection, Mapping
@@ -62,16 +63,22 @@ class BlackboxTables(FileTables):
         """Read the file. Raises LogFormatError."""
         super().__init__(path)
         self.units = {"time": "us"}
-        if path.stat().st_size > MOST_BYTES:
-            raise LogFormatError(f"{path.name} has more than {MOST_BYTES // 10**6} MB: cut it")
-        data = path.read_bytes()
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            self._read(path.name, data, wanted)
+
+    def _read(self, file: str, data: mmap.mmap, wanted: Collection[str]) -> None:
+        """Read the logs `wanted`, and the places of the others. Raises LogFormatError."""
         starts = [one.start() for one in re.finditer(re.escape(MAGIC), data)]
         self.flights = [str(k + 1) for k in range(len(starts))]
         self._logs: dict[str, Log | None] = {}
         told = []
         for k, (start, end) in enumerate(zip(starts, [*starts[1:], len(data)], strict=True)):
-            name, where = str(k + 1), f"{path.name}, log {k + 1}"
+            name, where = str(k + 1), f"{file}, log {k + 1}"
             if name in wanted or (k == 0 and "" in wanted):
+                if end - start > MOST_BYTES:
+                    raise LogFormatError(
+                        f"{where} has more than {MOST_BYTES // 10**6} MB: cut the file"
+                    )
                 self._logs[name] = log = _read(data[start:end], where)
                 self._note(log, where, is_last=k == len(starts) - 1)
             else:
@@ -80,7 +87,7 @@ class BlackboxTables(FileTables):
         if len(starts) > 1:
             chosen = ", ".join(name for name, log in self._logs.items() if log)
             self.notes.append(
-                f"{path.name} has {len(starts)} logs, one for each arming: {', '.join(told)}; "
+                f"{file} has {len(starts)} logs, one for each arming: {', '.join(told)}; "
                 f"imported is {chosen or 'none'}, --table NUMBER imports another, --flight all "
                 "each as a run"
             )
