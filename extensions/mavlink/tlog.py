@@ -46,7 +46,7 @@ SOURCES_OF_IMU = {
 
 
 class Kind(NamedTuple):
-    """How messages of one kind are decoded: numbers alone, without arrays and texts."""
+    """A kind of messages, of which the numbers are decoded, without arrays and texts."""
 
     name: str
     layout: struct.Struct

@@ -189,7 +189,7 @@ def test_a_compressed_file_is_unpacked(
     found = read_flight(path, str(tmp_path / "mapping.toml"))
     assert np.allclose(found.imu.specific_force_b, samples()[:, 3:], atol=5.1e-5)
     path.write_bytes(pack(PLAIN.encode()) + pack(PLAIN[PLAIN.index("\n") + 1 :].encode())[:-40])
-    with pytest.raises(LogFormatError, match="is incomplete.* ends within a compressed frame"):
+    with pytest.raises(LogFormatError, match=r"is incomplete.* ends within a compressed frame"):
         read_flight(path, str(tmp_path / "mapping.toml"))
     path.write_bytes(pack(PLAIN.encode())[:20])
     with pytest.raises(LogFormatError, match="cannot be unpacked"):

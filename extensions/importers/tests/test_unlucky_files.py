@@ -26,6 +26,7 @@ from extensions.importers.readers.formats import format_of, open_source
 from extensions.importers.readers.mcap_tables import McapTables
 from extensions.importers.readers.parquet import ParquetTable
 from extensions.importers.readers.plain_columns import PlainColumns
+from extensions.importers.readers.tables import NumpyTable
 from extensions.importers.readers.text_table import TextTable
 from extensions.importers.stamps import continued, without_strays
 from extensions.importers.tests.bag_writer import write_bag
@@ -478,3 +479,11 @@ def test_a_step_back_is_a_counter_only_where_it_has_all_values() -> None:
         found, notes = continued(wrapped, rows, "f")
         assert np.diff(found).tolist() == [10.0] * 299
         assert len(notes) == 1
+
+
+def test_a_numpy_file_whose_head_ends_within_brackets_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "flight.npy"
+    np.save(path, np.zeros((3, 2)))
+    path.write_bytes(path.read_bytes().replace(b"(3, 2), }", b"(3, 2,   "))
+    with pytest.raises(LogFormatError, match="is not a complete NumPy file"):
+        NumpyTable(path)
