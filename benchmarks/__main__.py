@@ -87,7 +87,7 @@ FOLDERS = {
         "view_rate",
     ),
     "link": ("link", "hostile_bytes"),
-    "logs": ("killed_logs", "logs", "fuzz_logs", "fuzz_imports"),
+    "logs": ("killed_logs", "logs", "imports", "fuzz_logs", "fuzz_imports"),
     "safety": ("laboratory_faults", "hostile_doors", "foreign_page"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}

@@ -194,7 +194,12 @@ class BlockReader:
         return [MESSAGE_INDEX.pack(one, len(pairs)) + pairs for one, pairs in found.items()]
 
     def _learn(self, opcode: int, data: bytes) -> None:
-        match parsed(opcode, data):
+        try:
+            record = parsed(opcode, data)
+        except UNREADABLE:
+            self.damaged_records += 1
+            return
+        match record:
             case Schema() as schema:
                 self._budget.add((opcode, schema.id), len(data))
                 self.schemas[schema.id] = schema

@@ -71,15 +71,15 @@ def run(size: Size = Size.FULL) -> Report:
         log = write_run(Path(name) / "run.mcap", MadeRun(duration))
         out = Path(name) / "out"
         os.environ["XDG_CACHE_HOME"] = str(Path(name) / "cache")
-        taken = {PLAIN: _taken(sys.executable, "-c", READ, str(log))}
-        taken[COLUMNS] = _taken(sys.executable, "-c", MAKE, str(log))
-        taken["replay page"] = _taken(sys.executable, "-c", PAGE, str(log))
+        taken = {PLAIN: measured(sys.executable, "-c", READ, str(log))}
+        taken[COLUMNS] = measured(sys.executable, "-c", MAKE, str(log))
+        taken["replay page"] = measured(sys.executable, "-c", PAGE, str(log))
         for command in (*LIMITED, "log export --format csv", "log report"):
             words = command.split()
             if words[1] != "check":
                 words += ["--out", str(out / "_".join(words))]
             words.insert(2, str(log))
-            taken[command] = _taken(sys.executable, "-m", "quadlab", *words)
+            taken[command] = measured(sys.executable, "-m", "quadlab", *words)
         words = [sys.executable, "-c", TABLE, str(log)]
         table = float(subprocess.run(words, cwd=ROOT, capture_output=True, check=True).stdout)
         megabytes = log.stat().st_size / 1e6
@@ -115,7 +115,7 @@ def _report(taken: dict[str, Taken], duration: float, megabytes: float) -> Repor
     return report
 
 
-def _taken(*words: str) -> Taken:
+def measured(*words: str) -> Taken:
     """Run a process and measure it. Raises RuntimeError when it fails."""
     began = time.monotonic()
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL)

@@ -113,7 +113,8 @@ def _is_run_of_parquet(path: Path) -> bool:
     from pyarrow import ArrowException, parquet
 
     try:
-        return RUN in (parquet.read_schema(path).metadata or {})
+        with path.open("rb") as file:  # a name that is no UTF-8 is not opened by Arrow
+            return RUN in (parquet.read_schema(file).metadata or {})
     except ArrowException:  # `read_exported` says what is wrong with it
         return True
 
@@ -136,14 +137,15 @@ def _of_file(path: Path) -> TopicTable:
 
     told: Mapping[bytes, bytes] = {}
     try:
-        if path.suffix == ".parquet":
-            table = parquet.read_table(path)
-            told = table.schema.metadata or {}
-        else:
-            options = csv.ConvertOptions(column_types=_kinds_of(path))
-            table = csv.read_csv(path, convert_options=options)
-            names = [re.sub(r" \[[^\]]*\]$", "", one) for one in table.column_names]
-            table = table.rename_columns(names)
+        with path.open("rb") as file:
+            if path.suffix == ".parquet":
+                table = parquet.read_table(file)
+                told = table.schema.metadata or {}
+            else:
+                options = csv.ConvertOptions(column_types=_kinds_of(path))
+                table = csv.read_csv(file, convert_options=options)
+                names = [re.sub(r" \[[^\]]*\]$", "", one) for one in table.column_names]
+                table = table.rename_columns(names)
     except (pa.ArrowException, UnicodeDecodeError) as error:
         raise LogFormatError(f"{path.name} cannot be read: {error!s:.120}") from error
     columns = {one: table[one].to_numpy() for one in table.column_names}

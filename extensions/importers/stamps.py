@@ -112,7 +112,9 @@ def continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[A
         for scale in (1.0, *TIME_UNITS.values()):
             period = 2.0**bits * scale
             over = steps[back] + period
-            if (over > 0.0).all() and (over <= AT_WRAP * median).all() and stamps.max() < period:
+            least = -period / 2.0 if stamps.min() < 0.0 else 0.0  # of a signed counter
+            inside = least <= stamps.min() and stamps.max() < least + period
+            if inside and (over > 0.0).all() and (over <= AT_WRAP * median).all():
                 found = stamps.copy()
                 for k in back:
                     found[k + 1 :] += period

@@ -10,12 +10,12 @@ sent, in m/s² and rad/s, with `time_usec`. Messages that overtook others are pu
 
 from __future__ import annotations
 
-import itertools
 import re
+import struct
+from array import array
 from collections.abc import Collection, Iterator
-from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from quadrotor.records import Array
 ARRIVAL = 8  # bytes
 LOGGED = "logged"
 """The column of arrival, s."""
+HEAD_1, HEAD_2 = 6, 10  # bytes before the payload of both versions
 AUTOPILOT = 1  # component
 MILLI = 1e-3
 GRAVITY = 9.80665
@@ -42,6 +43,55 @@ SOURCES_OF_IMU = {
     "RAW_IMU": ("time_usec", 1.0, MILLI * GRAVITY, MILLI),  # as ArduPilot fills it
 }
 """Column of time, and factors to µs, m/s² and rad/s."""
+
+
+class Kind(NamedTuple):
+    """A kind of messages, of which the numbers are decoded, without arrays and texts."""
+
+    name: str
+    layout: struct.Struct
+    checksum: int  # that of its description
+    names: list[str]  # of the fields that are numbers
+    places: list[int]  # of these in `layout`
+    instance: int | None  # which of `names` tells instances apart
+    time: int | None  # which of them is the vehicle's clock
+    to_us: float  # its factor
+
+    @classmethod
+    def of(cls, described: Any) -> Kind:
+        """Return the decoding of a kind that pymavlink describes."""
+        layout, lengths = described.unpacker, described.lengths
+        sample = layout.unpack(bytes(layout.size))
+        found = {}
+        for name, order in zip(described.fieldnames, described.orders, strict=True):
+            place = sum(lengths[:order])
+            if lengths[order] == 1 and isinstance(sample[place], int | float):
+                found[name] = place
+        names = list(found)
+        time = next((one for one in TIMES if one in found), None)
+        instance = described.instance_field
+        return cls(
+            str(described.msgname),
+            layout,
+            checksum=described.crc_extra,
+            names=names,
+            places=list(found.values()),
+            instance=names.index(instance) if instance in found else None,
+            time=None if time is None else names.index(time),
+            to_us=TIMES.get(time or "", 1.0),
+        )
+
+    def values(self, packet: bytes) -> list[float] | None:
+        """Return the numbers of a packet in the order of `names`, None if its checksum is wrong."""
+        begin = HEAD_1 if packet[0] == 0xFE else HEAD_2
+        end = begin + packet[1]
+        checked = mavlink.x25crc(packet[1:end] + bytes([self.checksum])).crc
+        if checked != int.from_bytes(packet[end : end + 2], "little"):
+            return None
+        size = self.layout.size
+        # Zeros at the end of a packet are not sent.
+        found = self.layout.unpack(packet[begin:end][:size].ljust(size, b"\0"))
+        return [found[place] for place in self.places]
 
 
 class TlogTables:
@@ -66,7 +116,8 @@ class TlogTables:
         if IMU in names:
             names |= SOURCES_OF_IMU.keys()
         self._columns: dict[str, list[str]] = {}
-        self._rows: dict[str, list[list[float]]] = {}
+        self._numbers: dict[str, array[float]] = {}
+        self._rows: dict[str, Array] = {}
         self._vehicle: int | None = None
         self._starts = 1
         starts = (one.partition("@")[2] for one in wanted)
@@ -98,21 +149,24 @@ class TlogTables:
 
     def _add_imu(self, suffix: str) -> None:
         for source, (time, to_us, force, rate) in SOURCES_OF_IMU.items():
-            if self._rows.get(source + suffix):
+            if source + suffix in self._rows:
                 found = self._table(source + suffix, [time, *IMU_AXES])
                 found *= [to_us, *[force] * 3, *[rate] * 3]
                 self._columns[IMU + suffix] = ["time_usec", *IMU_AXES]
-                self._rows[IMU + suffix] = found.tolist()
+                self._rows[IMU + suffix] = found
                 break
 
     def _put_in_order(self) -> None:
         late = 0
-        for name, rows in self._rows.items():
+        for name, numbers in self._numbers.items():
+            rows = np.frombuffer(numbers).reshape(-1, len(self._columns[name]))
             time = next((one for one in TIMES if one in self._columns[name]), None)
             if time is not None:
-                place = self._columns[name].index(time)
-                late += sum(b[place] < a[place] for a, b in itertools.pairwise(rows))
-                rows.sort(key=itemgetter(place))
+                times = rows[:, self._columns[name].index(time)]
+                if overtaken := int((np.diff(times) < 0.0).sum()):
+                    late += overtaken
+                    rows = rows[np.argsort(times, kind="stable")]
+            self._rows[name] = rows
         if late:
             self.notes.append(
                 f"{self.path.name}: {late} messages arrived after later ones: put in order"
@@ -120,63 +174,60 @@ class TlogTables:
 
     def _table(self, table: str, names: list[str]) -> Array:
         places = [self._columns[table].index(one) for one in names]
-        found: Array = np.array(self._rows[table], np.float64)[:, places]
+        found: Array = self._rows[table][:, places]
         return found
 
     def _read(self, data: bytes, names: Collection[str]) -> None:
         """Read the messages of these names, and the names of the others."""
-        decoder: Any = mavlink.MAVLink(None)
+        kinds: dict[int, Kind] = {}
         wrong = 0
         for arrival, packet in self._packets(data):
-            kind = mavlink.mavlink_map.get(_number(packet))
-            if kind is None:
+            number = _number(packet)
+            described = mavlink.mavlink_map.get(number)
+            if described is None:
                 continue
             system, component = packet[3:5] if packet[0] == 0xFE else packet[5:7]
             if self._vehicle is None and component == AUTOPILOT:
                 self._vehicle = system
-            name = str(kind.msgname)
+            name = str(described.msgname)
             if name not in names:
                 if system == self._vehicle:
                     self._columns.setdefault(name, [])
                 continue
-            try:
-                message = decoder.decode(bytearray(packet))
-            except mavlink.MAVError:
+            kind = kinds.get(number) or kinds.setdefault(number, Kind.of(described))
+            values = kind.values(packet)
+            if values is None:
                 wrong += 1
-                continue
-            self._keep(message, arrival, system)
+            else:
+                self._keep(kind, values, arrival, system)
         if wrong:
             self.notes.append(f"{self.path.name}: {wrong} packets with a wrong checksum left out")
 
-    def _keep(self, message: Any, arrival: int, system: int) -> None:
-        """Add a message to its table."""
-        values = {
-            name: value
-            for name in message.get_fieldnames()
-            if isinstance(value := getattr(message, name), int | float)
-        }
-        instance = getattr(message, message.instance_field) if message.instance_field else 0
-        name = f"{message.msgname}#{instance}" if instance else str(message.msgname)
+    def _keep(self, kind: Kind, values: list[float], arrival: int, system: int) -> None:
+        """Add the numbers of a message to its table."""
+        instance = values[kind.instance] if kind.instance is not None else 0
+        name = f"{kind.name}#{instance}" if instance else kind.name
         if system != self._vehicle:
             name = f"{system}/{name}"
         else:
-            self._note_time(values, arrival)
+            self._note_time(kind, values, arrival)
             name += f"@{self._starts}" if self._starts > 1 else ""
         if not self._columns.get(name):
-            self._columns[name] = [*values, LOGGED]
-        self._rows.setdefault(name, []).append([*values.values(), 1e-6 * arrival])
+            self._columns[name] = [*kind.names, LOGGED]
+        if name not in self._numbers:
+            self._numbers[name] = array("d")
+        self._numbers[name].extend((*values, 1e-6 * arrival))
 
-    def _note_time(self, values: dict[str, float], arrival: int) -> None:
+    def _note_time(self, kind: Kind, values: list[float], arrival: int) -> None:
         """Note the date, and a restart of the vehicle, by the time in a message."""
-        known = [values[one] * scale for one, scale in TIMES.items() if one in values]
-        if not known or known[0] > DATE:
+        if kind.time is None or (time := values[kind.time] * kind.to_us) > DATE:
             return
-        if known[0] < self._latest - RESTART:
+        if time < self._latest - RESTART:
             self._starts += 1
             self._latest = 0.0
         if self.epoch_ns is None and self._starts == self._wanted:
-            self.epoch_ns = (arrival - int(known[0])) * 1000
-        self._latest = max(self._latest, known[0])
+            self.epoch_ns = (arrival - int(time)) * 1000
+        self._latest = max(self._latest, time)
 
     def _packets(self, data: bytes) -> Iterator[tuple[int, bytes]]:
         """Yield times of arrival in us, and packets; pass over what is none."""

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
+from flight_log.blocks import BlockReader
 from flight_log.check import check_log
 from flight_log.reader import read_log
 from flight_log.recovery import recover
+from tests.crafted_logs import TINY, chunk, message, packed, record, write
 
 START = 1_769_851_842_000_000_000
 PAYLOAD = b"\0\1\0\0" + bytes(8)
@@ -91,3 +94,15 @@ def test_what_is_whole_behind_a_damaged_middle_is_kept_beside(tmp_path: Path) ->
     assert found.kept.read_bytes() == torn
     path.write_bytes(torn[:-3_000_000] + bytes(3_000_000))  # what some file systems leave
     assert recover(path).kept is None
+
+
+@pytest.mark.parametrize("opcode", [Opcode.SCHEMA, Opcode.CHANNEL])
+def test_a_description_of_one_byte_in_a_chunk_is_counted_as_damaged(
+    tmp_path: Path, opcode: int
+) -> None:
+    short = record(opcode, b"\2")
+    inside = short + message(1, TINY)
+    path = write(tmp_path / "a.mcap", chunk(packed([inside]), len(inside)))
+    log = BlockReader(path)
+    assert sum(len(places) for block in log for places in block.places.values()) == 1
+    assert log.damaged_records == 1

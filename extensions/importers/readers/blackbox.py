@@ -13,7 +13,7 @@ import struct
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,10 @@ from quadrotor.records import Array
 MAGIC = b"H Product:Blackbox flight data recorder by Nicholas Sherlock"
 LINE = re.compile(rb"H ([^:\n]{1,200}):([^\n]{0,4000})\n")
 GYROSCOPE, ACCELEROMETER = ("gyroADC", "gyroUnfilt"), ("accSmooth",)
+PIECE = 1 << 24
+"""Bytes in which beginnings of logs are searched at once."""
 MOST_BYTES = 400_000_000
+"""Largest log; a file of several may be larger."""
 MOST_VALUES = 1 << 27
 """Largest number of values that a log can have by its length and its header."""
 LONGEST_INTERVAL = 4096
@@ -62,17 +65,23 @@ class BlackboxTables(FileTables):
         """Read the file. Raises LogFormatError."""
         super().__init__(path)
         self.units = {"time": "us"}
-        if path.stat().st_size > MOST_BYTES:
-            raise LogFormatError(f"{path.name} has more than {MOST_BYTES // 10**6} MB: cut it")
-        data = path.read_bytes()
-        starts = [one.start() for one in re.finditer(re.escape(MAGIC), data)]
+        with path.open("rb") as file:
+            self._read(file, wanted)
+
+    def _read(self, file: BinaryIO, wanted: Collection[str]) -> None:
+        """Read the logs `wanted`, and the places of the others. Raises LogFormatError."""
+        starts, size = _places(file)
         self.flights = [str(k + 1) for k in range(len(starts))]
         self._logs: dict[str, Log | None] = {}
         told = []
-        for k, (start, end) in enumerate(zip(starts, [*starts[1:], len(data)], strict=True)):
-            name, where = str(k + 1), f"{path.name}, log {k + 1}"
+        for k, (start, end) in enumerate(zip(starts, [*starts[1:], size], strict=True)):
+            name, where = str(k + 1), f"{self.path.name}, log {k + 1}"
             if name in wanted or (k == 0 and "" in wanted):
-                self._logs[name] = log = _read(data[start:end], where)
+                if end - start > MOST_BYTES:
+                    raise LogFormatError(
+                        f"{where} has more than {MOST_BYTES // 10**6} MB: cut the file"
+                    )
+                self._logs[name] = log = _read(_piece(file, start, end - start), where)
                 self._note(log, where, is_last=k == len(starts) - 1)
             else:
                 self._logs[name] = None
@@ -80,7 +89,7 @@ class BlackboxTables(FileTables):
         if len(starts) > 1:
             chosen = ", ".join(name for name, log in self._logs.items() if log)
             self.notes.append(
-                f"{path.name} has {len(starts)} logs, one for each arming: {', '.join(told)}; "
+                f"{self.path.name} has {len(starts)} logs, one for each arming: {', '.join(told)}; "
                 f"imported is {chosen or 'none'}, --table NUMBER imports another, --flight all "
                 "each as a run"
             )
@@ -127,6 +136,22 @@ class BlackboxTables(FileTables):
             self.notes.append(f"{where}: it has no end, as when the battery is taken out in flight")
         if self.epoch_ns is None and len(log.rows):
             self.epoch_ns = _epoch(log)
+
+
+def _places(file: BinaryIO) -> tuple[list[int], int]:
+    """Return where logs begin, and the size of the file."""
+    starts: list[int] = []
+    at, before = 0, b""
+    while data := file.read(PIECE):
+        found = re.finditer(re.escape(MAGIC), before + data)
+        starts += [at - len(before) + one.start() for one in found]
+        at, before = at + len(data), (before + data)[1 - len(MAGIC) :]
+    return starts, at
+
+
+def _piece(file: BinaryIO, start: int, size: int) -> bytes:
+    file.seek(start)
+    return file.read(size)
 
 
 def _axes(names: Collection[str]) -> list[str]:

@@ -57,6 +57,8 @@ def format_of(path: Path) -> str:
         found = next((n for n, one in known.items() if _begins(head, one.offer.pattern)), None)
     if found is None and (hint := next((h for start, h in INSTEAD if head.startswith(start)), "")):
         raise LogFormatError(f"{path.name} is no recorded flight: it is {hint}")
+    if found is None and head[257:262] == b"ustar":
+        raise LogFormatError(f"{path.name} is an archive: unpack it, and give one file of it")
     if found is None and b"\0" in head and not head.startswith(UTF16):
         raise LogFormatError(
             f"{path.name} has an unknown format; known are {', '.join((*known, TEXT))}"
@@ -95,8 +97,10 @@ def source_of(path: Path, wanted: Collection[str]) -> Iterator[Source]:
     """Yield a file's tables; if there are many, only those `wanted` are read. Raises as
     `format_of`.
     """
-    with unpacked(path) if _is_packed(path) else nullcontext(path) as found:
-        yield open_source(found, wanted)
+    with unpacked(path) if _is_packed(path) else nullcontext((path, "")) as (found, torn):
+        source = open_source(found, wanted)
+        source.torn = torn or source.torn
+        yield source
 
 
 def open_source(path: Path, wanted: Collection[str]) -> Source:

@@ -24,16 +24,15 @@ class MatTable(FileTables):
     def __init__(self, path: Path) -> None:
         """Read the file. Raises LogFormatError."""
         from scipy.io import loadmat
-        from scipy.io.matlab import MatReadError
 
         super().__init__(path)
         self._columns: dict[str, Column] = {}
         try:
             found = loadmat(path, struct_as_record=False, squeeze_me=False)
-        except (MatReadError, ValueError, TypeError, OSError, KeyError, IndexError) as error:
+        except Exception as error:  # of the reader, of compression
             raise LogFormatError(
                 f"{path.name} is not a complete MATLAB file: {error!s:.120}"
-            ) from None
+            ) from error
         for name, values in _matrices(found, ""):
             if 1 in values.shape:
                 self._columns[name] = values.reshape(-1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from mcap.opcode import Opcode
 
 from extensions.importers.readers.ros_bags import LOGGED
 from extensions.importers.readers.tables import FileTables, seconds_of
-from flight_log.format import parsed
+from flight_log.format import UNREADABLE, parsed
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.records import WalkState, walk
 from flight_log.topic_columns import ColumnReader, Columns
@@ -19,6 +20,8 @@ from quadrotor.records import Array
 
 OWN = "quadlab"
 """The library that the head of a run's own log names."""
+MOST_VALUES = 25_000_000
+"""Largest number of values of the topics that are read, 200 MB: an hour of an IMU at 500 Hz."""
 
 
 class McapTables(FileTables):
@@ -42,11 +45,19 @@ class McapTables(FileTables):
             )
         reader = ColumnReader(path, header_stamps=True)
         parts: dict[str, list[Columns]] = {}
+        wanted, values = set(wanted), 0
         for batch in reader:
             for columns in batch.columns:
                 kept = parts.setdefault(columns.topic, [])
                 if columns.topic in wanted:
+                    columns.numbers = {k: _narrow(one) for k, one in columns.numbers.items()}
+                    values += sum(len(one) for one in columns.numbers.values() if one.strides[0])
                     kept.append(columns)
+            if values > MOST_VALUES:
+                raise LogFormatError(
+                    f"{path.name} has more than {MOST_VALUES} different values in "
+                    f"{', '.join(sorted(wanted & parts.keys()))}: cut it into flights"
+                )
         self.torn = f"it {reader.log.tear}" if reader.log.tear else ""
         self.unreadable = {
             topic: why for topic, why in reader.problems.items() if not parts.get(topic)
@@ -54,46 +65,53 @@ class McapTables(FileTables):
         self.notes += [f"{topic}: {why}" for topic, why in reader.problems.items()]
         if lost := reader.log.damaged_chunks:
             self.notes.append(f"{path.name}: {lost} damaged chunks, whose messages are lost")
-        self._remainders: dict[str, dict[str, Array]] = {}
-        self._columns = {topic: self._joined(topic, found) for topic, found in parts.items()}
+        self._parts = parts
 
     def tables(self) -> list[str]:
-        return sorted(self._columns)
+        return sorted(self._parts)
 
     def columns(self, table: str) -> list[str]:
-        return list(self._columns[table])
+        """Return the numbers that all messages have, and their times."""
+        parts = self._parts[table]
+        if not parts:
+            return []
+        shared = set(parts[0].numbers).intersection(*(one.numbers for one in parts))
+        names = [one for one in parts[0].numbers if one in shared and one not in HEADER_STAMP]
+        return [*names, *(["stamp"] if shared.issuperset(HEADER_STAMP) else []), LOGGED]
 
     def read(self, table: str, names: list[str]) -> Array:
-        return np.stack([self._columns[table][name] for name in names], axis=1)
+        return np.stack([self._column(table, name)[0] for name in names], axis=1)
 
     def remainders(self, table: str, name: str) -> Array | None:
-        return self._remainders[table].get(name)
+        return self._column(table, name)[1]
 
-    def _joined(self, topic: str, parts: list[Columns]) -> dict[str, Array]:
-        """Return the columns of a topic's messages in the order of their reception, those of
-        numbers that all of them have.
+    def _column(self, table: str, name: str) -> tuple[Array, Array | None]:
+        """Return a column in the order of reception, and by how much times are more than their
+        float64.
         """
-        rest = self._remainders[topic] = {}
-        if not parts:
-            return {}
-        shared = set(parts[0].numbers).intersection(*(one.numbers for one in parts))
-        names = [name for name in parts[0].numbers if name in shared]
+        parts = self._parts[table]
         logged = np.concatenate([one.log_ns for one in parts])
         order = np.argsort(logged, kind="stable")  # a file may have them in any order
-        found = {name: np.concatenate([one.numbers[name] for one in parts]) for name in names}
-        found = {name: values[order] for name, values in found.items()}
-        seconds, nanoseconds = (found.pop(name, None) for name in HEADER_STAMP)
-        if seconds is not None and nanoseconds is not None:
-            found["stamp"], rest["stamp"] = seconds_of(seconds, nanoseconds)
-        whole, part = np.divmod(logged[order], 1_000_000_000)
-        found[LOGGED], rest[LOGGED] = seconds_of(whole.astype(float), part.astype(float))
-        return found
+        if name == LOGGED:
+            whole, part = np.divmod(logged[order], 1_000_000_000)
+            return seconds_of(whole.astype(float), part.astype(float))
+        names = HEADER_STAMP if name == "stamp" else (name,)
+        found = [np.concatenate([one.numbers[k] for one in parts])[order] for k in names]
+        return seconds_of(*found) if name == "stamp" else (found[0], None)
+
+
+def _narrow(values: Array) -> Array:
+    """Return the same values, as a single one where all are alike, as those of covariances."""
+    alike = len(values) > 0 and bool((values == values[0]).all())
+    return np.broadcast_to(values[0].copy(), values.shape) if alike else values
 
 
 def library_of(path: Path) -> str:
-    """Return which library wrote an MCAP file, as its head says; empty where there is no head.
+    """Return which library wrote an MCAP file, as its head says; empty without a sound head.
 
     Raises LogFormatError or StorageError.
     """
     opcode, data = next(walk(path, WalkState()), (0, b""))
-    return str(parsed(opcode, data).library) if opcode == Opcode.HEADER else ""
+    with suppress(*UNREADABLE):
+        return str(parsed(opcode, data).library) if opcode == Opcode.HEADER else ""
+    return ""

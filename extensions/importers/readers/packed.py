@@ -27,46 +27,58 @@ def is_packed(head: bytes) -> bool:
 def first_bytes(path: Path, count: int) -> bytes:
     """Return the first bytes of the unpacked file. Raises LogFormatError or StorageError."""
     found = b""
-    for piece in _pieces(path):
-        found += piece
-        if len(found) >= count:
-            break
+    try:
+        for piece in _pieces(path):
+            found += piece
+            if len(found) >= count:
+                break
+    except EOFError as error:
+        if not found:
+            raise LogFormatError(f"{path.name} cannot be unpacked: {error!s:.120}") from error
     return found[:count]
 
 
 @contextmanager
-def unpacked(path: Path) -> Iterator[Path]:
-    """Yield the unpacked file, which is removed in the end. Raises LogFormatError, StorageError."""
+def unpacked(path: Path) -> Iterator[tuple[Path, str]]:
+    """Yield the unpacked file, which is removed in the end, and why it is incomplete; empty if it
+    is whole. Raises LogFormatError or StorageError.
+    """
     with tempfile.TemporaryDirectory(prefix="quadlab-import-") as folder:
-        found, size = Path(folder) / path.stem, 0
+        found, size, torn = Path(folder) / path.stem, 0, ""
         with found.open("wb") as target:
-            for piece in _pieces(path):
-                size += len(piece)
-                if size > MAX_UNPACKED:
-                    raise LogFormatError(
-                        f"{path.name} opens to more than {MAX_UNPACKED / 1e9:.0f} GB; so much is "
-                        "not imported: unpack it, and cut it into flights"
-                    )
-                with os_errors(lambda why: f"cannot unpack {path} into {folder}: {why}"):
-                    target.write(piece)
-        yield found
+            try:
+                for piece in _pieces(path):
+                    size += len(piece)
+                    if size > MAX_UNPACKED:
+                        raise LogFormatError(
+                            f"{path.name} opens to more than {MAX_UNPACKED / 1e9:.0f} GB; so much "
+                            "is not imported: unpack it, and cut it into flights"
+                        )
+                    with os_errors(lambda why: f"cannot unpack {path} into {folder}: {why}"):
+                        target.write(piece)
+            except EOFError:
+                torn = f"{path.name} ends within a compressed frame"
+        yield found, torn
 
 
 def _pieces(path: Path) -> Iterator[bytes]:
-    """Yield the unpacked bytes, with at most some ten megabytes at once."""
+    """Yield the unpacked bytes, with at most some ten megabytes at once.
+
+    Raises EOFError at the end of a file that is cut off, LogFormatError or StorageError.
+    """
     from zstandard import ZstdError
 
     with os_errors(lambda why: f"cannot read {path}: {why}"), path.open("rb") as packed:
         is_gzip = packed.peek(len(GZIP)).startswith(GZIP)
         try:
             yield from _of_gzip(packed) if is_gzip else _of_zstd(packed)
-        except (ZstdError, gzip.BadGzipFile, zlib.error, EOFError) as error:
+        except (ZstdError, gzip.BadGzipFile, zlib.error) as error:
             raise LogFormatError(f"{path.name} cannot be unpacked: {error!s:.120}") from error
 
 
 def _of_gzip(packed: IO[bytes]) -> Iterator[bytes]:
     with gzip.GzipFile(fileobj=packed) as file:
-        while piece := file.read(PIECE):
+        while piece := file.read1(PIECE):
             yield piece
 
 

@@ -25,7 +25,8 @@ class ParquetTable(FileTables):
 
         super().__init__(path)
         try:
-            self._file = parquet.ParquetFile(path)
+            # A name that is no UTF-8 is not opened by Arrow.
+            self._file = parquet.ParquetFile(path.open("rb"))
             found = list(_leaves(self._file.schema_arrow))
         except (ArrowException, OSError) as error:
             raise LogFormatError(

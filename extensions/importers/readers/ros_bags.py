@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Collection, Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,7 @@ class BagTables(FileTables):
         from rosbags.typesys import Stores, get_typestore
 
         super().__init__(path)
-        self._columns: dict[str, dict[str, array[float]]] = {}
-        self._nanoseconds: dict[str, dict[str, array[float]]] = {}
+        self._rows: dict[str, _Rows] = {}
         self._topics: list[str] = []
         try:
             with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
@@ -45,15 +45,10 @@ class BagTables(FileTables):
                 for one, logged_ns, data in (
                     bag.messages(chosen) if chosen else ()
                 ):  # none means all
-                    columns = self._columns.setdefault(one.topic, {})
                     message = bag.deserialize(data, one.msgtype)
-                    times = {LOGGED: divmod(logged_ns, 1_000_000_000), **_stamp(message)}
-                    for name, (seconds, nanoseconds) in times.items():
-                        columns.setdefault(name, array("d")).append(seconds)
-                        parts = self._nanoseconds.setdefault(one.topic, {})
-                        parts.setdefault(name, array("d")).append(nanoseconds)
-                    for name, value in _numbers(message):
-                        columns.setdefault(name, array("d")).append(value)
+                    if one.topic not in self._rows:
+                        self._rows[one.topic] = _Rows(message)
+                    self._rows[one.topic].add(message, logged_ns)
         except MemoryError:
             raise  # named by the bound on it
         except KeyError as error:
@@ -70,37 +65,73 @@ class BagTables(FileTables):
         return self._topics
 
     def columns(self, table: str) -> list[str]:
-        found = self._columns.get(table, {})
-        return [name for name, one in found.items() if len(one) == len(found[LOGGED])]
+        return self._rows[table].names() if table in self._rows else []
 
     def read(self, table: str, names: list[str]) -> Array:
-        return np.stack([self._column(table, name)[0] for name in names], axis=1)
+        return np.stack([self._rows[table].column(name)[0] for name in names], axis=1)
 
     def remainders(self, table: str, name: str) -> Array | None:
-        return self._column(table, name)[1]
+        return self._rows[table].column(name)[1]
 
-    def _column(self, table: str, name: str) -> tuple[Array, Array | None]:
+
+class _Rows:
+    """The numbers of one topic's messages; arrays that are not always as long are left out."""
+
+    def __init__(self, first: object) -> None:
+        """Note where the numbers of messages like the first one are."""
+        self._times = {LOGGED: array("q"), **({"stamp": array("q")} if _has_stamp(first) else {})}
+        found = dict(_values(first))
+        lists = [path for path, one in found.items() if isinstance(one, np.ndarray)]
+        self._lists = {path: (attrgetter(path), len(found[path]), array("d")) for path in lists}
+        self._paths = [path for path in found if path not in lists]
+        self._numbers_of = attrgetter(*self._paths) if self._paths else None
+        self._numbers = array("d")
+
+    def add(self, message: Any, logged_ns: int) -> None:
+        self._times[LOGGED].append(logged_ns)
+        if "stamp" in self._times:
+            stamp = message.header.stamp
+            self._times["stamp"].append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+        if self._numbers_of:
+            found = self._numbers_of(message)
+            self._numbers.extend(found if len(self._paths) > 1 else (found,))
+        for path, (get, length, items) in list(self._lists.items()):
+            if len(found := get(message)) == length:
+                items.extend(found[:MAX_ITEMS].tolist())
+            else:
+                del self._lists[path]
+
+    def names(self) -> list[str]:
+        items = [
+            f"{path}[{k}]" for path, (_, n, _) in self._lists.items() for k in range(n)[:MAX_ITEMS]
+        ]
+        return [*self._times, *self._paths, *items]
+
+    def column(self, name: str) -> tuple[Array, Array | None]:
         """Return a column, and by how much times are more than their float64."""
-        values, parts = np.array(self._columns[table][name]), self._nanoseconds[table].get(name)
-        return (values, None) if parts is None else seconds_of(values, np.array(parts))
+        if name in self._times:
+            whole, part = np.divmod(np.frombuffer(self._times[name], np.int64), 1_000_000_000)
+            return seconds_of(whole.astype(np.float64), part.astype(np.float64))
+        rows = len(self._times[LOGGED])
+        if name in self._paths:
+            return np.frombuffer(self._numbers).reshape(rows, -1)[:, self._paths.index(name)], None
+        path, _, place = name.rpartition("[")
+        return np.frombuffer(self._lists[path][2]).reshape(rows, -1)[:, int(place[:-1])], None
 
 
-def _stamp(message: object) -> dict[str, tuple[int, int]]:
-    """Return the stamp of a message's header, s and ns, where it has one."""
-    header = vars(message).get("header")
-    return {} if header is None else {"stamp": (header.stamp.sec, header.stamp.nanosec)}
+def _has_stamp(message: object) -> bool:
+    return hasattr(getattr(message, "header", None), "stamp")
 
 
-def _numbers(message: Any, path: str = "") -> Iterator[tuple[str, float]]:
-    """Yield every number of a message with its path, but those of its header."""
+def _values(message: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every number of a message, and every array of numbers, with its path, but those of its
+    header.
+    """
     for name, value in vars(message).items():
         where = f"{path}.{name}" if path else name
         if where == "header":
             continue
-        if isinstance(value, bool | int | float | np.number):
-            yield where, float(value)
-        elif isinstance(value, np.ndarray):
-            for k, one in enumerate(value[:MAX_ITEMS].tolist()):
-                yield f"{where}[{k}]", float(one)
+        if isinstance(value, bool | int | float | np.number | np.ndarray):
+            yield where, value
         elif hasattr(value, "__dataclass_fields__"):
-            yield from _numbers(value, where)
+            yield from _values(value, where)

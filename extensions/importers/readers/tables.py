@@ -129,10 +129,10 @@ class Hdf5Table(FileTables):
         try:
             with h5py.File(path) as file:
                 file.visititems(note)
-        except (OSError, RuntimeError, KeyError) as error:
+        except Exception as error:  # of any layer of the library
             raise LogFormatError(
                 f"{path.name} is not a complete HDF5 file: {error!s:.120}"
-            ) from None
+            ) from error
 
     def columns(self, table: str) -> list[str]:
         return [
@@ -181,9 +181,9 @@ class NumpyTable(FileTables):
         super().__init__(path)
         try:
             found = np.load(path, mmap_mode="r", allow_pickle=False)
-        except (ValueError, OSError, EOFError, RecursionError, MemoryError) as error:
+        except Exception as error:  # its head is parsed as Python is
             why = str(error) or "its head is nested too deep"
-            raise LogFormatError(f"{path.name} is not a complete NumPy file: {why:.120}") from None
+            raise LogFormatError(f"{path.name} is not a complete NumPy file: {why:.120}") from error
         if found.dtype.names:
             self._columns = {name: found[name] for name in found.dtype.names}
         elif found.ndim == 2:

@@ -14,6 +14,7 @@ from typing import NamedTuple, TextIO
 import numpy as np
 
 from extensions.importers.readers.cells import Cells, is_missing, is_number, remainder
+from extensions.importers.readers.plain_columns import PlainColumns
 from extensions.importers.readers.tables import FileTables, check_size
 from extensions.importers.units import unit_of
 from quadrotor.errors import LogFormatError
@@ -72,12 +73,17 @@ class TextTable(FileTables):
         self._names, self.units = _names(self._head)
         self._first_name = next((one[0] for one in self._head.names[-1:]), "")
         self._rows = self._rows_of_torn()
+        self._plain = self._plain_columns()
 
     def columns(self, table: str) -> list[str]:
         return self._names
 
     def read(self, table: str, names: list[str]) -> Array:
         wanted = [(self._names.index(one), one) for one in names]
+        if self._plain:
+            found = self._plain.numbers([column for column, _ in wanted])
+            if found is not None:
+                return found
         values, cells, dates = array("d"), Cells(), set()
         with self._open() as file:
             for number, row in enumerate(self._complete_rows(file), 1):
@@ -103,11 +109,23 @@ class TextTable(FileTables):
 
     def remainders(self, table: str, name: str) -> Array:
         column = self._names.index(name)
+        if self._plain and (plain := self._plain.remainders(column)) is not None:
+            return plain
         with self._open() as file:
             found = array(
                 "d", (remainder(row[column].strip()) for row in self._complete_rows(file))
             )
         return np.frombuffer(found, dtype=np.float64)
+
+    def _plain_columns(self) -> PlainColumns | None:
+        """Return the same table for Arrow, if both begin with the same row."""
+        head = self._head
+        if head.delimiter == " " or self._encoding not in ("utf-8-sig", "latin-1"):
+            return None
+        plain = PlainColumns(self.path, head.delimiter, head.lines, head.width)
+        with self._open() as file:
+            first = Cells().plain(next(self._complete_rows(file), [])[: head.width])
+        return plain if first and plain.first() == first else None
 
     def _open(self) -> TextIO:
         return self.path.open(encoding=self._encoding, errors="replace", newline="")

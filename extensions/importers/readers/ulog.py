@@ -48,7 +48,6 @@ class UlogTables(FileTables):
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the log. Raises LogFormatError or StorageError."""
         from pyulog import ULog
-        from pyulog.exceptions import ULogException
 
         super().__init__(path)
         topics = sorted({name.partition("#")[0] for name in wanted} | {DATED})
@@ -60,8 +59,10 @@ class UlogTables(FileTables):
                     self.torn = f"it ends within a message at byte {file.short_at}"
         except OSError as error:
             raise StorageError(f"cannot read {path}: {error.strerror}") from error
-        except (ULogException, ValueError, TypeError, KeyError, IndexError) as error:
-            raise LogFormatError(f"{path.name} is not a readable ULog: {error!s:.120}") from None
+        except MemoryError:
+            raise  # named by the bound on it
+        except Exception as error:  # of the library and of struct
+            raise LogFormatError(f"{path.name} is not a readable ULog: {error!s:.120}") from error
         self._data: dict[str, dict[str, npt.NDArray[Any]]] = {
             f"{one.name}#{one.multi_id}" if one.multi_id else one.name: one.data
             for one in log.data_list

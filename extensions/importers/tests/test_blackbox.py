@@ -238,3 +238,13 @@ def test_noise_is_read_without_an_error(tmp_path: Path) -> None:
     for body in (noise, b"", b"I" * 5000, b"E" * 5000):
         log = opened(tmp_path, head + body)
         assert log.columns("")[:2] == FLIGHT[:2]
+
+
+def test_logs_are_found_across_the_pieces_that_are_searched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = flight_log(ROWS[:100])
+    monkeypatch.setattr("extensions.importers.readers.blackbox.PIECE", len(one) + 7)
+    tables = opened(tmp_path, 3 * one, "3")
+    assert tables.flights == ["1", "2", "3"]
+    assert len(tables.read("3", ["time"])) == 100

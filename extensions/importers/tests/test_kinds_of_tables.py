@@ -188,9 +188,22 @@ def test_a_compressed_file_is_unpacked(
     path.write_bytes(pack(PLAIN.encode()))
     found = read_flight(path, str(tmp_path / "mapping.toml"))
     assert np.allclose(found.imu.specific_force_b, samples()[:, 3:], atol=5.1e-5)
-    path.write_bytes(path.read_bytes()[:-40])
+    path.write_bytes(pack(PLAIN.encode()) + pack(PLAIN[PLAIN.index("\n") + 1 :].encode())[:-40])
+    with pytest.raises(LogFormatError, match=r"is incomplete.* ends within a compressed frame"):
+        read_flight(path, str(tmp_path / "mapping.toml"))
+    path.write_bytes(pack(PLAIN.encode())[:20])
     with pytest.raises(LogFormatError, match="cannot be unpacked"):
         read_flight(path, str(tmp_path / "mapping.toml"))
+
+
+def test_what_there_is_of_a_compressed_file_that_is_cut_off_is_imported(tmp_path: Path) -> None:
+    imported(tmp_path, PLAIN)
+    path = tmp_path / "flight.csv.gz"
+    path.write_bytes(gzip.compress(PLAIN.encode())[:-1000])
+    found = read_flight(path, str(tmp_path / "mapping.toml"), torn=True)
+    rows = len(found.imu.stamps_ns)
+    assert 50 < rows < 200
+    assert np.allclose(found.imu.specific_force_b, samples()[:rows, 3:], atol=5.1e-5)
 
 
 @pytest.mark.parametrize("packed", [False, True])

@@ -21,11 +21,14 @@ from extensions.importers.exported import is_exported
 from extensions.importers.files import Files
 from extensions.importers.importing import read_flight
 from extensions.importers.mapping import Mapping
-from extensions.importers.readers.cells import Cells
+from extensions.importers.readers.cells import Cells, remainder
 from extensions.importers.readers.formats import format_of, open_source
 from extensions.importers.readers.mcap_tables import McapTables
+from extensions.importers.readers.parquet import ParquetTable
+from extensions.importers.readers.plain_columns import PlainColumns
+from extensions.importers.readers.tables import NumpyTable
 from extensions.importers.readers.text_table import TextTable
-from extensions.importers.stamps import without_strays
+from extensions.importers.stamps import continued, without_strays
 from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.foreign_flight import make_flight
 from quadlab.__main__ import main
@@ -407,3 +410,80 @@ def test_integers_beyond_64_bits_are_no_other_numbers(tmp_path: Path) -> None:
     path = tmp_path / "flight.npy"
     np.save(path, np.array([[2**64 - 1, 1], [3, 2]], np.uint64))
     assert open_source(path, []).read("", ["0"])[0, 0] == 2.0**64
+
+
+PLAIN = ["1.5,2,3e-3", "-.25, +4 ,5.", '"6",1e400,7', "8,nan,-inf"]
+
+
+@pytest.mark.parametrize(
+    ("more", "plain"),
+    [
+        ("", True),
+        ("\r\n\r\n9,10,11\r\n", True),
+        ("\n9,10,\n", False),
+        ("\n9,10,11,\n", False),
+        ("\n# 9,10,11\n", False),
+        ("\n9,10,1_1\n", False),
+        ("\na,b,c\n", False),
+    ],
+    ids=repr,
+)
+def test_a_table_of_plain_numbers_is_the_same_cell_by_cell(
+    tmp_path: Path, more: str, plain: bool
+) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text("a,b,c\n" + "\n".join(PLAIN) + more, newline="")
+    table = TextTable(path)
+    quick = PlainColumns(path, ",", 1, 3).numbers([2, 1])
+    assert (quick is not None) == plain
+    if quick is not None:
+        table._plain = None
+        assert np.array_equal(quick, table.read("", ["c", "b"]), equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        ["1700000000.123456789", "1700000000.223456788"],
+        ["1403636579763555584", "-5"],
+        ["1.7e9", "-3.25"],
+        ["0.1234567891", "1"],
+        ["9000000000.1", "9200000000.1"],
+        ["1.1", "nan"],
+    ],
+    ids=repr,
+)
+def test_what_plain_numbers_have_beyond_float64_is_exact(tmp_path: Path, texts: list[str]) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text("t,x\n" + "".join(f"{one},1\n" for one in texts))
+    table = TextTable(path)
+    quick = PlainColumns(path, ",", 1, 2).remainders(0)
+    assert np.allclose(table.remainders("", "t"), [*map(remainder, texts)], rtol=0.0, atol=1e-16)
+    assert (quick is None) == (texts[0] in ("0.1234567891", "9000000000.1", "1.1"))
+
+
+def test_parquet_of_a_name_that_is_no_utf_8_is_read(tmp_path: Path) -> None:
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/fl\xfcg.parquet"))
+    with path.open("wb") as file:
+        parquet.write_table(pa.table({"x": [1.5, 2.5]}), file)
+    assert ParquetTable(path).read("", ["x"]).tolist() == [[1.5], [2.5]]
+
+
+def test_a_step_back_is_a_counter_only_where_it_has_all_values() -> None:
+    rows = np.arange(1, 301)
+    seconds = 0.01 * np.arange(300.0)
+    seconds[-1] = -1.0  # 2^32 ns further it would go on
+    assert continued(seconds, rows, "f") == (pytest.approx(seconds), [])
+    for least in (0, -(2**31)):
+        wrapped = (2**32 - 1500 + 10.0 * np.arange(300)) % 2**32 + least
+        found, notes = continued(wrapped, rows, "f")
+        assert np.diff(found).tolist() == [10.0] * 299
+        assert len(notes) == 1
+
+
+def test_a_numpy_file_whose_head_ends_within_brackets_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "flight.npy"
+    np.save(path, np.zeros((3, 2)))
+    path.write_bytes(path.read_bytes().replace(b"(3, 2), }", b"(3, 2,   "))
+    with pytest.raises(LogFormatError, match="is not a complete NumPy file"):
+        NumpyTable(path)

@@ -1,0 +1,100 @@
+"""Text tables in which every cell is a plain number, read by Arrow's compiled parser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from extensions.importers.readers.tables import beyond_float, check_size, seconds_of
+from quadrotor.records import Array
+
+if TYPE_CHECKING:
+    import pyarrow
+
+PIECE = 1 << 22
+"""Bytes that are parsed at once."""
+DECIMALS = 9
+LARGEST = 9e9
+"""Numbers below it have so many decimals within 63 bits."""
+
+
+class PlainColumns(NamedTuple):
+    """Columns of a table without quoted line breaks, by their number.
+
+    Arrow reads the same numbers as Python does. Where it cannot, as for words, dates, remarks and
+    rows of other widths, there is no answer, and `TextTable` reads cell by cell.
+    """
+
+    path: Path
+    delimiter: str
+    skipped: int  # lines before the first row
+    width: int  # of each row
+
+    def numbers(self, wanted: Sequence[int]) -> Array | None:
+        """Return columns, (N, len(wanted)), or None. Raises LogFormatError for too many rows."""
+        import pyarrow as pa
+
+        # The first column shows remarks and repeated headers.
+        kinds = {column: pa.float64() for column in (0, *wanted)}
+        found: list[Array] = []
+        try:
+            for batch in self._batches(kinds):
+                check_size(self.path, sum(map(len, found)) + len(batch), len(wanted))
+                columns = [batch.column(str(k)).to_numpy() for k in wanted]
+                found.append(np.stack(columns, axis=1))
+        except pa.ArrowException:
+            return None
+        return np.concatenate(found) if found else None
+
+    def first(self) -> list[float] | None:
+        """Return the numbers of the first row, or None."""
+        import pyarrow as pa
+
+        try:
+            batch = next(self._batches(dict.fromkeys(range(self.width), pa.float64())), None)
+        except pa.ArrowException:
+            return None
+        return [one[0].as_py() for one in batch.columns] if batch else None
+
+    def remainders(self, column: int) -> Array | None:
+        """Return by how much more integers, or numbers of up to 9 decimals, are than their float64,
+        (N,), or None.
+        """
+        import pyarrow as pa
+
+        for kind in (pa.int64(), pa.decimal128(38, DECIMALS)):
+            try:
+                parts = [one.column(0) for one in self._batches({column: kind})]
+            except pa.ArrowException:
+                continue
+            if kind == pa.int64():
+                return np.concatenate([beyond_float(one.to_numpy()) for one in parts])
+            # Small decimals are the lower of two words.
+            words = [np.frombuffer(one.buffers()[1], np.int64)[: 2 * len(one) : 2] for one in parts]
+            numbers = self.numbers([column])
+            if numbers is None or np.abs(numbers).max() > LARGEST:
+                return None
+            whole, part = np.divmod(np.concatenate(words), 10**DECIMALS)
+            return seconds_of(whole.astype(np.float64), part.astype(np.float64))[1]
+        return None
+
+    def _batches(self, kinds: dict[int, pyarrow.DataType]) -> Iterator[pyarrow.RecordBatch]:
+        from pyarrow import csv
+
+        names = [str(k) for k in range(self.width)]
+        return csv.open_csv(
+            self.path.open("rb"),  # a name that is no UTF-8 is not opened by Arrow
+            csv.ReadOptions(
+                use_threads=False, block_size=PIECE, skip_rows=self.skipped, column_names=names
+            ),
+            csv.ParseOptions(delimiter=self.delimiter),
+            csv.ConvertOptions(
+                check_utf8=False,
+                column_types={str(k): kind for k, kind in kinds.items()},
+                include_columns=[str(k) for k in kinds],
+                null_values=[],
+            ),
+        )
