@@ -55,8 +55,9 @@ def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
         excess = mean[:, k] / usual - 1.0
         spread = np.abs(others / usual[:, None] - 1.0).max(axis=1, initial=0.0)
         only = np.where(np.abs(excess) > 2.0 * spread, excess, 0.0)  # a shifted mass loads two
-        for kind, size in (("motor_weak", only), ("motor_strong", -only)):
-            for start, end in longest(time, size, WEAK_MOTOR, 2):
+        # A turn of the 8 about z with a shifted mass looks like a stronger motor for 4 s.
+        for kind, size, least in (("motor_weak", only, 2), ("motor_strong", -only, 3)):
+            for start, end in longest(time, size, WEAK_MOTOR, least):
                 worst = float(np.median(size[(time >= start) & (time < end)]))
                 is_weak = kind == "motor_weak"
                 gives = abs(1.0 - 1.0 / (1.0 + (worst if is_weak else -worst)))
