@@ -55,10 +55,11 @@ KINDS: dict[str, set[str]] = {}
 for _one in NAMED:
     KINDS.setdefault(_one.text.split()[0], set()).update(_one.kinds)
 _PUSH, _TURN, _MOVED = {"outside_force", "thrust_off"}, {"outside_torque"}, {"tracker_jumped"}
+_STRONG = {"outside_torque", "motor_strong"}
 MORE: dict[str, set[str]] = {
     "imu.gaps": {"ended_in_flight"},
-    "motors.fade": _TURN,
-    "motors.flicker": _TURN,
+    "motors.fade": _STRONG,
+    "motors.flicker": _STRONG,
     "simulator.corrupted_bytes": {"imu_gaps"},
     "simulator.lost_samples": {"imu_gaps"},
     "simulator.push_x": _PUSH,
@@ -68,6 +69,7 @@ MORE: dict[str, set[str]] = {
     "tracker.position_noise": {"tracker_noisy"},
     "tracker.handedness": _MOVED,
     "tracker.scale": _MOVED,
+    "tracker.swapped_bodies": _MOVED,
     "tracker.tilt": _MOVED,
     "vehicle.centre": _TURN,
     "world.updraught": _PUSH,

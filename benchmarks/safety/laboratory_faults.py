@@ -3,7 +3,9 @@
     python -m benchmarks laboratory_faults [--quick | --smoke]
     python -m benchmarks.safety.laboratory_faults [--minutes 40] [--only killed,clock] [--json FILE]
                                                   [--keep FOLDER]
+    unshare -n sh -c 'ip link set lo up; python -m benchmarks.safety.laboratory_faults --only link'
 
+In a network namespace of its own, as in the last line, the link between its processes fails, too.
 With --json a long run is flown in parts: cases that FILE has are not repeated. With --keep the logs
 of cases that are not good are copied there.
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import socket
 import struct
+import subprocess
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -27,6 +30,8 @@ MEMORY = 1 << 20
 """Address space, in bytes, of a process without memory: less than it has, so that it gets none."""
 FROZEN = 5.0
 """Time, in s, for which a process is frozen."""
+DOWN = 8.0
+"""Time, in s, for which the link is down."""
 HOUR, FORTY_DAYS = 3600, 40 * 86400
 FILLER = "filler"
 Begin = Callable[["Place", ExitStack], None]
@@ -171,6 +176,25 @@ def clock_set(seconds: int) -> Begin:
 
 
 STARVED = [part for part in PARTS if part != "simulator"]
+
+
+def link_down(_: Place, end: ExitStack) -> None:
+    """Take the loopback device of this network namespace down for a while."""
+    _loopback("down")
+    back = threading.Timer(DOWN, _loopback, ["up"])
+    back.start()
+    end.callback(back.join)
+
+
+def _loopback(state: str) -> None:
+    subprocess.run(["ip", "link", "set", "lo", state], check=True)
+
+
+def has_own_network() -> bool:
+    """Return whether this network namespace has the loopback device alone: no other program's."""
+    return [name for _, name in socket.if_nameindex()] == ["lo"]
+
+
 FAULTS: dict[str, Begin] = {
     **{f"{part} killed": killed(part) for part in PARTS},
     **{f"{part} frozen": frozen(part) for part in PARTS},
@@ -186,6 +210,7 @@ FAULTS: dict[str, Begin] = {
     "clock - 1 h": clock_set(-HOUR),
     "clock + 40 d": clock_set(FORTY_DAYS),
     "clock - 40 d": clock_set(-FORTY_DAYS),
+    **({"link down": link_down} if has_own_network() else {}),
 }
 """What each fault does, by its name."""
 

@@ -8,7 +8,7 @@ bias of the accelerometer adds a constant to g, the mean of g - t, which is take
 equal but for noise if the tracker is right.
 
 Poses that suddenly differ are left out, and the filters begin there if they stay. In flight they
-are wrong at once when they have another vertical (`tip`).
+are wrong at once when they have another vertical, or another heading in the same place (`tip`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from estimation.tracker_integrity.high_pass import keep, passed
 from estimation.tracker_integrity.memory import RING_LENGTH
 from estimation.tracker_integrity.slopes import PLACE_RATE, fit
 from estimation.tracker_integrity.stuck_axis import follow_tracker, note_turn
-from estimation.tracker_integrity.tip import leans_as, note_tip
+from estimation.tracker_integrity.tip import note_tip, stands_as
 from estimation.tracker_integrity.witnesses import agree, overrule, vote
 from quadrotor.compiled import compiled
 from quadrotor.records import Item, Record
@@ -70,7 +70,7 @@ def compare_pose(memory: Record, pose: Record, state: Record) -> float:
     """
     m, z = memory[0], pose[0]
     if m.tipped == 1:
-        if not leans_as(z, state[0]):
+        if not stands_as(z, state[0]):
             return MOST
         m.tipped = m.tips = 0
     since = 1e-9 * (z.stamp_ns - m.stamp_ns)
@@ -81,7 +81,7 @@ def compare_pose(memory: Record, pose: Record, state: Record) -> float:
         if felt and _take(m, z, since):
             overrule(m)
             return strongest(m) if m.learnt > KNOWN else -1.0
-        if felt and note_tip(m, z, since):
+        if felt and note_tip(m, z, state[0], since):
             return MOST
         if felt and since < OUTLIERS:
             return -1.0

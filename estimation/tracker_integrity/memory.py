@@ -67,9 +67,9 @@ INTEGRITY_MEMORY = np.dtype(
         ("settled", "f8"),  # s since the start of the filters
         ("learnt", "f8"),  # s for which means and variances were learnt
         ("doubted", "f8"),  # s for which the evidence has been large
-        ("tips", "i8"),  # number of outliers in a row that suddenly show another vertical
-        ("tip_up_b", "f8", 3),  # that vertical, in body axes
-        ("tipped", "i8"),  # 1: the tracker's vertical has jumped in flight
+        ("tips", "i8"),  # number of outliers in a row that suddenly show another attitude
+        ("jump_b", "f8", 4),  # rotation, body axes, from the attitude that is felt to that one
+        ("tipped", "i8"),  # 1: the tracker's attitude has jumped in flight
         ("quaternion_wb", "f8", 4),  # of the newest pose
         ("position_w", "f8", 3),  # m
         ("height", "f8"),  # m, by the barometer, at that pose

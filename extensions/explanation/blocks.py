@@ -58,6 +58,15 @@ def tracker_of(topics: Topics) -> tuple[str, tuple[str, ...]]:
     return ("tracker_position", MARKED) if of_marker else ("tracker_pose", TRACKED)
 
 
+def tilts(topics: Topics) -> tuple[Array, Array]:
+    """Return the times (s) of the state, and the tilts (deg) then; empty without attitudes."""
+    if not has(topics, "state", *ROLL_PITCH):
+        return np.zeros(0), np.zeros(0)
+    x, y = topics["state"].rows(ROLL_PITCH).T
+    tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+    return topics["state"].time, tilt
+
+
 def number(parameters: Parameters, name: str, default: float) -> float:
     value = parameters.get(name, default)
     return float(value) if isinstance(value, int | float) else default

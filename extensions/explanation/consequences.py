@@ -19,7 +19,6 @@ from console.evaluation.findings import (
     within,
 )
 from extensions.explanation.blocks import (
-    ROLL_PITCH,
     SETTLING,
     blocks,
     distances,
@@ -28,6 +27,7 @@ from extensions.explanation.blocks import (
     means,
     number,
     overlaps,
+    tilts,
 )
 from flight_log.fields import POSITION, REFERENCE
 
@@ -203,18 +203,14 @@ def oscillating(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding
 
 def tilted(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
     """Find a tilt that no manoeuvre needs."""
-    if not has(topics, "state", *ROLL_PITCH):
-        return
-    series = topics["state"]
-    x, y = series.rows(ROLL_PITCH).T
-    tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+    time, tilt = tilts(topics)
     limit = number(parameters, "safety.tilt_max", TILT)
     # Flights may end with a fall.
     longer = [(start - SETTLING, end + SETTLING) for start, end in spans]
-    inside = within(series.time, longer) & (tilt > limit)
+    inside = within(time, longer) & (tilt > limit)
     if not inside.any():
         return
-    most, times = float(tilt[inside].max()), series.time[inside]
+    most, times = float(tilt[inside].max()), time[inside]
     yield Finding(
         "tilted",
         most / limit,
@@ -225,7 +221,7 @@ def tilted(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Fin
         label="tilt",
         unit="°",
         limit=limit,
-        time=series.time,
+        time=time,
         values=tilt,
         follows=True,
     )

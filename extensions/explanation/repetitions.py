@@ -125,7 +125,7 @@ def imu_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
     time = topics["imu"].time
     steps = np.diff(time)
     usual = float(np.median(steps))
-    inside = within(time[1:], spans)
+    inside = within(time[1:], spans) | within(time[:-1], spans)  # a gap may end the flight
     if usual <= 0.0 or not inside.any():
         return
     lost = np.where(inside, np.round(steps / usual) - 1.0, 0.0).clip(min=0.0)
@@ -149,9 +149,9 @@ def imu_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
     )
 
 
-def ended_in_flight(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+def ended_in_flight(topics: Topics, _: Parameters, __: Spans) -> Iterator[Finding]:
     """Find a log that ends before its flight does."""
-    if not has(topics, "status", "airborne") or not spans:
+    if not has(topics, "status", "airborne"):
         return
     status = topics["status"]
     flown = stretches(status.time, status.values("airborne") > 0.5)

@@ -127,7 +127,10 @@ class Motion:
     def windows(self, spans: Spans) -> Iterator[Window]:
         usual = float(np.median(np.diff(self.time)))
         for start, end in spans:
-            for begin in np.arange(start, end - WINDOW + 1e-9, STEP):
+            begins = np.arange(start, end - WINDOW + 1e-9, STEP)
+            if len(begins) and end - WINDOW - begins[-1] > 0.25 * STEP:
+                begins = np.append(begins, end - WINDOW)  # what began just before the landing
+            for begin in begins:
                 first, last = np.searchsorted(self.times, (begin, begin + WINDOW))
                 i, j = np.searchsorted(self.time, (begin, begin + WINDOW))
                 if last - first >= LEAST_POSES and (j - i) * usual >= LEAST_SHARE * WINDOW:

@@ -7,12 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics
-from extensions.explanation.blocks import BLOCK, blocks, has, longest
+from extensions.explanation.blocks import blocks, has, longest
 from flight_log.fields import TRACKED, TRACKED_ATTITUDE
 from quadrotor.plain_rotations import make_continuous
 
 METRES, DEGREES = 0.005, 0.6
 """Limits of the standard deviation on one axis."""
+SHORT = 0.5
+"""Time in s over which it is taken."""
 LONGEST = 0.03
 """Longest time in s between poses; beyond it the vehicle's own motion between them shows."""
 
@@ -33,12 +35,12 @@ def tracker_noisy(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
     off = rows[1:-1] - 0.5 * (rows[:-2] + rows[2:])
     before, after = time[1:-1] - time[:-2], time[2:] - time[1:-1]
     even = (before < 1.5 * after) & (after < 1.5 * before) & (after < LONGEST)
-    starts, scatter = blocks(time[1:-1][even], np.abs(off[even]), spans, _deviation)
+    starts, scatter = blocks(time[1:-1][even], np.abs(off[even]), spans, _deviation, SHORT)
     limits = np.array([METRES] * 3 + [DEGREES] * 3)
     over = (scatter / limits).max(axis=1, initial=0.0)
-    for start, end in longest(starts, over, 1.0, 1):
+    for start, end in longest(starts, over, 1.0, 1, SHORT):
         inside = (starts >= start) & (starts < end)
-        most = scatter[inside].max(axis=0)
+        most = np.median(scatter[inside], axis=0)
         yield Finding(
             "tracker_noisy",
             float(np.median(over[inside])),
@@ -52,7 +54,7 @@ def tracker_noisy(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
             label="standard deviation of the poses over its limit",
             unit="",
             limit=1.0,
-            time=starts + BLOCK / 2,
+            time=starts + SHORT / 2,
             values=over,
         )
 

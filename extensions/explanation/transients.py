@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics
-from extensions.explanation.blocks import SETTLING, has, longest, number
+from extensions.explanation.blocks import SETTLING, has, longest, number, tilts
 from extensions.explanation.residuals import Motion, integrated, motion_of
 from flight_log.fields import RATE, TORQUE_B, TRACKED, axes
 
@@ -23,17 +23,27 @@ TURN, PUSH = (1.0, 3.0), (0.3, 0.75)
 """Least and largest limits in rad/s² and m/s² beside what the motors were commanded."""
 USUAL = 5.0
 """Multiple of a flight's usual changes that is the limit between those: gusts make them larger."""
+SIDEWAYS = 0.4
+"""Least horizontal force over the mass, in m/s²: gusts of the rough world reach 0.33."""
 ALONE = (0.5, 1.2)
 """Least and largest limit in m/s² of what the poses alone show."""
 PRECISE = 0.3
 """Largest standard deviation in m/s² of the poses' acceleration with which they are a witness."""
+TURNING_OVER = 60.0
+"""Tilt in deg of a vehicle that turns over."""
 LEAST_POSES = 4
 """Number of poses about each end, below which they are none."""
 
 
 def transients(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
     """Find torques and forces that the motors were not commanded, from a quarter of a second on."""
-    longer = [(start - 0.5 * SETTLING, end + 0.25 * SETTLING) for start, end in spans]
+    time, tilt = tilts(topics)
+    over = time[tilt > TURNING_OVER]
+    longer = []
+    for start, end in spans:  # what turned a vehicle over acts in its last moment
+        fall = over[(over > end) & (over < end + SETTLING)]
+        last = float(fall[0]) if len(fall) else end + 0.25 * SETTLING
+        longer.append((start - 0.5 * SETTLING, last))
     yield from _torques(topics, parameters, longer)
     motion = motion_of(topics, parameters)
     if motion is not None and motion.pushed is not None:
@@ -126,6 +136,8 @@ def _forces(motion: Motion, pushed: Array, spans: Spans) -> Iterator[Finding]:
         worst = int(np.argmax(np.where(inside, both, 0.0)))
         x, y, z = excess[worst, 0]
         is_up = abs(z) > np.hypot(x, y)
+        if not is_up and both[worst] < SIDEWAYS:
+            continue
         yield _finding(
             kind="thrust_off" if is_up else "outside_force",
             figures=(float(both[worst]) / limit, start, end + LENGTH - STEP),
@@ -158,7 +170,7 @@ def _jumped(starts: Array, apart: Array, known: Array) -> Iterator[Finding]:
             figures=(most / limit, start, end + LENGTH - STEP),
             claim=f"The tracker's poses moved with up to {most:.1f} m/s² that neither the "
             "accelerometer nor the motors had.",
-            alike=("a jump", "axes or a scale that changed", "stamps that changed"),
+            alike=("a jump", "another body", "axes or a scale that changed", "stamps that changed"),
             signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
             evidence=("acceleration that the poses alone show", "m/s²", limit),
             time=starts,

@@ -42,7 +42,7 @@ _TURNS, _MOVES = (
 )
 _WITNESS = (_TURNS, _TURNS, _MOVES, _MOVES)
 """What contradicts what, by the test."""
-_TIPPED = "the tracker's vertical jumped, which neither the gyroscope nor gravity shows"
+_JUMPED = "the tracker's attitude jumped, which the gyroscope does not show"
 _VERTICAL = (
     "the tracker's frame or the body's axes are tilted, or the accelerometer is not calibrated"
 )
@@ -162,7 +162,7 @@ class TrackerIntegrity:
         elif evidence >= ALARM and not self.contradiction:
             tipped = self._memory["tipped"].item() == 1
             self.contradiction = (
-                _TIPPED if tipped else _WITNESS[int(self._memory["evidence"][0].argmax())]
+                _JUMPED if tipped else _WITNESS[int(self._memory["evidence"][0].argmax())]
             )
             self._say(f"{self.contradiction}: its poses count as missing; {_AXES}", mailbox.ERROR)
         elif evidence == 0.0 and self.contradiction:

@@ -115,7 +115,7 @@ CAUSES: dict[str, tuple[Callable[[Flight], object], str, float, float]] = {
     "turned sensor": (turned_sensor, "accelerometer_off", 4.0, 0.5),
     "gyroscope": (gyroscope, "gyroscope_off", 3.0, 0.3),
     "tilted tracker": (tilted_tracker, "tracker_tilted", 3.0, 0.3),
-    "scaled tracker": (scaled_tracker, "tracker_scale", 8.0, 0.5),
+    "scaled tracker": (scaled_tracker, "tracker_scale", 8.0, 0.7),
     "late stamps": (late_stamps, "tracker_stamps", 40.0, 4.0),
     "payload": (payload, "thrust_off", 15.0, 1.0),
     "wind": (wind, "outside_force", 0.8, 0.1),
@@ -265,6 +265,13 @@ def test_bearings_that_are_late_are_named() -> None:
 
 def gyroscope_ramp(flight: Flight) -> None:
     flight.rates[:, 1] += np.radians(0.3) * (flight.time - FROM).clip(0.0)
+
+
+def test_a_bias_of_the_gyroscope_in_the_last_seconds_of_a_flight_is_named() -> None:
+    flight = Flight()
+    flight.airborne = (flight.time > 5.0) & (flight.time < 36.0)  # judged until 34 s
+    flight.rates[flight.time > 29.0, 1] += np.radians(2.0)
+    assert "gyroscope_off" in [one.kind for one in explain(flight.topics(), PARAMETERS)]
 
 
 def test_a_gyroscope_whose_bias_grows_is_not_taken_for_outliers_of_the_tracker() -> None:

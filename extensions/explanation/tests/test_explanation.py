@@ -106,6 +106,12 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
         2.0,
         "rear motor needed 12 %",
     ),
+    "motor_strong": (
+        {"actuators": {"thrusts[2]": during(500, 15.0, 40.0, 0.88 * THRUST, THRUST)}},
+        {"actuators": {"thrusts[2]": 0.95 * THRUST}},
+        2.0,
+        "rear motor needed 12 % less",
+    ),
     "vibration": (
         {"imu": {"linear_acceleration.x": 5.0 * NOISE}},
         {"imu": {"linear_acceleration.x": 2.4 * NOISE}},
@@ -255,6 +261,25 @@ def test_a_gap_stands_behind_a_lost_link_only_where_it_was_lost_in_the_gap() -> 
     poses = lost["tracker_pose"]
     poses.time = np.where(poses.time < 20.0, poses.time, poses.time + 0.8)
     assert [one.follows for one in explain(lost, {}) if one.kind == "tracker_gaps"] == [False]
+
+
+def test_vibration_that_has_grown_is_named_below_the_limit_of_one_that_is_always_there() -> None:
+    grown = during(500, 20.0, 21.5, 1.2, 0.05) * NOISE
+    [found] = explained({"imu": {"linear_acceleration.x": grown}})
+    assert (found.kind, found.limit) == ("vibration", 0.8)
+    assert (found.start, found.end) == (pytest.approx(20.0, abs=0.5), pytest.approx(21.5, abs=0.5))
+    assert explained({"imu": {"linear_acceleration.x": 1.2 * NOISE}}) == []
+
+
+def test_poses_whose_delay_ends_a_flight_within_some_seconds_are_named() -> None:
+    flown = (TIMES[10] > 5.0) & (TIMES[10] < 13.0)
+    [found] = explained(
+        {
+            "status": {"airborne": flown},
+            "estimator": {"measurement_age": during(50, 10.2, 40.0, 0.13)},
+        }
+    )
+    assert found.kind == "tracker_late"
 
 
 def test_two_flights_in_a_log_are_not_one_finding() -> None:

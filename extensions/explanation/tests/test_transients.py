@@ -12,6 +12,7 @@ from console.evaluation.findings import Finding
 from extensions.explanation.explain import explain
 from extensions.explanation.tests.made_flight import PARAMETERS, Columns, Flight
 from extensions.explanation.tests.test_diagnosis import numbers
+from quadrotor.rotations import rotation_exp
 
 INERTIA = np.array([0.0154, 0.0154, 0.025])
 KNOWN = PARAMETERS | {
@@ -92,13 +93,32 @@ def test_poses_that_jump_alone_are_named_and_follow_from_another_cause_of_the_tr
     assert found == {"tracker_noisy": False, "tracker_jumped": True}
 
 
-def test_a_log_that_ends_in_flight_is_named() -> None:
+def test_what_turns_a_vehicle_over_in_its_last_moment_is_named() -> None:
+    def blow(flight: Flight, _: Rows) -> None:
+        flight.torque[(flight.time >= 33.5) & (flight.time < 34.0), 1] -= 0.08
+        fallen = flight.poses >= 34.0
+        flight.tracked_R_wb = flight.tracked_R_wb.copy()
+        flight.tracked_R_wb[fallen] = rotation_exp(np.radians([85.0, 0.0, 0.0]))
+
+    assert "outside_torque" in [one.kind for one in explained(blow)]
+
+
+@pytest.mark.parametrize("end", [30.0, 7.5])  # 2.5 s after the take-off
+def test_a_log_that_ends_in_flight_is_named(end: float) -> None:
     topics = Flight().topics()
     status = topics["status"]
-    flown = status.time < 30.0
+    flown = status.time < end
     topics["status"] = Columns(status.time[flown], {"airborne": status.values("airborne")[flown]})
     [found] = explain(topics, KNOWN | {"model.inertia_xx": 0.0})
-    assert (found.kind, round(found.end)) == ("ended_in_flight", 30)
+    assert found.kind == "ended_in_flight"
+    assert found.end == pytest.approx(end, abs=0.2)
+
+
+def test_a_gap_of_the_imu_that_ends_a_flight_is_named() -> None:
+    topics = Flight().topics()
+    imu = topics["imu"]
+    imu.time = np.where(imu.time < 32.5, imu.time, imu.time + 3.0)
+    assert "imu_gaps" in [one.kind for one in explain(topics, PARAMETERS)]
 
 
 def test_a_flight_of_some_seconds_is_explained_too() -> None:
