@@ -26,6 +26,7 @@ from extensions.laws.extension import EXTENSION
 from extensions.laws.tests.harm import KINDS
 from quadrotor.extension import Extension, Law
 from quadrotor.extensions import Registry
+from quadrotor.parameter_description import ParameterValue
 
 HARM = Law(name="harm", target=".harm:LAW", parameters=".harm:HarmParameters")
 HELD, CAUGHT = 0.75, 2.0
@@ -44,10 +45,15 @@ def rescued(kind: int, seed: int) -> tuple[float, bool, bool]:
     after, payload = float(rng.uniform(1.0, 4.0)), float(rng.uniform(0.0, 0.2))
     wind = dict(zip(("wind_x", "wind_y"), rng.uniform(-2.0, 2.0, 2).tolist(), strict=True))
     world = {f"simulator.{name}": value for name, value in wind.items()}
-    own = {"control.law": "harm", "control.harm.kind": kind, "control.harm.after": after}
-    flight = WatchedFlight(
-        seed, {**world, "simulator.drag": 0.2, "simulator.payload": payload, **own}
-    )
+    values: dict[str, ParameterValue] = {
+        **world,
+        "simulator.drag": 0.2,
+        "simulator.payload": payload,
+        "control.law": "harm",
+        "control.harm.kind": kind,
+        "control.harm.after": after,
+    }
+    flight = WatchedFlight(seed, values)
     try:
         flight.hover(settling=0.0)
         flight.forget()
@@ -93,8 +99,8 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
     for name, entry in entries().items():
         times = tick_times(entry, size.of(20000, 5000, 100), time.thread_time)
         late = float(np.quantile(times, 0.99))
-        figures = {"median, µs": 1e6 * float(np.median(times)), "99 %, µs": 1e6 * late}
-        found.rows.append(Row(f"tick of {name}", figures))
+        median = 1e6 * float(np.median(times))
+        found.rows.append(Row(f"tick of {name}", {"median, µs": median, "99 %, µs": 1e6 * late}))
         limit = SLOW.get(entry.law, TICK)
         found.targets.append(Target(f"tick of {name}, 99 %, µs", 1e6 * late, 1e6 * limit))
     return found

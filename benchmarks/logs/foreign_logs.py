@@ -41,7 +41,8 @@ class Format(NamedTuple):
 
 
 def _us(flight: ForeignFlight) -> npt.NDArray[np.int64]:
-    return np.round((flight.seconds - flight.seconds[0]) * 1e6).astype(np.int64) + START_US
+    since: npt.NDArray[np.float64] = np.round((flight.seconds - flight.seconds[0]) * 1e6)
+    return since.astype(np.int64) + START_US
 
 
 def _text(name: str, delimiter: str) -> Callable[[Path, ForeignFlight], Path]:

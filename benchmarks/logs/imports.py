@@ -56,7 +56,8 @@ def run(size: Size = Size.FULL) -> Report:
 def _written(folder: Path, kind: Format, wanted: float) -> Path:
     """Write a flight whose file has about as many bytes as are wanted."""
     small, large = folder / "small", folder / "large"
-    small.mkdir(), large.mkdir()
+    small.mkdir()
+    large.mkdir()
     share = wanted / _bytes(kind.write(small, make_flight(seconds=FIRST, step=STEP)))
     return kind.write(large, make_flight(seconds=FIRST * share, step=STEP))
 

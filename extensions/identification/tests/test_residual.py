@@ -16,6 +16,7 @@ from extensions.identification.residual.command import Identify
 from extensions.identification.residual.fit import explained, fit_residual, ridge, split
 from extensions.identification.residual.flights import FlightResidual, lagged, residual
 from quadrotor.errors import MeasurementError, StorageError, UsageError
+from quadrotor.records import Array
 from quadrotor.vehicle_model import GRAVITY
 
 MASS, ARM, RATIO = 1.308, 0.25, 0.0174
@@ -124,8 +125,8 @@ def test_a_penalty_shrinks_and_held_out_parts_tell_noise_from_force() -> None:
 def test_the_residual_of_the_model_itself_is_nothing() -> None:
     """The rotors lag, and the vehicle turns as their torque makes it."""
     dt, n = 0.002, 4000
-    time = dt * np.arange(n)
-    thrusts = 3.2 + 0.3 * np.sin(np.multiply.outer(time, [3.0, 2.0, 2.5, 1.5]))
+    time = dt * np.arange(float(n))
+    thrusts: Array = 3.2 + 0.3 * np.sin(np.multiply.outer(time, [3.0, 2.0, 2.5, 1.5]))
     speeds = lagged(time, np.sqrt(thrusts), 0.047)
     f1, f2, f3, f4 = (speeds**2).T
     tau = np.column_stack((ARM * (f2 - f4), ARM * (f3 - f1), RATIO * (f1 - f2 + f3 - f4)))

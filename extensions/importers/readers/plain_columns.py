@@ -85,7 +85,7 @@ class PlainColumns(NamedTuple):
         from pyarrow import csv
 
         names = [str(k) for k in range(self.width)]
-        return csv.open_csv(
+        batches: Iterator[pyarrow.RecordBatch] = csv.open_csv(
             self.path.open("rb"),  # a name that is no UTF-8 is not opened by Arrow
             csv.ReadOptions(
                 use_threads=False, block_size=PIECE, skip_rows=self.skipped, column_names=names
@@ -98,3 +98,4 @@ class PlainColumns(NamedTuple):
                 null_values=[],
             ),
         )
+        return batches

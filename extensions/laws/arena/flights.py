@@ -95,10 +95,10 @@ def tick_times(entry: Entry, ticks: int, clock: Callable[[], float] = time.perf_
         def step() -> None:
             controller.step(state, reference, True, 0.002, out)
     else:
-        made = entry.own.compiled if entry.own else extended()[law].load()
-        control = new_control_parameters()
-        arguments = example_arguments(made, settings_of(control, law))
-        code = direct(made.step, *arguments)
+        made = extended()[law].load() if entry.own is None else entry.own.compiled
+        own = settings_of(new_control_parameters(), law)
+        arguments = example_arguments(made, own)
+        code: Callable[..., None] = direct(made.step, *arguments)
 
         def step() -> None:
             code(*arguments)
