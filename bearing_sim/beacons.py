@@ -66,7 +66,7 @@ def parse_layout(text: str) -> Beacons:
         return PRESETS[name]
     parts = [part for part in name.replace("\n", ";").split(";") if part.strip()]
     if len(parts) <= 1 and not any(letter.isdigit() for letter in name):
-        hint = did_you_mean(name, PRESETS, most=1) or "write x y z in m"
+        hint = did_you_mean(name, PRESETS) or "write x y z in m"
         raise MeasurementError(
             f"layout {_shown(name)} is neither a preset ({', '.join(PRESETS)}) "
             f"nor 'id x y z; …' of at least 4 beacons: {hint}"

@@ -161,7 +161,7 @@ class Catalogue:
         home = HOMES.get(name.partition(".")[0], self.home)
         if home != self.home:
             raise OutOfBoundsError(f"it belongs in {home}")
-        hint = did_you_mean(name, (*self.faults, *movable), after=" ", most=2, cutoff=0.5)
+        hint = did_you_mean(name, (*self.faults, *movable), after=" ", cutoff=0.5)
         raise OutOfBoundsError(f"no fault is called {name!r}: {hint}{LISTED}")
 
 

@@ -1,4 +1,4 @@
-"""One flight as other systems log it, in every format that `quadlab log import` reads, any size."""
+"""A flight as other systems log it, in every format that `quadlab log import` reads."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ as this one.
 
 
 class Format(NamedTuple):
-    """How a flight is written to a folder, and by which mapping it is read."""
+    """A format: what writes a flight to a folder, and the mapping by which it is read."""
 
     write: Callable[[Path, ForeignFlight], Path]
     mapping: str  # a name, "file" for one of `columns_of`, or empty for the format's own

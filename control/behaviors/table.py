@@ -78,7 +78,7 @@ def behavior_of(name: str) -> BehaviorName:
         if behavior.name.lower() == name:
             return behavior
     names = [behavior.name.lower() for behavior in BehaviorName if behavior is not B.GROUND]
-    hint = did_you_mean(name, names, after=" ", most=1)
+    hint = did_you_mean(name, names, after=" ")
     raise RefusedError(f"unknown behavior {name!r}: {hint}there are {', '.join(names)}")
 
 

@@ -72,7 +72,7 @@ def _no_command(word: str) -> str:
             f"the command {word} is not in {DISTRIBUTION}, the part of quadlab for the vehicle's "
             "computer; run it where quadlab is installed"
         )
-    meant = did_you_mean(word.lower(), commands(), before="; ", most=2, cutoff=0.5)
+    meant = did_you_mean(word.lower(), commands(), before="; ", cutoff=0.5)
     there_are = ", ".join(commands())
     return f"there is no command {word!r}; there are {there_are}{meant}; --help explains them"
 
@@ -133,4 +133,4 @@ def _nearest(said: str) -> str:
     if not wrong or not allowed or "Perhaps you meant" in said:
         return ""
     words = [word.strip(" '") for word in allowed[1].split(",")]
-    return did_you_mean(wrong[1].lower(), words, before="; ", most=2, cutoff=0.5)
+    return did_you_mean(wrong[1].lower(), words, before="; ", cutoff=0.5)

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass
 class Identify:
-    """Identify the vehicle from recorded flights.
+    """Fit drag by axis, its height and the loss of thrust to what the model leaves unexplained in
+    recorded flights.
 
-    From the residual, which is the force and torque that the rotors' model leaves unexplained:
-    drag by axis, its height over the centre of mass, loss of thrust by inflow. Each is judged by
-    flights that its fit has not seen.
+    The residual is the force and torque that the rotors' model does not explain; the height is over
+    the centre of mass. Each value is judged by flights that its fit has not seen.
     """
 
     what: Annotated[Literal["residual"], tyro.conf.Positional]
