@@ -135,10 +135,8 @@ class BlockReader:
             self.damaged_records += opcode != Opcode.CHUNK
 
     def _close_chunk(self, *, is_indexed: bool) -> None:
-        """Add the last chunk to the block, or the messages after it that are in no chunk.
-
-        Args:
-            is_indexed: whether all of the chunk's indexes were read.
+        """Add the last chunk to the block, or the messages after it that are in no chunk;
+        `is_indexed` tells whether all of the chunk's indexes were read.
         """
         chunk, its = self._chunk, self._its
         is_indexed = is_indexed and self._its_bytes <= len(chunk)

@@ -81,9 +81,12 @@ class _Rows:
         """Note where the numbers of messages like the first one are."""
         self._times = {LOGGED: array("q"), **({"stamp": array("q")} if _has_stamp(first) else {})}
         found = dict(_values(first))
-        lists = [path for path, one in found.items() if isinstance(one, np.ndarray)]
-        self._lists = {path: (attrgetter(path), len(found[path]), array("d")) for path in lists}
-        self._paths = [path for path in found if path not in lists]
+        self._lists = {
+            path: (attrgetter(path), len(one), array("d"))
+            for path, one in found.items()
+            if isinstance(one, np.ndarray)
+        }
+        self._paths = [path for path in found if path not in self._lists]
         self._numbers_of = attrgetter(*self._paths) if self._paths else None
         self._numbers = array("d")
 
@@ -123,7 +126,7 @@ def _has_stamp(message: object) -> bool:
     return hasattr(getattr(message, "header", None), "stamp")
 
 
-def _values(message: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def _values(message: Any, path: str = "") -> Iterator[tuple[str, object]]:
     """Yield every number of a message, and every array of numbers, with its path, but those of its
     header.
     """
