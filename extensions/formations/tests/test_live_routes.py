@@ -45,13 +45,15 @@ class Hand:
             pass
         return dict(answer)
 
-    def hold(self, done: Callable[[], bool], until: Callable[..., None]) -> dict[str, Any]:
-        """Hold the button until something is so; return the last answer."""
+    def hold(
+        self, done: Callable[[dict[str, Any]], bool], until: Callable[..., None]
+    ) -> dict[str, Any]:
+        """Hold the button until something is so, judged with each answer; return the last one."""
         answers: list[dict[str, Any]] = []
 
         def held() -> bool:
             answers.append(self.send())
-            return done()
+            return done(answers[-1])
 
         until(held)
         return answers[-1]
@@ -82,7 +84,7 @@ def test_a_held_button_sends_each_vehicle_its_own_sticks_after_a_release(
 ) -> None:
     _pressed(hand, until)
 
-    def all_measured() -> bool:
+    def all_measured(_: object) -> bool:
         return _all_sent(fleet) and all(one.published for one in fleet.stations)
 
     assert hand.hold(all_measured, until)["on"]
@@ -154,10 +156,10 @@ def test_programs_that_end_with_an_error_stop_all_and_begin_again_with_the_next_
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     _pressed(hand, until)
-    hand.hold(lambda: _all_sent(fleet), until)
+    hand.hold(lambda _: _all_sent(fleet), until)
     with monkeypatch.context() as broken:
         broken.setattr(Squad, "step", lambda *_: 1 / 0)
-        answer = hand.hold(lambda: not hand.send()["on"], until)
+        answer = hand.hold(lambda answered: not answered["on"], until)
         assert "its programs ended with an error (division by zero)" in answer["why"]
         for station in fleet.stations:
             until(lambda s=station: not s.sticks[-1][1])
@@ -165,7 +167,7 @@ def test_programs_that_end_with_an_error_stop_all_and_begin_again_with_the_next_
     with fleet.websocket("/formation/sticks", fleet.cookie(operator)) as socket:
         again = Hand(socket)
         _pressed(again, until)
-        assert again.hold(lambda: _all_sent(fleet), until)["on"]
+        assert again.hold(lambda _: _all_sent(fleet), until)["on"]
 
 
 def test_a_page_that_is_gone_stops_all(
@@ -174,7 +176,7 @@ def test_a_page_that_is_gone_stops_all(
     with fleet.websocket("/formation/sticks", fleet.cookie(operator)) as socket:
         hand = Hand(socket)
         _pressed(hand, until)
-        hand.hold(lambda: _all_sent(fleet), until)
+        hand.hold(lambda _: _all_sent(fleet), until)
     stopped = ((0.0, 0.0, 0.0, 0.0), False)
     until(lambda: all(station.sticks[-1] == stopped for station in fleet.stations))
 
