@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from fastapi import FastAPI
-from fastapi.testclient import TestClient
 
 from extensions.campaigns.routes import add_campaigns
 from extensions.campaigns.shard import Shard
@@ -23,17 +25,31 @@ TWO = (
 )
 
 
+class Client:
+    """A client of an application in this process."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._transport = httpx.ASGITransport(app)
+
+    def get(self, path: str, params: Mapping[str, str] | None = None) -> httpx.Response:
+        async def answered() -> httpx.Response:
+            async with httpx.AsyncClient(transport=self._transport, base_url="http://page") as page:
+                return await page.get(path, params=params)
+
+        return asyncio.run(answered())
+
+
 @pytest.fixture
-def client(bench: Any) -> TestClient:
+def client(bench: Any) -> Client:
     """Return a client of the routes of a data folder with campaigns."""
     bench.flown(TWO, "campaigns/two")
     app, place = FastAPI(), bench.folder / "runs"
     shared = SimpleNamespace(catalogue=SimpleNamespace(folder=place), closing=ExitStack())
     add_campaigns(app, shared)  # type: ignore[arg-type]
-    return TestClient(app)
+    return Client(app)
 
 
-def test_campaigns_are_listed_with_their_progress(client: TestClient, bench: Any) -> None:
+def test_campaigns_are_listed_with_their_progress(client: Client, bench: Any) -> None:
     part = bench.flown(COMPILED, "campaigns/part", Shard(1, 2))
     (bench.folder / "campaigns" / "other").mkdir()
     listed = {one["name"]: one for one in client.get("/api/campaigns").json()["campaigns"]}
@@ -47,7 +63,7 @@ def test_campaigns_are_listed_with_their_progress(client: TestClient, bench: Any
     assert {one["name"]: one["running"] for one in found} == {"part": True, "two": False}
 
 
-def test_a_campaign_has_its_distribution_and_map(client: TestClient, bench: Any) -> None:
+def test_a_campaign_has_its_distribution_and_map(client: Client, bench: Any) -> None:
     found = client.get("/api/campaigns/two").json()
     assert (found["metric"], found["x"], found["y"]) == (
         "position_rms_m",
@@ -69,7 +85,7 @@ def test_a_campaign_has_its_distribution_and_map(client: TestClient, bench: Any)
     assert values == sorted(errors, reverse=True)
 
 
-def test_a_campaign_whose_flights_have_no_figures_is_shown(client: TestClient, bench: Any) -> None:
+def test_a_campaign_whose_flights_have_no_figures_is_shown(client: Client, bench: Any) -> None:
     crashing = COMPILED.replace("2.0\n", "2.0\n", 1) + '"simulator.failed_motor" = 1\n'
     bench.flown(crashing.replace('"experiment.hover" = 0.5', ""), "campaigns/fallen")
     found = client.get("/api/campaigns/fallen", params={"metric": "gone"}).json()
@@ -78,7 +94,7 @@ def test_a_campaign_whose_flights_have_no_figures_is_shown(client: TestClient, b
     assert [one["verdict"] for one in found["list"]] == ["failed"] * 5
 
 
-def test_no_folder_outside_is_read(client: TestClient, bench: Any, tmp_path: Path) -> None:
+def test_no_folder_outside_is_read(client: Client, bench: Any, tmp_path: Path) -> None:
     bench.flown(COMPILED, "outside")
     for name in ("..%2Foutside", "outside", ".."):
         try:
