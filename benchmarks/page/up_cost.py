@@ -118,7 +118,8 @@ class Pilot:
         return [{"name": one.name, "value": one.value or "", "url": self.base} for one in jar]
 
     def command(self, name: str, /, **body: Any) -> None:
-        self.browser.post(f"/api/commands/{name}", json=body).raise_for_status()
+        answer = self.browser.post(f"/api/commands/{name}", json=body)
+        assert answer.is_success, f"{name} refused: {answer.text}"
 
     def start(self, behavior: str, until_flown: str, **arguments: float | str) -> None:
         """Start a behavior and wait until the vehicle is in `until_flown`."""
