@@ -43,6 +43,7 @@ GAIN = "control.position.kp_xy"
 PAD = """() => {
   const button = { pressed: false, value: 0 };
   globalThis.pad = { id: "Xbox 360 Controller", index: 0, connected: true, mapping: "standard",
+    get timestamp() { return performance.now(); },
     axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ ...button })) };
   navigator.getGamepads = () => [globalThis.pad];
 }"""

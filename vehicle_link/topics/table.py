@@ -61,7 +61,8 @@ _ROWS = (
     Topic("actuators", "quadlab_msgs/Actuators", "station", 100, stale=0.3, page="seen"),
     Topic("imu", "sensor_msgs/Imu", "station", 100, stale=0.3, page="chart"),
     # On loopback: telemetry as it arrived, with every tick; source stamp 0 where it is not current.
-    Topic("ticks", "quadlab_msgs/Telemetry", "station", 100),
+    # The class with the longest queue: with a shorter one, a busy computer drops some.
+    Topic("ticks", "quadlab_msgs/Telemetry", "station", 100, "background"),
     # For 3D panels; recorded with the telemetry that they are made of.
     Topic("/tf", "tf2_msgs/TFMessage", "station", 50),
     Topic("/tf_static", "tf2_msgs/TFMessage", "station", 1),
