@@ -13,7 +13,7 @@ speed of a rotor is needed, and a wind or a bias of a sensor is a constant.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -69,16 +69,8 @@ class FlightResidual:
 
     def rows(self, chosen: npt.NDArray[np.intp]) -> FlightResidual:
         """Return the chosen samples."""
-        return FlightResidual(
-            self.name,
-            self.time[chosen],
-            self.velocity_b[chosen],
-            self.thrust[chosen],
-            self.speed[chosen],
-            self.force_b[chosen],
-            self.torque_b[chosen],
-            self.parameters,
-        )
+        columns = "time", "velocity_b", "thrust", "speed", "force_b", "torque_b"
+        return replace(self, **{name: getattr(self, name)[chosen] for name in columns})
 
 
 def read_residual(log: Path, vehicle: str) -> FlightResidual:
@@ -100,13 +92,11 @@ def read_residual(log: Path, vehicle: str) -> FlightResidual:
 
     force_b, thrusts = rows("imu", FORCE), rows("actuators", THRUSTS)
     motion_b = rows("state", (*VELOCITY_B, *TURNING_B))
-    velocity_b, thrust, speed, residual_b, torque_b = residual(
-        time, force_b, motion_b, thrusts, parameters.vehicle
-    )
+    found = residual(time, force_b, motion_b, thrusts, parameters.vehicle)
+    names = "velocity_b", "thrust", "speed", "force_b", "torque_b"
+    of_rotors = dict(zip(names, found, strict=True))
     every = max(1, round(EVERY / float(np.median(np.diff(time)))))
-    whole = FlightResidual(
-        log.stem, time, velocity_b, thrust, speed, residual_b, torque_b, parameters
-    )
+    whole = FlightResidual(name=log.stem, time=time, parameters=parameters, **of_rotors)
     return whole.rows(np.flatnonzero(free)[::every])
 
 
