@@ -44,7 +44,7 @@ from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.parameter_service import ParameterClient, serve_parameters
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.session import check_station, hub_session, vehicle_session
+from vehicle_link.transport.session import check_station, hub_session, link_config, vehicle_session
 from vehicle_link.transport.time_sync import exchange, serve_time_sync
 
 WAIT = 10.0  # s: a bound, not an expectation
@@ -616,3 +616,9 @@ def test_endpoints_are_read(text: str, expected: tuple[str, int]) -> None:
 def test_an_endpoint_that_cannot_be_read_is_a_usage_error(text: str) -> None:
     with pytest.raises(UsageError, match="is not the address of a vehicle"):
         parse_endpoint(text)
+
+
+def test_ticks_have_the_longest_queue_of_a_session() -> None:
+    """A page shows each tick as missing that a session drops."""
+    sizes = link_config("router")["transport"]["link"]["tx"]["queue"]["size"]
+    assert sizes[TOPICS["ticks"].priority] == max(sizes.values())
