@@ -5,7 +5,6 @@ What a mapping states is checked; what it leaves out is found by `extensions.imp
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
 from pathlib import Path
@@ -17,6 +16,7 @@ from estimation.parameters import EstimationParameters
 from extensions.importers.frames import axes
 from quadrotor.errors import LogFormatError, ParameterError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore
+from quadrotor.similar_names import did_you_mean
 
 HERE = Path(__file__).parent / "mappings"
 ORDERS = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
@@ -194,10 +194,8 @@ def _first(error: ValidationError) -> str:
         for part in sections:
             model = _model(model, part)
         known = list(model.model_fields)
-        near = difflib.get_close_matches(name, known, 1)
-        return f"{where} is not known" + (
-            f"; did you mean {near[0]}?" if near else (f"; there are {', '.join(known)}")
-        )
+        hint = did_you_mean(name, known) or f"there are {', '.join(known)}"
+        return f"{where} is not known; {hint}"
     if one["type"] == "missing":
         return f"{where} is missing"
     return f"{where}: {one['msg']}, not {one['input']!r:.60}"
@@ -242,13 +240,10 @@ def column_names(asked: Columns, known: list[str], count: int, where: str) -> li
             "called so: rename those that are not meant"
         )
     if missing := [one for one in found if one not in known]:
-        near = difflib.get_close_matches(missing[0], known, 3, 0.5)
-        shown = near or known[:12]
-        more = f" and {len(known) - 12} more" if not near and len(known) > 12 else ""
-        raise LogFormatError(
-            f"{where}: there is no column {missing[0]!r}; "
-            f"{'near it are' if near else 'there are'} {', '.join(shown)}{more}"
-        )
+        more = f" and {len(known) - 12} more" if len(known) > 12 else ""
+        hint = did_you_mean(missing[0], known, cutoff=0.5)
+        hint = hint or f"there are {', '.join(known[:12])}{more}"
+        raise LogFormatError(f"{where}: there is no column {missing[0]!r}; {hint}")
     if len(found) != count:
         raise LogFormatError(
             f"{where}: {count} columns are needed, {', '.join(found[:12])}"

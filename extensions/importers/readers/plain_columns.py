@@ -85,17 +85,17 @@ class PlainColumns(NamedTuple):
         from pyarrow import csv
 
         names = [str(k) for k in range(self.width)]
-        batches: Iterator[pyarrow.RecordBatch] = csv.open_csv(
-            self.path.open("rb"),  # a name that is no UTF-8 is not opened by Arrow
-            csv.ReadOptions(
-                use_threads=False, block_size=PIECE, skip_rows=self.skipped, column_names=names
-            ),
-            csv.ParseOptions(delimiter=self.delimiter),
-            csv.ConvertOptions(
-                check_utf8=False,
-                column_types={str(k): kind for k, kind in kinds.items()},
-                include_columns=[str(k) for k in kinds],
-                null_values=[],
-            ),
-        )
-        return batches
+        with self.path.open("rb") as file:  # a name that is no UTF-8 is not opened by Arrow
+            yield from csv.open_csv(
+                file,
+                csv.ReadOptions(
+                    use_threads=False, block_size=PIECE, skip_rows=self.skipped, column_names=names
+                ),
+                csv.ParseOptions(delimiter=self.delimiter),
+                csv.ConvertOptions(
+                    check_utf8=False,
+                    column_types={str(k): kind for k, kind in kinds.items()},
+                    include_columns=[str(k) for k in kinds],
+                    null_values=[],
+                ),
+            )

@@ -282,7 +282,7 @@ def test_capitals_matter_where_two_columns_differ_by_them(tmp_path: Path) -> Non
     columns = {"GX": 0.0 * columns["gx"], **columns}
     is_the_flight(imported(tmp_path, columns))
     columns = {"Gx" if name == "gx" else name: one for name, one in columns.items()}
-    with pytest.raises(LogFormatError, match="'gx'; near it are"):
+    with pytest.raises(LogFormatError, match="'gx'; did you mean"):
         imported(tmp_path, columns)
 
 
