@@ -27,7 +27,7 @@ class CompiledEstimator:
         # Views made once: looking up a field by name takes longer than the subtraction.
         self._stamp_ns, self._measured_ns = memory["stamp_ns"], memory[measured]
         self.initialized = False
-        """Whether a first measurement has initialized it."""
+        """True once a first measurement has initialized the estimator."""
         self._timeout = math.inf
 
     @staticmethod

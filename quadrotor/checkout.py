@@ -11,9 +11,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 """Folder of the packages, and of `examples` and `firmware`."""
 PREFIX = "quadlab." if __name__.startswith("quadlab.") else ""
-"""What precedes the name of each package: nothing in a checkout, "quadlab." in a wheel."""
+"""Prefix of the name of each package: nothing in a checkout, "quadlab." in a wheel."""
 IS_VEHICLE_S = not (ROOT / "console").is_dir()
-"""Whether this copy is the vehicle's part alone, without station and page (docs/decisions/0001)."""
+"""True if this copy is the vehicle's part alone, without station and page (docs/decisions/0001)."""
 DISTRIBUTION = "quadlab-vehicle" if IS_VEHICLE_S else "quadlab"
 """The name under which this copy is installed."""
 IMPORTED_FROM = ROOT.parent if PREFIX else ROOT

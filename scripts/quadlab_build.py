@@ -41,7 +41,7 @@ REVISION: str = PROVENANCE["REVISION"]
 BESIDES = ("docs", "examples", "firmware")
 """Folders that the page, `quadlab new` and the C firmware need at run time."""
 SOURCES = ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "scripts/quadlab_build.py")
-"""What a wheel is built from, other than the packages."""
+"""Files from which a wheel is built, other than the packages."""
 WHEEL = "Wheel-Version: 1.0\nGenerator: quadlab\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
 VEHICLE = (
     "quadrotor",
@@ -54,7 +54,7 @@ VEHICLE = (
 )
 """The packages of the vehicle's part; of `quadlab` it has the modules of its commands."""
 _ON_BOARD = re.compile(r"^ +(?:offers=\()?(?:Board|Law|Link|PluginFormat)\(", re.M)
-"""What an extension of the vehicle's part offers, in its declaration."""
+"""A pattern of offers in a declaration that make an extension one of the vehicle's part."""
 _OURS = "|".join(PACKAGES)
 _IMPORT = re.compile(rf"^(\s*(?:from|import) )(?=(?:{_OURS})\b[\w.]* (?:import|as) )", re.M)
 _BARE = re.compile(rf"^\s*import (?:{_OURS})\b[\w.]*\s*$", re.M)

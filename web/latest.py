@@ -28,10 +28,10 @@ The value is the age, in s, above which its values are shown in grey and charts 
 """
 
 FAST = frozenset(name for name in STALE if TOPICS[name].page != "always")
-"""Those among them that arrive many times a second, or are computed only while shown."""
+"""Topics that arrive many times a second, or are computed only while shown."""
 
 CHARTED = tuple(name for name in STALE if TOPICS[name].page == "chart")
-"""Those among them that only charts need."""
+"""Topics that only charts need."""
 
 
 TICKS = "ticks"

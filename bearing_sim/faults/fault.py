@@ -18,7 +18,7 @@ from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.similar_names import did_you_mean
 
 Memory = dict[Any, Any]
-"""What a fault remembers while it is on; empty when it comes on."""
+"""The state that a fault keeps while it is on; empty when it comes on."""
 LISTED = "docs/how_to/faults.md lists them all"
 VALUE = "value"
 """Word for the value of a parameter that is moved."""

@@ -36,7 +36,7 @@ from extensions.campaigns.shard import WHOLE
 COMPILED = 'experiment = "closed_loop"\nseeds = {seeds}\n'
 EIGHT = 'experiment = "figure_eight"\nseeds = {seeds}\n'
 DURATION, HOVER = 27.0, 8.0
-"""Of the compiled flight, in s, as its options have it."""
+"""Durations of the compiled flight and of its hover, s, as the options have them."""
 ROWS = 1_000_000
 
 

@@ -80,7 +80,7 @@ ON_GROUND, IN_HOVER, IN_EIGHT = 0.0, REST + CLIMB + 0.5 * HOVER, REST + CLIMB + 
 BEGINS = {"from the start": ON_GROUND, "in hover": IN_HOVER, "in the 8": IN_EIGHT}
 VERTICAL, STAMPS, SCALE = range(3)
 TOLD = {8: VERTICAL, 9: VERTICAL, 10: VERTICAL, 11: SCALE, 12: STAMPS, 13: STAMPS}
-"""What is told of the lies that give no alarm, by their numbers."""
+"""Flags of the lies that give no alarm, by their numbers."""
 GIVEN_UP = 30.0
 """Time, in s, after which a lie is not noticed."""
 WORLDS = ("clean", "rough", "varied")

@@ -53,7 +53,7 @@ IS_DRAWN = """() => {
   const inside = document.getElementById("scene")?.contentWindow ?? window;
   return inside.__viserTestpoints?.rendererInfo && inside.__viserMutable?.requestRender;
 }"""
-"""Whether the view draws, which a busy computer begins late."""
+"""A script that tells whether the view draws, which a busy computer begins late."""
 COUNT = """async (duration) => {
   const inside = document.getElementById("scene")?.contentWindow ?? window;
   const start = performance.now();

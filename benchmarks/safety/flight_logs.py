@@ -15,7 +15,7 @@ AIRBORNE = 0.1
 MOVED = 0.1
 """Largest way, in m, from the place of the hover."""
 EVERY = 10
-"""Of so many states of the truth one is looked at."""
+"""Number of states of the truth from one that is judged to the next."""
 
 
 def logs(folder: Path) -> list[Path]:

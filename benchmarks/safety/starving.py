@@ -212,7 +212,7 @@ FAULTS: dict[str, Begin] = {
     "clock - 40 d": clock_set(-FORTY_DAYS),
     **({"link down": link_down} if has_own_network() else {}),
 }
-"""What each fault does, by its name."""
+"""The action of each fault, by its name."""
 
 
 @contextmanager

@@ -35,7 +35,7 @@ class RunEntry(MappedAsDataclass, Base):
     operator: Mapped[str] = mapped_column(String(LABEL), default="")
     complete: Mapped[bool] = mapped_column(default=False)  # closed with its index
     recovered: Mapped[bool] = mapped_column(default=False)
-    """Whether its end was lost, and it was closed later."""
+    """True if the end of the run was lost and the file was closed later."""
     problem: Mapped[str] = mapped_column(Text, default="")
     """Why the file is not as it should be, or empty."""
     notes: Mapped[str] = mapped_column(Text, default="")

@@ -31,7 +31,7 @@ class StickWatchdog:
     def __init__(self) -> None:
         self._held_at: float | None = None  # s, last message while enabled
         self.dropped = False
-        """Whether it has dropped: True from a drop until the dead-man is released."""
+        """True from the moment the sticks are dropped until the dead-man button is released."""
         self._repeats = 0
 
     def feed(

@@ -15,7 +15,7 @@ from console.tracker_feed import TrackerFeed
 STATUS_EVERY = 4  # beats
 
 Tick = Callable[[int], None]
-"""What a part does at each beat, with the number of the beat."""
+"""A function that a part calls at each beat, with the number of the beat."""
 
 
 class Heartbeat:

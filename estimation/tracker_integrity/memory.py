@@ -45,7 +45,7 @@ SINCE_POSE = np.dtype(
     ],
     align=True,
 )
-"""What was felt since the last pose."""
+"""Motion that the IMU has measured since the last pose."""
 
 INTEGRITY_MEMORY = np.dtype(
     [

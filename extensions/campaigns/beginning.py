@@ -35,7 +35,7 @@ def software() -> dict[str, str]:
 
 
 MADE = {PLAN, f"{PLAN}.new", f"{RECORD}.new", ROWS, OWN, LOCK}
-"""What a run that was killed at its very beginning leaves."""
+"""Files that a run leaves when it is killed at its very beginning."""
 
 
 def make(path: Path, file: PlanFile, cells: Cells) -> None:

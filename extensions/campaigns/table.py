@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 Facts = dict[str, Any]
-"""What is told of a campaign, as JSON has it."""
+"""A summary of a campaign, as JSON."""
 FIXED_COLUMNS = ("index", "seed")
 MACHINE = ("wall_", "processor_", "worker", "host")
-"""How the names of columns begin that depend on the computer."""
+"""Prefixes of the columns that depend on the computer."""
 
 
 def joined(

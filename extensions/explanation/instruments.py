@@ -19,7 +19,7 @@ CLAIMS = {
     "tracker_tilted": "The verticals of tracker and accelerometer differed: the tracker's frame or "
     "the body's axes are tilted, or the accelerometer is not calibrated",
 }
-"""What is wrong, by the flag of the vehicle, with what it may be confused with."""
+"""Claims, by the flag of the vehicle, with causes that look alike."""
 
 
 def instruments(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:

@@ -16,7 +16,7 @@ from vehicle.simulator.parameters import SimulatorParameters
 
 PLANT, LAW = "plant", "law"
 SIMULATOR = "simulator."
-"""What stands before the plant's names in a whole vehicle's parameters; taken off here."""
+"""Prefix of the plant's names in a whole vehicle's parameters; an FMU has them without it."""
 
 
 def _start(unit: str, bound: float, text: str) -> float:
@@ -52,14 +52,14 @@ ground_friction battery_capacity battery_resistance battery_nominal battery_expo
 """.split()  # noqa: SIM905 - as a list it is one a line
 OF_LAW = """control.position. control.attitude. control.limits. model.arm model.torque_ratio
 model.motor_slope model.motor_offset model.motor_reference_ model.drag""".split()  # noqa: SIM905
-"""How the names of the law's parameters begin."""
+"""Prefixes of the law's parameters."""
 MASS = {
     "mass": ("model.mass",),
     "inertia_b": ("model.inertia_xx", "model.inertia_yy", "model.inertia_zz"),
 }
 """Inputs of the law that start at parameters of the model."""
 FIXED = ("start_", "battery_charge")
-"""How parameters begin that mean the start, and cannot change later."""
+"""Prefixes of parameters that describe the start and cannot change later."""
 
 REFERENCES = Field(
     "motor_references", 4, "count", "motors front, left, rear, right, held over a step; 0 to 255"

@@ -23,7 +23,7 @@ WAITING_MOST = 8
 UNANSWERED = "no answer: "
 """Begins the reason of a command whose outcome is unknown."""
 EMERGENCY_TRIES = 5
-"""How often an emergency is sent while nobody answers."""
+"""Number of times that an emergency is sent while nobody answers."""
 
 Then = Callable[[Any, str], None]
 """Called in the gateway's thread with the answer and "", or with None and the reason."""

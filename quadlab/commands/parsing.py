@@ -20,7 +20,7 @@ WORDS = (
     (r"no type matching \S+ could be instantiated from \['(.*?)'\].*", r"'\1' is not a number"),
     (r"could not convert string to float: ('.*')", r"\1 is not a number"),
 )
-"""What tyro and Python say, as patterns, and our words for it."""
+"""Patterns of the messages of tyro and Python, each with the words that replace it."""
 
 
 def parse(words: Sequence[str]) -> Command:

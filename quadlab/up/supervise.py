@@ -60,11 +60,11 @@ class Child:
     environment: Mapping[str, str] = field(default_factory=dict)
     _process: Process | None = None
     _died: str = ""
-    """How it died, until it is started again."""
+    """The way in which the process died, until it is started again."""
     _is_asked: bool = False
-    """Whether it was asked to end."""
+    """True once the process was asked to end."""
     _is_refused: bool = False
-    """Whether the system did not start it again at the last try."""
+    """True if the system refused to start the process at the last try."""
     _deaths: list[float] = field(default_factory=list)
 
     def start(self) -> None:

@@ -27,7 +27,7 @@ LINK = re.compile(r"(\]\()([^)\s#]+)([^)\s]*)(?=\))")
 ELSEWHERE = re.compile(
     r'<(?:script|img|iframe)[^>]+src="?https?://|<link[^>]+rel="?stylesheet[^>]+https?://'
 )
-"""What a page would load from another computer."""
+"""A pattern of files that a page would load from another computer."""
 PREFORMATTED = re.compile(r"<pre.*?</pre>", re.DOTALL)
 STAYED_TEXT = re.compile(r"<p>\|.*|^(?:- |\d+\. ).*|^```.*", re.MULTILINE)
 

@@ -52,7 +52,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "sticks": ("chromium",),
     "view_rate": ("chromium",),
 }
-"""What each benchmark needs next to quadlab to measure everything; those missing need nothing."""
+"""Programs that a benchmark needs beside quadlab to measure everything; others need none."""
 
 
 def run(*words: str) -> subprocess.CompletedProcess[str]:

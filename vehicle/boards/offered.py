@@ -10,7 +10,7 @@ from pydantic import create_model
 from quadrotor.parameters import Parameters
 
 FIRMWARE = "board.firmware."
-"""What precedes the names of parameters that a board alone knows, once it has been checked."""
+"""Prefix of parameters that a board alone knows, once it has been checked."""
 _offered = Parameters()
 
 

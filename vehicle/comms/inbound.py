@@ -52,7 +52,7 @@ class PreferredSource(Generic[Key]):
         self._received_ns = 0
         self._has_refused = False
         self.is_contested = False
-        """Whether the source was received again after another one was refused: there are two, and
+        """True if the source was received again after another one was refused: there are two, and
         none was only started anew."""
 
     def accepts(self, key: Key, now_ns: int) -> bool:

@@ -41,7 +41,7 @@ _TURNS, _MOVES = (
     "the tracker's position contradicts the accelerometer",
 )
 _WITNESS = (_TURNS, _TURNS, _MOVES, _MOVES)
-"""What contradicts what, by the test."""
+"""The contradiction that each test of the tracker shows."""
 _JUMPED = "the tracker's attitude jumped, which the gyroscope does not show"
 _VERTICAL = (
     "the tracker's frame or the body's axes are tilted, or the accelerometer is not calibrated"
@@ -60,7 +60,7 @@ _ALONE = (
     ),
     (AXIS, f"{_SUSPICIONS[AXIS]}: its rate is that of the motors' torques and of the tracker"),
 )
-"""What is wrong with the IMU, by the alarm that was dismissed."""
+"""Faults of the IMU, by the alarm that was dismissed."""
 _CONTRADICTED, _TILTED = int(Flag.TRACKER_CONTRADICTED), int(Flag.TRACKER_TILTED)
 _SUSPECT = int(Flag.INERTIAL_SUSPECT)
 

@@ -35,7 +35,7 @@ sampling clock is left out (docs/changing_parameters.md)."""
 IDENTIFIED: dict[str, dict[str, ParameterValue]] = {
     "rough": {"model.drag": 0.47, "model.drag_lever": 0.02}
 }
-"""What the experiment `drag` finds on a vehicle in each of these worlds, which it then feeds
+"""Values that the experiment `drag` finds on a vehicle in each of these worlds, which it then feeds
 forward: who flies in air has identified its drag."""
 
 

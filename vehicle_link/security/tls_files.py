@@ -33,7 +33,7 @@ class TlsFiles:
 
     folder: Path
     is_page: bool = False
-    """Whether they are the page's, in whose folder everything can be made again."""
+    """True for the page's files, in whose folder everything can be made again."""
 
     @property
     def authority(self) -> Path:

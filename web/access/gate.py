@@ -27,7 +27,7 @@ PAGE_POLICY = (
     "frame-ancestors 'self'; base-uri 'none'; form-action 'self'"
 )
 OURS = "same-origin"
-"""What browsers say of a request of our own pages."""
+"""The value of a browser's Sec-Fetch-Site header for requests of our own pages."""
 NO_STORE = {"cache-control": "no-store"}
 
 

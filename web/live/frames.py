@@ -36,7 +36,7 @@ NEVER = 65535
 HEAD = struct.Struct("<HHHHdd")
 SERIES = struct.Struct("<IIII")
 LEVELS = ((6000, 1), (24_000, 8), (96_000, 32), (math.inf, 128))
-"""How far back, in samples from the newest, and how many samples become one there."""
+"""Distances back, in samples from the newest, each with how many samples become one there."""
 MOST_AT_ONCE = 8192
 """Number of samples that are computed for one frame; more would hold up the event loop."""
 

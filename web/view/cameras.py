@@ -19,7 +19,7 @@ OFFSETS = {"top": (0.0, -0.02, 4.5), "side": (0.0, -3.2, 0.4)}
 """Where a camera is put, from the vehicle, m, world: x to the right, y or z up. From there it can
 be turned and zoomed while it follows."""
 EYE, AHEAD = (0.16, 0.0, 0.06), (2.0, 0.0, 0.06)
-"""Of the first-person camera, m, body axes. Its horizon stays level."""
+"""The first-person camera and the point that it looks at, m, body axes; its horizon stays level."""
 STILL = 0.002  # m
 
 

@@ -26,7 +26,7 @@ SHOWN = 3
 MOST_ROWS = 40
 """Rows of a table at most."""
 MARK = b'content="quadlab '
-"""Of every page that quadlab writes, so that no other file is overwritten."""
+"""A mark in every page that quadlab writes, so that no other file is overwritten."""
 
 
 def write_report(folder: CampaignFolder, place: Path) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 RESAMPLES = 200
-"""Of the bootstrap by which the indices have intervals."""
+"""Number of samples of the bootstrap that gives the intervals of the indices."""
 
 
 def of_metrics(cells: Cells, table: pa.Table, metrics: Sequence[str]) -> dict[str, list[Facts]]:

@@ -21,7 +21,7 @@ Answer = tuple[str, list[Outcome]]
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
 """Beginning of the variables of the environment with Dask's certificates."""
 REACH = "10s"
-"""How long a scheduler may take to answer."""
+"""Longest time in which a scheduler has to answer."""
 WAITING = 2
 """Tasks for each thread of a worker: the next one is there when the last one ends."""
 FIRST_WORKER = 30.0

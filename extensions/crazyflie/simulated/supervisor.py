@@ -13,7 +13,7 @@ LEVEL_OUT_MS, SHUT_DOWN_MS = 500, 2000
 FLYING_FOR_MS = 2000
 """Time without thrust after which it no longer counts as flying."""
 TUMBLED_COS, TUMBLED_MS = 0.5, 1000
-"""It is turned over when it is tilted by more than 60 degrees for this long."""
+"""Cosine of the tilt (60 degrees), and time in ms, beyond which the vehicle is turned over."""
 
 
 class Supervisor:

@@ -43,7 +43,7 @@ POINTS = SEGMENTS + 3
 FREE = slice(3, POINTS - 3)
 """Control points that a plan chooses; those before are flown, those after equal its last."""
 SAMPLES = 5
-"""Of a segment."""
+"""Number of samples of each segment."""
 POWER = 4.0
 """Exponent of the power mean that stands for the smallest eigenvalue."""
 LENGTHS = np.array([0.02, 0.06, 0.15, 0.35])

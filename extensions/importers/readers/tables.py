@@ -30,7 +30,7 @@ class Source(Protocol):
     units: dict[str, str]
     """Units of columns as the file writes them, where it does."""
     notes: list[str]
-    """What a user should know about the file, in sentences."""
+    """Sentences about the file that a user should read."""
     flights: list[str]
     """Tables of the IMU, one for each flight, where the format tells flights apart; else empty."""
     unreadable: dict[str, str]

@@ -73,7 +73,7 @@ SPOILT: dict[str, tuple[dict[str, tuple[float, ...]], str]] = {
     "fast": ({"velocity_w": (0.6, 0.0, 0.0)}, r"0\.6\d\d m/s"),
     "turned": ({"quaternion_wb": (math.cos(0.1), math.sin(0.1), 0.0, 0.0)}, "11.46 deg"),
 }
-"""What an answer has instead of what a vehicle at rest 1 m above the origin should have."""
+"""Wrong values in an answer for a vehicle at rest 1 m above the origin."""
 HARM = {
     "raises": ("if x.time > 0.101: 1 / 0", "own.py line 23: ZeroDivisionError: division by zero"),
     "shape": ("if x.time > 0.101: p = np.zeros(7)", "ValueError"),
@@ -85,7 +85,7 @@ HARM = {
     "memory": ("if x.time > 0.101: self.hoard = bytearray(3 << 29)", "MemoryError"),
     "ends": ("if x.time > 0.101: raise SystemExit", "SystemExit"),
 }
-"""What needs a process of its own to do harm."""
+"""Harm that can only be done in a process of its own."""
 
 
 @dataclass

@@ -65,7 +65,7 @@ AT_ONCE = {
     ),
     "wrong shape": ("if x.time > 0.041: torque = np.zeros(7)", "ValueError"),
 }
-"""What it does in tick 21, which needs no flight to be noticed."""
+"""Harm done in tick 21, which is noticed without a flight."""
 
 
 @pytest.fixture
