@@ -83,8 +83,10 @@ def _npy(folder: Path, flight: ForeignFlight) -> Path:
 
 def _hdf5(folder: Path, flight: ForeignFlight) -> Path:
     with h5py.File(folder / "flight.hdf5", "w") as file:
-        file["ts"], file["gyro_raw"], file["accel_raw"] = flight.seconds, flight.rate, flight.force
-        file["traj_target"] = np.hstack([flight.position, flight.quaternion[:, [1, 2, 3, 0]]])
+        file["ts"] = flight.seconds
+        file["gyro_raw"], file["accel_raw"] = flight.rate @ FRD, flight.force @ FRD
+        attitude = (flight.rotation * Rotation.from_matrix(FRD)).as_quat()  # x, y, z, w
+        file["traj_target"] = np.hstack([flight.position, attitude])
     return folder / "flight.hdf5"
 
 

@@ -9,7 +9,6 @@ time, or more than 500 MB.
 
 from __future__ import annotations
 
-import gzip
 import os
 import re
 import resource
@@ -18,33 +17,18 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import h5py
-import numpy as np
-from zstandard import ZstdCompressor
-
 from benchmarks.harness import Report, Row, Size, Target
+from benchmarks.logs import foreign_logs
+from benchmarks.logs.foreign_logs import Format
 from extensions.export.export import export
-from extensions.importers.tests.bag_writer import write_bag
-from extensions.importers.tests.blackbox_writer import flight_log
-from extensions.importers.tests.crazyflie_writer import write_crazyflie
-from extensions.importers.tests.foreign_flight import (
-    columns_of,
-    make_flight,
-    write_csv,
-    write_mapping,
-)
-from extensions.importers.tests.test_blackbox import ROWS
-from extensions.importers.tests.test_dataflash import flight_of
-from extensions.importers.tests.ulog_writer import write_ulog
-from extensions.mavlink.tests.test_tlog import flight as telemetry
+from extensions.importers.tests.foreign_flight import ForeignFlight, make_flight, write_mapping
 from quadlab.__main__ import main
 from tests.crafted_logs import mutated, sound
 
-COUNT = 2000, 130, 13  # of each size
+COUNT = 2000, 170, 17  # of each size
 MOST_MB = 500.0
 LONGEST = 30  # s of processor time
 HANGS = 600  # s of a busy computer, after which a process that waits is ended
@@ -61,90 +45,15 @@ class Done(NamedTuple):
     said: str
 
 
-def _csv(folder: Path) -> Path:
-    return write_csv(folder / "flight.csv", columns_of(FLIGHT))
-
-
-def _npy(folder: Path) -> Path:
-    table = np.stack(list(columns_of(FLIGHT).values()), axis=1)
-    names = [(name, "f8") for name in columns_of(FLIGHT)]
-    np.save(folder / "flight.npy", np.ascontiguousarray(table).view(names)[:, 0])
-    return folder / "flight.npy"
-
-
-def _hdf5(folder: Path) -> Path:
-    with h5py.File(folder / "flight.hdf5", "w") as file:
-        file["ts"], file["gyro_raw"], file["accel_raw"] = FLIGHT.seconds, FLIGHT.rate, FLIGHT.force
-        file["traj_target"] = np.hstack([FLIGHT.position, FLIGHT.quaternion[:, [1, 2, 3, 0]]])
-    return folder / "flight.hdf5"
-
-
-def _ulog(folder: Path) -> Path:
-    kind = [("timestamp", "<u8"), ("gyro_rad", "<f4", 3), ("accelerometer_m_s2", "<f4", 3)]
-    rows = np.zeros(len(FLIGHT.seconds), kind)
-    rows["timestamp"] = np.round((FLIGHT.seconds - FLIGHT.seconds[0]) * 1e6)
-    rows["gyro_rad"] = FLIGHT.rate * [1, -1, -1]
-    rows["accelerometer_m_s2"] = FLIGHT.force * [1, -1, -1]
-    return write_ulog(folder / "flight.ulg", {"sensor_combined": rows})
-
-
-def _crazyflie(folder: Path) -> Path:
-    us = np.round((FLIGHT.seconds - FLIGHT.seconds[0]) * 1e6).astype(np.int64)
-    columns = {
-        **{f"gyro_{a}": np.degrees(FLIGHT.rate[:, k]) for k, a in enumerate("xyz")},
-        **{f"acc_{a}": FLIGHT.force[:, k] / 9.80665 for k, a in enumerate("xyz")},
-        **{f"stateEstimate_{a}": FLIGHT.position[:, k] for k, a in enumerate("xyz")},
-    }
-    return write_crazyflie(folder / "log00", "fixedFrequency", us, **columns)
-
-
-def _bytes(name: str, make: Callable[[], bytes]) -> Callable[[Path], Path]:
-    def write(folder: Path) -> Path:
-        (folder / name).write_bytes(make())
-        return folder / name
-
-    return write
-
-
-def _packed(pack: Callable[[bytes], bytes], ending: str) -> Callable[[Path], Path]:
-    def write(folder: Path) -> Path:
-        plain = _csv(folder)
-        packed = plain.with_name(f"{plain.name}.{ending}")
-        packed.write_bytes(pack(plain.read_bytes()))
-        return packed
-
-    return write
-
-
-def _bag(folder: Path) -> Path:
-    return write_bag(folder / "flight.bag", FLIGHT, 1)
-
-
-def _mcap(folder: Path) -> Path:
-    [found] = write_bag(folder / "flight", FLIGHT, 2, mcap=True).glob("*.mcap")
-    return Path(shutil.copy(found, folder / "flight.mcap"))
-
-
-def _mat(folder: Path) -> Path:
+def _exported(folder: Path, _: ForeignFlight) -> Path:
     return export(sound(folder / "sound.mcap"), folder / "out", "mat").files[0]
 
 
-FORMATS: dict[str, tuple[Callable[[Path], Path], str]] = {
-    "csv": (_csv, "file"),
-    "npy": (_npy, "file"),
-    "hdf5": (_hdf5, "blackbird"),
-    "ulog": (_ulog, ""),
-    "crazyflie": (_crazyflie, ""),
-    "blackbox": (_bytes("flight.bbl", lambda: flight_log(ROWS)), ""),
-    "dataflash": (_bytes("flight.bin", lambda: flight_of(600).data), ""),
-    "tlog": (_bytes("flight.tlog", lambda: b"".join(telemetry())), ""),
-    "rosbag": (_bag, ""),
-    "mcap": (_mcap, ""),
-    "gzip": (_packed(gzip.compress, "gz"), "file"),
-    "zstd": (_packed(ZstdCompressor().compress, "zst"), "file"),
-    "mat": (_mat, ""),
+FORMATS = {
+    **{name: one for name, one in foreign_logs.FORMATS.items() if name != "bag of ROS 2"},
+    "exported mat": Format(_exported, ""),
 }
-"""Writers of a sound file by format, and the mapping: a name, a file, or the format's default."""
+"""Formats of single files, foreign ones and quadlab's own."""
 
 
 def imported(file: Path, words: list[str], folder: Path) -> Done:
@@ -190,12 +99,12 @@ def run(size: Size = Size.FULL, count: int | None = None, seed: int = 0) -> Repo
         folder = Path(name)
         mapping = write_mapping(folder / "mapping.toml", 'angular_velocity_unit = "rad/s"')
         sounds = {}
-        for kind, (write, _) in FORMATS.items():
+        for kind, one in FORMATS.items():
             (folder / kind).mkdir()
-            sounds[kind] = write(folder / kind)
+            sounds[kind] = one.write(folder / kind, FLIGHT)
         for k in range(count):
             kind = list(FORMATS)[k % len(FORMATS)]
-            whole, chosen = sounds[kind], FORMATS[kind][1]
+            whole, chosen = sounds[kind], FORMATS[kind].mapping
             file = folder / f"mutated{''.join(whole.suffixes)}"
             file.write_bytes(mutated(whole.read_bytes(), seed + k))
             named = str(mapping) if chosen == "file" else chosen
