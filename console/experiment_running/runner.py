@@ -107,11 +107,12 @@ class ExperimentRunner:
 
     def start(self, experiment: Experiment, requester: str) -> None:
         """Start an experiment. Raises RefusedError with the reason; then nothing was sent."""
+        mode = self.feed.await_mode()
         with self._lock:
             self.check_free()
             if self.link_state() is LinkState.LOST:
                 raise RefusedError("the link to the vehicle is lost; nothing was started")
-            if (mode := self.feed.mode) != "ready":
+            if mode != "ready":
                 raise RefusedError(
                     f"the vehicle is {mode or 'silent'}; an experiment starts on the ground with "
                     "the motors off (mode ready)"
@@ -159,9 +160,7 @@ class ExperimentRunner:
             client.end(ExperimentEndedError(f"stopped by {requester}"))
 
     def confirm(self, question: str, requester: str) -> None:
-        """Confirm the question; an empty text confirms the present one. Raises
-        RefusedError.
-        """
+        """Confirm the question, the present one if it is empty. Raises RefusedError."""
         with self._lock:
             asked, client = self._state.question, self._client
             if not asked or client is None:
@@ -189,9 +188,7 @@ class ExperimentRunner:
             client.end(ExperimentEndedError(f"the vehicle braked by itself: {why}"))
 
     def passes(self, order: StickOrder) -> bool:
-        """Return whether a person's stick command is sent to the vehicle; deflected sticks take
-        over, once.
-        """
+        """Return whether a person's sticks are sent to the vehicle; deflected, they take over."""
         takes_over, client = self._takeover.seen(order), self._client
         if client is None or client.taken_over:
             return True

@@ -24,12 +24,16 @@ OLD = 1.0
 
 
 class VehicleFeed:
-    """Written by the station's subscriptions, read by the experiment's thread."""
+    """Written by the station's subscriptions, read by the experiment's thread.
+
+    Attributes:
+        news: a number that changes with every message.
+    """
 
     def __init__(self, parameters: VehicleParameters) -> None:
         self._parameters = parameters
         self._news = threading.Condition()
-        self._count = 0
+        self.news = 0
         self._stamp_ns = 0
         self._position_w = np.zeros(3)
         self._status: VehicleStatus | None = None
@@ -42,22 +46,20 @@ class VehicleFeed:
         """Store the newest sample of a packet."""
         with self._news:
             self._stamp_ns, self._position_w = stamp_ns, position_w
-            self._notify()
+            self.wake()
 
     def status(self, status: VehicleStatus) -> None:
         """Store a quadlab_msgs/VehicleStatus."""
         with self._news:
             self._status, self._status_at = status, monotonic()
-            self._notify()
+            self.wake()
 
     def estimate(self, payload: bytes) -> None:
         """Store a received quadlab_msgs/EstimatorStatus; it is decoded only when it is read."""
         self._estimate = payload
 
     def applied(self, values: dict[str, ParameterValue], revision: int) -> None:
-        """Wait for the vehicle's change that its answer announced; `parameter` fetches a missed
-        one.
-        """
+        """Wait for an announced change of the vehicle; `parameter` fetches it if it is missed."""
         replica = self._parameters
         with self._news:
             self._news.wait_for(
@@ -67,11 +69,8 @@ class VehicleFeed:
     def wake(self) -> None:
         """Wake all waiting threads to check their conditions again."""
         with self._news:
-            self._notify()
-
-    def _notify(self) -> None:
-        self._count += 1
-        self._news.notify_all()
+            self.news += 1
+            self._news.notify_all()
 
     # ------------------------------------------------------------------ output
     @property
@@ -80,6 +79,15 @@ class VehicleFeed:
         with self._news:
             old = monotonic() - self._status_at > OLD
             return "" if self._status is None or old else str(self._status.mode).lower()
+
+    def await_mode(self) -> str:
+        """Return the vehicle's mode, if need be after a wait of a second for the next status.
+
+        A base too busy to receive for a moment is thereby not mistaken for a silent vehicle.
+        """
+        with self._news:
+            self._news.wait_for(lambda: self.mode, OLD)
+            return self.mode
 
     @property
     def instance(self) -> int:
@@ -129,15 +137,10 @@ class VehicleFeed:
             raise UnknownParameterError(f"the vehicle has no parameter {name!r}")
         return value
 
-    @property
-    def news(self) -> int:
-        """Return a number that changes with every message."""
-        return self._count
-
     def wait_news(self, seen: int, timeout: float) -> None:
         """Wait until a message arrives after `seen`, at most `timeout` s."""
         with self._news:
-            self._news.wait_for(lambda: self._count != seen, timeout)
+            self._news.wait_for(lambda: self.news != seen, timeout)
 
     def wait_status(self, behavior: str, stamp_ns: int, timeout: float) -> None:
         """Wait until a status shows the behavior, or is not older than `stamp_ns` of the vehicle's

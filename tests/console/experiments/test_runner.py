@@ -435,6 +435,32 @@ def test_on_a_vehicle_that_is_not_ready_nothing_is_started(bench: Bench) -> None
     assert bench.vehicle.requests == []
 
 
+def test_a_status_that_arrives_late_starts_it_and_one_that_never_comes_does_not(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    feed, waited = bench.station.experiments.feed, threading.Event()
+    received, waiting = feed.status, feed._news.wait_for
+
+    def wait_for(*args: Any) -> Any:
+        waited.set()
+        return waiting(*args)
+
+    def late(status: Any) -> None:
+        if waited.is_set():
+            received(status)
+
+    monkeypatch.setattr(feed, "status", late)  # nothing arrives until somebody waits for it
+    monkeypatch.setattr(feed, "_status_at", -1e9)
+    assert feed.mode == ""
+    monkeypatch.setattr(feed._news, "wait_for", wait_for)
+    assert bench.start().accepted
+    assert bench.do("stop").accepted
+    bench.ended()
+    monkeypatch.setattr(feed, "status", lambda status: None)
+    monkeypatch.setattr(feed, "_status_at", -1e9)
+    assert bench.start().reason.startswith("the vehicle is silent; an experiment starts on the")
+
+
 def test_what_the_vehicle_refuses_on_the_ground_is_told_with_its_reason(bench: Bench) -> None:
     bench.vehicle.refusal = "not armed: battery at 12.0 V"
     assert bench.start().accepted
