@@ -37,7 +37,7 @@ CHECK_PERIOD = 0.25
 WAITING_PERIOD = 1.5
 """Period, in s, of the lines printed while the sign-in link waits for them."""
 LONGEST = 5.0
-"""Longest time, in s, for which it waits: a first start, which compiles the vehicle, takes longer."""
+"""Longest time, in s, for which it waits; a first start compiles the vehicle for longer."""
 
 
 def run_web(
