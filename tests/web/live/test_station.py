@@ -329,9 +329,11 @@ def test_the_sign_in_link_does_not_wait_for_a_vehicle_that_is_compiled(
     client: Client, capsys: pytest.CaptureFixture[str]
 ) -> None:
     print_settled("http://here/?token=1", [(client.live, client.station)], longest=0.0)
-    note, link = capsys.readouterr().out.splitlines()
-    assert note.startswith("the vehicle is not ready yet: a first start compiles it")
-    assert link == "quadlab is at  http://here/?token=1"
+    assert capsys.readouterr().out.splitlines() == [
+        "quadlab: the vehicle still starts, which compiles it the first time; the page tells when it is ready",
+        "",
+        "quadlab is at  http://here/?token=1",
+    ]
 
 
 def test_a_station_that_is_not_there_has_made_no_checks() -> None:
