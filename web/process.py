@@ -179,7 +179,7 @@ def print_settled(
     """
     began = time.monotonic()
     printed = began - WAITING_PERIOD
-    note = "quadlab: the vehicle still starts, which compiles it the first time; the page tells when it is ready\n"
+    note = "quadlab: the vehicle still starts (compiled the first time); the page tells its state\n"
     while (now := time.monotonic()) - began < longest:
         is_connected = all(live.current("status") is not None for live, _ in stations)
         if is_connected and all(station.has_checked() for _, station in stations):
