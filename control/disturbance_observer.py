@@ -275,15 +275,9 @@ class DisturbanceObserver:
         self.memory = np.zeros(1, OBSERVER_MEMORY)
         self._wanted, self.idle = False, True
         self.configure(parameters)
-        records = (
-            self.memory,
-            np.zeros(1, STATE),
-            np.zeros(1, ACTUATORS),
-            self._settings,
-            VehicleModel().record(),
-        )
-        out = np.zeros(1, DISTURBANCE)
-        self._observe = direct(observe, *records, True, True, 0.002, out)
+        blank = np.zeros(1, STATE), np.zeros(1, ACTUATORS)
+        records = self.memory, *blank, self._settings, VehicleModel().record()
+        self._observe = direct(observe, *records, True, True, 0.002, np.zeros(1, DISTURBANCE))
 
     def configure(self, parameters: DisturbanceParameters) -> None:
         """Set new settings, keeping the estimate."""

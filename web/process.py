@@ -179,18 +179,20 @@ def print_settled(
     """
     began = time.monotonic()
     printed = began - WAITING_PERIOD
-    note = "quadlab: the vehicle still starts (compiled the first time); the page tells its state\n"
     while (now := time.monotonic()) - began < longest:
         is_connected = all(live.current("status") is not None for live, _ in stations)
         if is_connected and all(station.has_checked() for _, station in stations):
-            note = ""
             break
         if now - printed >= WAITING_PERIOD:
             printed = now
             what = "running the start-up checks" if is_connected else "waiting for the vehicle"
             print(f"quadlab: {what}, {now - began:.0f} s", flush=True)
         time.sleep(CHECK_PERIOD)
-    print(note, flush=True)
+    else:
+        print(
+            "quadlab: the vehicle still starts (compiled the first time); the page tells its state"
+        )
+    print(flush=True)
     print_link(url)
 
 

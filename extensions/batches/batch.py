@@ -175,8 +175,7 @@ def fly_batch(
             motors[:] = 0.0
             law, control = laws[scenarios[k].control.law], scenarios[k].control
             own = law.new_memory(), settings_of(control, control.law)
-            records = records_of(case, onboard)
-            fly(*flown, history[k], motors, law.step, own, records)
+            fly(*flown, history[k], motors, law.step, own, records_of(case, onboard))
             plants[one], outcome[one] = plant, judged
 
     if workers <= 1:
