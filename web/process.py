@@ -189,9 +189,7 @@ def print_settled(
             print(f"quadlab: {what}, {now - began:.0f} s", flush=True)
         time.sleep(CHECK_PERIOD)
     else:
-        print(
-            "quadlab: the vehicle still starts (compiled the first time); the page tells its state"
-        )
+        print("quadlab: the vehicle still starts (compiled the first time)", flush=True)
     print(flush=True)
     print_link(url)
 

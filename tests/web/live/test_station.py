@@ -330,7 +330,7 @@ def test_the_sign_in_link_does_not_wait_for_a_vehicle_that_is_compiled(
 ) -> None:
     print_settled("http://here/?token=1", [(client.live, client.station)], longest=0.0)
     assert capsys.readouterr().out.splitlines() == [
-        "quadlab: the vehicle still starts (compiled the first time); the page tells its state",
+        "quadlab: the vehicle still starts (compiled the first time)",
         "",
         "quadlab is at  http://here/?token=1",
     ]
