@@ -80,8 +80,10 @@ def _drawn(tab: Any) -> None:
     assert tab.locator(f"{TAB} .parallel").count() == 0  # of two columns
     report = tab.locator(f"{TAB} a[target=_blank]").get_attribute("href")
     assert report == "/api/campaigns/cases/report"
-    tab.click(f"{TAB} .scatter circle >> nth=3")
-    tab.wait_for_selector(f"{TAB} .rows li[data-index='3'] >> nth=0")
+    tab.evaluate(
+        f"document.querySelectorAll('{TAB} .scatter circle')[3].dispatchEvent(new Event('click'))"
+    )
+    tab.wait_for_selector(f"{TAB} .rows li:first-child[data-index='3']")
     assert tab.locator(f"{TAB} .rows li >> nth=0 >> pre").text_content().startswith("quadlab fly")
     assert tab.locator(f"{TAB} .rows li").count() == 8  # none twice
 
