@@ -73,7 +73,7 @@ FOLDERS = {
         "real_flights",
         "camera_flight",
     ),
-    "campaigns": ("campaigns", "campaign_kills", "disturbances"),
+    "campaigns": ("campaigns", "campaign_kills", "campaign_size", "disturbances"),
     "page": (
         "replay",
         "sticks",
@@ -105,7 +105,7 @@ IN_CHROMIUM = (
 )
 """Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
-    "count": ("fuzz_logs", "fuzz_imports", "firmware"),
+    "count": ("fuzz_logs", "fuzz_imports", "firmware", "campaign_size"),
     "hours": ("tracker_integrity",),
     "seed": (
         "fuzz_logs",
@@ -139,7 +139,11 @@ def main() -> int:
     for size, text in SIZES.items():
         sizes.add_argument(f"--{size}", dest="size", action="store_const", const=size, help=text)
     parser.set_defaults(size=Size.FULL)
-    parser.add_argument("--count", type=int, help="of the fuzz tests: logs; of firmware: frames")
+    parser.add_argument(
+        "--count",
+        type=int,
+        help="of the fuzz tests: logs; of firmware: frames; of campaign_size: flights",
+    )
     parser.add_argument("--hours", type=float, help="of tracker_integrity: flown without a lie")
     parser.add_argument(
         "--seed", type=int, help="number of the first mutated log or flight, or stream"

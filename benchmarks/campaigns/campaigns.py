@@ -16,7 +16,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -168,29 +168,6 @@ def _compiled(report: Report, place: Path, size: Size) -> None:
         counts = size.of((500, 4_500), (100, 900), (0, 0))
         further = _marginal(place, COMPILED, counts, lambda work: fly_locally(work, 1))
         report.rows.append(Row("compiled, engine of processes", {"overhead, %": further.overhead}))
-        memory = _memory(place, COMPILED.format(seeds=5 * count))
-        report.rows.append(Row("compiled, two workers", {"memory, MB": memory}))
-        report.targets.append(Target("compiled, memory with two workers, MB", memory, 600.0))
-
-
-def _memory(place: Path, plan: str) -> float:
-    """Return the MB of a campaign by two workers: its processes' shares of memory, at most."""
-    import psutil
-
-    path = place / "memory.toml"
-    path.write_text(plan)
-    words = ["campaign", "run", str(path), "--out", str(place / "memory"), "--workers", "2"]
-    most = 0
-    with subprocess.Popen(
-        [sys.executable, "-m", "quadlab", *words], stdout=subprocess.DEVNULL
-    ) as process:
-        parent = psutil.Process(process.pid)
-        while process.poll() is None:
-            with suppress(psutil.Error):
-                every = [parent, *parent.children(recursive=True)]
-                most = max(most, sum(one.memory_full_info().pss for one in every))
-            time.sleep(0.2)
-    return most / 1e6
 
 
 def _whole_stack(report: Report, place: Path, size: Size) -> None:

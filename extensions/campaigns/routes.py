@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+import os
+import threading
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from fastapi import FastAPI
+from fastapi.responses import FileResponse
 
 from console.catalogue.search import RunSearch
-from extensions.campaigns.again import FlyingAgain, has_logs
+from extensions.campaigns.again import FlyingAgain
+from extensions.campaigns.analysis.report import write_report
+from extensions.campaigns.analysis.shown import flight, shown
 from extensions.campaigns.beginning import RECORD
 from extensions.campaigns.compare import compare
-from extensions.campaigns.distributions import ecdf, heat_map
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.recorded.trends import GROUPS, recorded, trends
-from extensions.campaigns.settings import Settings
-from extensions.campaigns.summary import command_of, summarize
-from extensions.campaigns.table import Facts, figures, is_verdict, metric_columns, numbers
-from quadrotor.errors import QuadlabError, UsageError
+from extensions.campaigns.search.kept import read_trials
+from extensions.campaigns.table import Facts, figures
+from quadrotor.errors import QuadlabError, UsageError, os_errors
 from quadrotor.json_object import JsonObject
+from vehicle_link import jobs
 from web.access.requester import Operator
+from web.experiments.reports import DOCUMENT
 from web.feature import Feature
 from web.runs.routes import Nanoseconds, Text
 
@@ -32,8 +36,9 @@ if TYPE_CHECKING:
 
 FOLDER = "campaigns"
 """Folder of the data folder with campaigns that the page shows."""
-LISTED = 50
-"""Rows that a page lists."""
+REPORT = "report.html"
+REPORT_SECONDS = 120.0
+"""Longest time of making a report."""
 
 
 def add_campaigns(app: FastAPI, context: VehicleContext) -> None:
@@ -47,14 +52,38 @@ def add_campaigns(app: FastAPI, context: VehicleContext) -> None:
 
     @app.get("/api/campaigns/{name}")
     def one(name: str, metric: str = "", x: str = "", y: str = "") -> JsonObject:
-        """Return shares, the distribution of a metric, its medians over two factors, and the rows
-        that did not pass or have the largest values.
+        """Return shares, the figures of a metric, and the rows that did not pass or have the
+        largest values.
         """
         folder = _folder(place, name)
         table = _table(folder)
         if table is None:
             return {**_entry(folder.path), "metrics": [], "list": []}
-        return {**_entry(folder.path), **_shown(folder, table, metric, x, y)}
+        return {**_entry(folder.path), **shown(folder, table, metric, x, y)}
+
+    @app.get("/api/campaigns/{name}/flights/{index}")
+    def row(name: str, index: int, metric: str = "") -> JsonObject:
+        """Return a row with the value of a metric, and the command that flies it again."""
+        folder = _folder(place, name)
+        table = _table(folder)
+        found = None if table is None else flight(folder, table, index, metric)
+        if found is None:
+            raise UsageError(f"flight {index} of {name} has no row")
+        return found
+
+    making = threading.Lock()
+
+    @app.get("/api/campaigns/{name}/report")
+    def report(name: str) -> FileResponse:
+        """Return the report, made again if there are more rows since."""
+        folder = _folder(place, name)
+        file = folder.path / REPORT
+        with making, os_errors(lambda why: f"no report of {name} ({why})"):
+            of = folder.rows.stat().st_mtime_ns
+            if not file.exists() or file.stat().st_mtime_ns != of:
+                jobs.run(write_report, folder, file, seconds=REPORT_SECONDS)
+                os.utime(file, ns=(of, of))
+        return FileResponse(file, headers={"content-security-policy": DOCUMENT})
 
     @app.get("/api/campaigns/{name}/against/{other}")
     def against(name: str, other: str) -> JsonObject:
@@ -115,6 +144,7 @@ def _entry(path: Path) -> Facts:
             "flights": folder.flights,
             "rows": folder.count(),
             "running": folder.is_running,
+            "over": read_trials(path).is_over,  # of a search, which needs not all flights
             "problem": "",
         }
     except QuadlabError as error:
@@ -135,49 +165,6 @@ def _table(folder: CampaignFolder) -> pa.Table | None:
 def _read(parts: tuple[tuple[str, int], ...], factors: tuple[str, ...]) -> pa.Table:
     paths = [Path(path) for path, _ in parts]
     return figures(paths, factors, paths[0].parent)
-
-
-def _shown(folder: CampaignFolder, table: pa.Table, metric: str, x: str, y: str) -> Facts:
-    factors = list(folder.plan.plan.varied)
-    metrics = metric_columns(table, factors)
-    summary = summarize(folder, table)
-    judged = [name for name in summary["judged"] if "rms" in name] or summary["judged"] or metrics
-    metric = metric if metric in metrics else (judged[0] if judged else "")
-    x = x if x in factors else (factors[0] if factors else "")
-    others = [name for name in factors if name != x]
-    y = y if y in others else (others[0] if others else "")
-    return {
-        "verdicts": summary["verdicts"],
-        "metrics": metrics,
-        "metric": metric,
-        "factors": factors,
-        "x": x,
-        "y": y,
-        "ecdf": ecdf(numbers(table, metric)) if metric else None,
-        "heat": heat_map(folder.cells, table, metric, x, y) if metric and x else None,
-        "flies_again": has_logs(folder),
-        "list": _listed(folder, table, metric),
-    }
-
-
-def _listed(folder: CampaignFolder, table: pa.Table, metric: str) -> list[Facts]:
-    """Return the rows that did not pass, then those with the largest values."""
-    settings = Settings(folder.plan, folder.cells)
-    values = numbers(table, metric) if metric else np.full(table.num_rows, np.nan)
-    passed = is_verdict(table, "passed")
-    order = np.lexsort((-np.nan_to_num(values, nan=-np.inf), passed))[:LISTED]
-    indices = numbers(table, "index")
-    verdicts, reasons = table["verdict"], table["reason"]
-    return [
-        {
-            "index": int(indices[k]),
-            "verdict": verdicts[int(k)].as_py(),
-            "reason": reasons[int(k)].as_py(),
-            "value": float(values[k]) if np.isfinite(values[k]) else None,
-            "command": command_of(settings, int(indices[k])),
-        }
-        for k in order
-    ]
 
 
 FEATURE = Feature(add_campaigns)

@@ -187,7 +187,7 @@ def _keep_worst(folder: CampaignFolder) -> None:
 
 @dataclass
 class Progress:
-    """Progress of a run.
+    """Progress of a run; its rate begins with the first task, before which workers start.
 
     Args:
         total: number of flights. show: shows a line with the number flown.
@@ -195,17 +195,22 @@ class Progress:
 
     total: int
     show: Callable[[int, str], None]
+    clock: Callable[[], float] = time.monotonic
     flown: int = 0
     missed: Counter[str] = field(default_factory=Counter)
-    began: float = field(default_factory=time.monotonic)
+    first: tuple[float, int] | None = None
 
     def took(self, outcomes: Sequence[Outcome]) -> None:
         self.flown += len(outcomes)
         self.missed.update(one.verdict for one in outcomes if one.verdict != "passed")
-        took = max(1e-9, time.monotonic() - self.began)
-        to_go = duration((self.total - self.flown) * took / self.flown)
-        words = [f"{self.flown} of {self.total}", f"{self.flown / took:.3g} a second"]
-        words += [f"{to_go} to go"] if self.flown < self.total else []
+        words = [f"{self.flown} of {self.total}"]
+        if self.first is None:
+            self.first = self.clock(), self.flown
+        else:
+            rate = (self.flown - self.first[1]) / max(1e-9, self.clock() - self.first[0])
+            words += [f"{rate:.3g} a second"]
+            to_go = (self.total - self.flown) / rate
+            words += [f"{duration(to_go)} to go"] if self.flown < self.total else []
         words += [f"{n} {name.replace('_', ' ')}" for name, n in sorted(self.missed.items())]
         self.show(self.flown, ", ".join(words))
 

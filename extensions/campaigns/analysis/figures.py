@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from console.plots import COLORS, QUIET, finish, grid, styled
 from console.reports.content import Picture
-from extensions.campaigns.analysis.effects import main_effect
+from extensions.campaigns.analysis.effects import chosen_flights, main_effect, numeric
 from extensions.campaigns.design import Cells
 from extensions.campaigns.distributions import ecdf, heat_map
 from extensions.campaigns.search.told import SearchOutcome
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
 
-Floats = npt.NDArray[np.float64]
 MOST_POINTS = 1000
 """Flights in a scatter matrix or in parallel coordinates at most: evenly chosen ones."""
 MOST_AXES = 5
@@ -33,7 +31,7 @@ def pictures(
     """Return the figures that these metrics have, the first of them being the main one."""
     if not metrics:
         return []
-    main, factors = metrics[0], _numeric(table, cells.plan.varied)
+    main, factors = metrics[0], numeric(table, cells.plan.varied)
     found = [_distributions(table, metrics)]
     if search is not None and search.best:
         found.append(_course(search) if len(search.search.aims) == 1 else _front(search))
@@ -47,13 +45,6 @@ def pictures(
     if len(factors) > 1:
         found.append(_parallel(table, [*factors, *metrics[:2]], main))
     return found
-
-
-def _numeric(table: pa.Table, names: Sequence[str]) -> list[str]:
-    import pyarrow as pa
-
-    kinds = (pa.types.is_floating, pa.types.is_integer)
-    return [n for n in names if any(one(table.schema.field(n).type) for one in kinds)]
 
 
 def _distributions(table: pa.Table, metrics: Sequence[str]) -> Picture:
@@ -131,17 +122,8 @@ def _map(cells: Cells, table: pa.Table, metric: str, x: str, y: str) -> Picture:
     )
 
 
-def _chosen(table: pa.Table, names: Sequence[str]) -> Floats:
-    """Return columns (N, names) of evenly chosen flights that have all of them."""
-    values = np.column_stack([np.asarray(numbers(table, name), float) for name in names])
-    values = values[np.isfinite(values).all(axis=1)]
-    places = np.linspace(0, len(values) - 1, min(MOST_POINTS, len(values))).round().astype(int)
-    chosen: Floats = values[places]
-    return chosen
-
-
 def _scatter(table: pa.Table, names: Sequence[str]) -> Picture:
-    values, n = _chosen(table, names), len(names)
+    (_, values), n = chosen_flights(table, names, MOST_POINTS), len(names)
 
     def draw(figure: Figure) -> None:
         axes = grid(figure, n, n, sharex="col")
@@ -171,7 +153,7 @@ def _scatter(table: pa.Table, names: Sequence[str]) -> Picture:
 
 
 def _parallel(table: pa.Table, names: Sequence[str], metric: str) -> Picture:
-    values = _chosen(table, names)
+    _, values = chosen_flights(table, names, MOST_POINTS)
 
     def draw(figure: Figure) -> None:
         from matplotlib import colormaps

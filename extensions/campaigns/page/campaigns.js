@@ -1,11 +1,12 @@
-// Campaigns, below the experiments: which there are and how far they are; of one, its shares, the distribution of a
-// metric, its medians over two factors, and the rows, each with the command that flies it again.
+// Campaigns, below the experiments: which there are and how far they are; of one, its shares, the figures of a metric,
+// and the rows, each with the command that flies it again.
 
 import { get, request } from "/static/core/api.js";
 import { attempt, element, optionsOf, setText } from "/static/core/dom.js";
 import { here, isThere } from "/static/core/vehicle_path.js";
 import { Comparison } from "./comparison.js";
 import { drawEcdf, drawHeat, short } from "./drawings.js";
+import { drawEffects, drawIndices, drawParallel, drawScatter, drawSearch } from "./factors.js";
 
 const LOOK = 3000; // ms between two looks at a campaign that runs
 const ASK = 500; // ms between two questions whether a flight has ended
@@ -29,24 +30,35 @@ class Campaigns {
     this.x = choice("factor across");
     this.y = choice("factor down");
     this.by = element("span", {}, "×");
-    this.curve = element("div", { className: "drawing" });
-    this.map = element("div", { className: "drawing" });
     this.axes = element("div", { className: "axes" }, this.x, this.by, this.y);
     this.rows = element("ol", { className: "rows" });
-    this.distribution = element("h2", {}, "Distribution");
-    this.heading = element("h2", {}, "Medians");
+    this.report = element("a", { target: "_blank" }, "Report with figures");
+    this.told = element("pre", { tabIndex: 0 });
     this.comparison = new Comparison();
+    this.distribution = new Section("Distribution", this.metric);
+    this.search = new Section("Search");
+    this.search.place.append(this.told);
+    this.effects = new Section("Main effects");
+    this.indices = new Section("Sobol’ indices");
+    this.map = new Section("Medians", this.axes);
+    this.scatter = new Section("Scatter matrix");
+    this.parallel = new Section("Parallel coordinates");
+    const sections = [
+      this.distribution,
+      this.search,
+      this.effects,
+      this.indices,
+      this.map,
+      this.scatter,
+      this.parallel,
+    ];
     this.one = element(
       "div",
       { hidden: true },
       this.shares,
+      this.report,
       this.comparison.place,
-      this.distribution,
-      this.metric,
-      this.curve,
-      this.heading,
-      this.axes,
-      this.map,
+      ...sections.map((section) => section.place),
       element("h2", {}, "Flights"),
       this.rows,
     );
@@ -87,9 +99,9 @@ class Campaigns {
     });
   }
 
-  entry({ name, experiment, rows, flights, running, problem }) {
-    const part = flights ? rows / flights : 0;
-    const state = problem || (running ? "flying" : rows < flights ? "stopped" : "");
+  entry({ name, experiment, rows, flights, running, over, problem }) {
+    const part = over ? 1 : flights ? rows / flights : 0;
+    const state = running ? "flying" : !over && rows < flights ? "stopped" : "";
     const facts = problem || [experiment, `${rows} of ${flights}`, state].filter(Boolean).join(" · ");
     const bar = element("i");
     bar.style.width = `${100 * part}%`;
@@ -136,12 +148,36 @@ class Campaigns {
         found.y,
       ),
     );
-    this.curve.replaceChildren(...(found.ecdf?.values.length ? [drawEcdf(found.ecdf, found.metric)] : []));
-    this.distribution.hidden = this.metric.hidden = !found.metric;
-    this.heading.hidden = this.axes.hidden = this.map.hidden = !found.heat;
+    this.report.setAttribute("href", here(`/api/campaigns/${encodeURIComponent(found.name)}/report`));
     this.y.hidden = this.by.hidden = !found.y;
-    this.map.replaceChildren(...(found.heat ? [drawHeat(found.heat)] : []));
+    this.drawFigures(found);
     this.rows.replaceChildren(...found.list.map((row) => this.row(row)));
+  }
+
+  drawFigures({ metric, ecdf, heat, effects, sensitivity, points, search }) {
+    const choose = (index) => this.chooseFlight(index);
+    const varied = effects.filter(({ levels }) => levels.length > 1);
+    this.distribution.show(ecdf?.values.length && drawEcdf(ecdf, metric));
+    setText(this.told, search ? search.told.join("\n") : "");
+    this.search.show(search && (drawSearch(search) ?? ""));
+    this.effects.show(varied.length && drawEffects(varied, metric));
+    this.indices.show(sensitivity.length && drawIndices(sensitivity, metric));
+    this.map.show(heat && drawHeat(heat));
+    this.scatter.show(points?.values.length > 1 && drawScatter(points, choose));
+    this.parallel.show(points?.values.length > 1 && points.names.length > 2 && drawParallel(points, choose));
+  }
+
+  // Shows the row of a flight that was chosen in a figure, first in the list.
+  async chooseFlight(index) {
+    await attempt(this.reason, async () => {
+      const path = `/api/campaigns/${encodeURIComponent(this.chosen)}/flights/${index}`;
+      const row = await get(`${path}?${new URLSearchParams({ metric: this.metric.value })}`);
+      this.open = index;
+      this.rows.querySelector(`[data-index="${index}"]`)?.remove();
+      const shown = this.row(row);
+      this.rows.prepend(shown);
+      shown.scrollIntoView({ block: "nearest" });
+    });
   }
 
   // Flies a row again with its log, and opens the replay of the run that this makes.
@@ -196,7 +232,22 @@ class Campaigns {
       element("output", {}, value === null ? "" : short(value)),
     );
     button.setAttribute("aria-expanded", String(index === this.open));
-    return element("li", {}, button, line);
+    const made = element("li", {}, button, line);
+    made.dataset.index = index;
+    return made;
+  }
+}
+
+// A figure below its title, and what it is chosen by; hidden where there is none.
+class Section {
+  constructor(title, ...choices) {
+    this.drawing = element("div", { className: "drawing" });
+    this.place = element("section", { hidden: true }, element("h2", {}, title), ...choices, this.drawing);
+  }
+
+  show(made) {
+    this.place.hidden = !made && made !== "";
+    this.drawing.replaceChildren(...(made ? [made] : []));
   }
 }
 

@@ -18,6 +18,7 @@ from extensions.campaigns.routes import add_campaigns
 from extensions.campaigns.shard import Shard
 from extensions.campaigns.tests.conftest import COMPILED
 from quadrotor.errors import UsageError
+from vehicle_link import jobs
 
 TWO = (
     COMPILED
@@ -83,6 +84,58 @@ def test_a_campaign_has_its_distribution_and_map(client: Client, bench: Any) -> 
     assert curve["interval"][0] <= curve["median"] <= curve["interval"][1]
     values = [one["value"] for one in found["list"]]
     assert values == sorted(errors, reverse=True)
+
+
+def test_a_campaign_has_the_effects_of_its_factors_and_single_flights(
+    client: Client, bench: Any
+) -> None:
+    found = client.get("/api/campaigns/two", params={"metric": "tilt_max_deg"}).json()
+    table = bench.flown(TWO, "campaigns/two").table()
+    tilts = table["tilt_max_deg"].to_numpy().reshape(2, 3, 5)
+    effects = {one["factor"]: [a["median"] for a in one["levels"]] for one in found["effects"]}
+    np.testing.assert_array_equal(
+        effects["control.position.kp_xy"], np.median(tilts.reshape(2, -1), axis=1)
+    )
+    np.testing.assert_array_equal(effects["simulator.drag"], np.median(tilts, axis=(0, 2)))
+    points = found["points"]
+    assert points["names"] == ["control.position.kp_xy", "simulator.drag", "tilt_max_deg"]
+    assert points["indices"] == list(range(30))
+    for k, name in enumerate(points["names"]):
+        assert [one[k] for one in points["values"]] == table[name].to_pylist()
+    assert found["sensitivity"] == []  # of a grid
+    assert found["search"] is None
+    row = client.get("/api/campaigns/two/flights/7", params={"metric": "tilt_max_deg"}).json()
+    assert row == {
+        "index": 7,
+        "verdict": "passed",
+        "reason": "",
+        "value": tilts.reshape(-1)[7],
+        "command": "",  # compiled
+    }
+    with pytest.raises(UsageError, match="flight 30 of two has no row"):
+        client.get("/api/campaigns/two/flights/30")
+
+
+def test_the_report_is_made_again_only_for_more_rows(
+    client: Client, bench: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = bench.flown(COMPILED, "campaigns/part", Shard(1, 2))
+    made = []
+
+    def here(function: Any, *arguments: Any, seconds: float) -> None:
+        made.append(arguments)
+        function(*arguments)
+
+    monkeypatch.setattr(jobs, "run", here)
+    answer = client.get("/api/campaigns/part/report")
+    assert "Campaign part" in answer.text
+    assert "3 of 5" in answer.text
+    assert answer.headers["content-security-policy"].startswith("sandbox; default-src 'none'")
+    assert client.get("/api/campaigns/part/report").text == answer.text
+    assert len(made) == 1
+    bench.flown(COMPILED, "campaigns/part", Shard(2, 2))
+    assert "5 of 5" in client.get("/api/campaigns/part/report").text
+    assert part.is_whole()
 
 
 def test_a_campaign_whose_flights_have_no_figures_is_shown(client: Client, bench: Any) -> None:

@@ -13,7 +13,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from extensions.campaigns.beginning import RECORD
+from extensions.campaigns.flights import Outcome
 from extensions.campaigns.folder import CampaignFolder
+from extensions.campaigns.run import Progress
 from extensions.campaigns.shard import Shard
 from extensions.campaigns.tests.conftest import COMPILED, rows
 from quadrotor.errors import StorageError
@@ -48,6 +50,19 @@ def test_rows_do_not_depend_on_the_workers_or_on_shards(bench: Any) -> None:
     ]
     assert table["index"].to_pylist() == list(range(15))
     assert {"position_rms_m", "wall_s", "processor_s", "worker", "host"} <= {*table.column_names}
+
+
+def test_the_rate_of_a_run_begins_with_its_first_task() -> None:
+    now, lines = [0.0], []
+    progress = Progress(100, lambda flown, words: lines.append((flown, words)), lambda: now[0])
+    for at, count in ((1000.0, 10), (1002.0, 20), (1004.0, 70)):  # workers start for 1000 s
+        now[0] = at
+        progress.took([Outcome(k, "passed" if k else "failed") for k in range(count)])
+    assert lines == [
+        (10, "10 of 100, 1 failed"),
+        (30, "30 of 100, 10 a second, 7 s to go, 2 failed"),
+        (100, "100 of 100, 22.5 a second, 3 failed"),
+    ]
 
 
 def test_what_is_done_is_not_flown_again(bench: Any) -> None:

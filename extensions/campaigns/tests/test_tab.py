@@ -67,7 +67,25 @@ def test_a_click_on_a_row_shows_the_command_that_flies_it_again(
     assert command.startswith("quadlab fly ")
     assert "--set experiment.case=fails" in command
     assert tab.locator(f"{row} >> div >> button").text_content() == "Fly again"
+    _drawn(tab)
     _compared(tab)
+
+
+def _drawn(tab: Any) -> None:
+    """Look at what the figures draw, and choose a flight in one of them."""
+    assert tab.locator(f"{TAB} .effects circle").count() == 4  # two levels of two factors
+    assert "experiment.height = 2: median 2" in tab.locator(f"{TAB} .effects").text_content()
+    assert tab.locator(f"{TAB} .scatter circle").count() == 2 * 8  # the height and the metric
+    assert tab.locator(f"{TAB} .indices").count() == 0  # of the design saltelli only
+    assert tab.locator(f"{TAB} .parallel").count() == 0  # of two columns
+    report = tab.locator(f"{TAB} a[target=_blank]").get_attribute("href")
+    assert report == "/api/campaigns/cases/report"
+    tab.evaluate(
+        f"document.querySelectorAll('{TAB} .scatter circle')[3].dispatchEvent(new Event('click'))"
+    )
+    tab.wait_for_selector(f"{TAB} .rows li:first-child[data-index='3']")
+    assert tab.locator(f"{TAB} .rows li >> nth=0 >> pre").text_content().startswith("quadlab fly")
+    assert tab.locator(f"{TAB} .rows li").count() == 8  # none twice
 
 
 def _compared(tab: Any) -> None:

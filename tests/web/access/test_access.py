@@ -113,6 +113,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/campaigns": (VIEWER, None),
     "GET /api/campaigns/{name}": (VIEWER, None),
     "GET /api/campaigns/{name}/against/{other}": (VIEWER, None),
+    "GET /api/campaigns/{name}/flights/{index}": (VIEWER, None),
+    "GET /api/campaigns/{name}/report": (VIEWER, None),
     "POST /api/campaigns/{name}/flights/{index}": (OPERATOR, None),
     "GET /api/trends": (VIEWER, None),
     "GET /api/arena": (VIEWER, None),
