@@ -23,7 +23,7 @@ UNREADABLE = (
     *(OSError, EOFError, LookupError, ValueError, OverflowError),
     *(RuntimeError, zlib.error, zipfile.BadZipFile, ElementTree.ParseError),
 )
-"""What reading a damaged or encrypted archive raises."""
+"""Errors of reading a damaged or encrypted archive."""
 UNPACKED, ENTRIES = 1 << 28, 10_000
 """Most bytes and files that an FMU may be unpacked to."""
 MOST = 100
