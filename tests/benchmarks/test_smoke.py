@@ -21,7 +21,6 @@ from quadrotor.checkout import ROOT
 
 IN_REAL_TIME = {
     "campaign_kills",
-    "emergencies",
     "foreign_page",
     "hostile_doors",
     "laboratory_faults",
