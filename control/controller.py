@@ -78,9 +78,8 @@ class GeometricController:
         )
         self._idle["scaling"] = 1.0
         if not compiled:  # compiled now rather than in the first tick, which would be seconds late
-            state, reference, out = new_state(), new_reference(), np.zeros(1, ACTUATORS)
-            models = self._gains, self._model
-            self._step = direct(self._law, self.memory, state, reference, *models, True, 0.002, out)
+            records = self.memory, new_state(), new_reference(), self._gains, self._model
+            self._step = direct(self._law, *records, True, 0.002, np.zeros(1, ACTUATORS))
 
     def weigh(self, mass: float) -> None:
         """Use this mass (kg) from now on. Raises RuntimeError when not configured."""
@@ -116,7 +115,8 @@ class GeometricController:
         """Compute one tick into `actuators`. Raises RuntimeError when not configured."""
         if self._model is None:
             raise RuntimeError(f"{type(self).__name__}.step before configure")
-        self._step(self.memory, state, reference, self._gains, self._model, airborne, dt, actuators)
+        records = self.memory, state, reference, self._gains, self._model
+        self._step(*records, airborne, dt, actuators)
 
     def idle(self, actuators: Record) -> None:
         """Set all motors to their smallest reference, for an armed vehicle on the ground."""

@@ -275,14 +275,9 @@ class DisturbanceObserver:
         self.memory = np.zeros(1, OBSERVER_MEMORY)
         self._wanted, self.idle = False, True
         self.configure(parameters)
-        records = (
-            np.zeros(1, STATE),
-            np.zeros(1, ACTUATORS),
-            self._settings,
-            VehicleModel().record(),
-        )
-        out = np.zeros(1, DISTURBANCE)
-        self._observe = direct(observe, self.memory, *records, True, True, 0.002, out)
+        blank = np.zeros(1, STATE), np.zeros(1, ACTUATORS)
+        records = self.memory, *blank, self._settings, VehicleModel().record()
+        self._observe = direct(observe, *records, True, True, 0.002, np.zeros(1, DISTURBANCE))
 
     def configure(self, parameters: DisturbanceParameters) -> None:
         """Set new settings, keeping the estimate."""
@@ -304,8 +299,8 @@ class DisturbanceObserver:
         out: Record,
     ) -> None:
         """Compute one tick into the DISTURBANCE `out`, see `observe_one`; records of shape (1,)."""
-        memory, settings = self.memory, self._settings
-        self._observe(memory, state, actuators, settings, model, flying, carried, dt, out)
+        records = self.memory, state, actuators, self._settings, model
+        self._observe(*records, flying, carried, dt, out)
         self.idle = not self._wanted and self._faded_out
 
     @property

@@ -98,7 +98,9 @@ def test_every_document_the_code_refers_to_is_there() -> None:
 
 def test_readme_changelog_and_examples_stay_short() -> None:
     assert len((ROOT / "README.md").read_text().split()) <= 500
-    assert len((ROOT / "CHANGELOG.md").read_text().splitlines()) <= 60
+    changes = (ROOT / "CHANGELOG.md").read_text().splitlines()
+    assert len(changes) <= 120
+    assert max(map(len, changes)) <= 600  # a change is a line or two, not a chapter
     lines = {
         file.relative_to(ROOT).as_posix(): len(file.read_text().splitlines())
         for kind in ("py", "m")

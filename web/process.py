@@ -36,8 +36,8 @@ CHECK_PERIOD = 0.25
 """Period, in s, in which the station is asked whether it has made its start-up checks."""
 WAITING_PERIOD = 1.5
 """Period, in s, of the lines printed while the sign-in link waits for them."""
-LONGEST = 60.0
-"""Longest time, in s, for which it waits."""
+LONGEST = 5.0
+"""Longest time, in s, for which it waits; a first start compiles the vehicle for longer."""
 
 
 def run_web(
@@ -174,7 +174,8 @@ def print_settled(
 ) -> None:
     """Print the sign-in link once all vehicles are connected and the start-up checks are made.
 
-    Until then, for `longest` s at most, a line every WAITING_PERIOD reports what is missing.
+    Until then, for `longest` s at most, a line every WAITING_PERIOD reports what is missing. After
+    that time the link is printed with a line that says what the page still waits for.
     """
     began = time.monotonic()
     printed = began - WAITING_PERIOD
@@ -187,6 +188,8 @@ def print_settled(
             what = "running the start-up checks" if is_connected else "waiting for the vehicle"
             print(f"quadlab: {what}, {now - began:.0f} s", flush=True)
         time.sleep(CHECK_PERIOD)
+    else:
+        print("quadlab: the vehicle still starts (compiled the first time)", flush=True)
     print(flush=True)
     print_link(url)
 

@@ -142,9 +142,8 @@ class MassEstimator:
     def __init__(self, mass: float, parameters: MassParameters | None = None) -> None:
         self.configure(parameters or MassParameters())
         self.reset(mass)
-        state, actuators, estimate = (np.zeros(1, kind) for kind in (STATE, ACTUATORS, ESTIMATE))
-        of = self._memory, self._gains
-        self._step = direct(step, *of, state, actuators, True, 0.002, estimate)
+        records = self._memory, self._gains, np.zeros(1, STATE), np.zeros(1, ACTUATORS)
+        self._step = direct(step, *records, True, 0.002, np.zeros(1, ESTIMATE))
 
     def configure(self, parameters: MassParameters) -> None:
         """Set new gains; the estimate is kept."""
@@ -173,4 +172,5 @@ class MassEstimator:
         self, state: Record, actuators: Record, airborne: bool, dt: float, estimate: Record
     ) -> None:
         """Learn from one tick; write mass and variance into the ESTIMATE. All shapes (1,)."""
-        self._step(self._memory, self._gains, state, actuators, airborne, dt, estimate)
+        records = self._memory, self._gains, state, actuators
+        self._step(*records, airborne, dt, estimate)

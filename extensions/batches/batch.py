@@ -168,14 +168,14 @@ def fly_batch(
         # Each thread has its own copies: neighbours in an array share cache lines, and two cores
         # that write to one wait for each other at every step.
         case, plant, judged = _apart(CASE), _apart(PLANT), _apart(OUTCOME)
+        flown = case, plant, onboard, judged
         while (k := next(turn)) < size:  # one at a time, so that threads finish together
             one = slice(k, k + 1)
             onboard[:], case[:], plant[:], judged[:] = fresh, cases[one], plants[one], outcome[one]
             motors[:] = 0.0
             law, control = laws[scenarios[k].control.law], scenarios[k].control
             own = law.new_memory(), settings_of(control, control.law)
-            records = records_of(case, onboard)
-            fly(case, plant, onboard, judged, history[k], motors, law.step, own, records)
+            fly(*flown, history[k], motors, law.step, own, records_of(case, onboard))
             plants[one], outcome[one] = plant, judged
 
     if workers <= 1:

@@ -175,8 +175,8 @@ class Up(PageOptions):
             for word in ("--vehicle", f"{name}=127.0.0.1:{port}")
         ]
         # Flying has priority over display: a busy browser must not delay tracker and link. The page
-        # gives way once it serves (web.process); starting with less than others' programs have, it
-        # would keep everybody waiting on a busy computer.
+        # gives way once it serves (web.process); starting with less than the vehicle, which a first
+        # start compiles, it would keep everybody waiting.
         first = -10
         # With equal niceness, the one station would get no more time than each of its vehicles.
         station = first if fleet.count == 1 else -19
@@ -199,7 +199,7 @@ class Up(PageOptions):
                 for called, words in self._on_board(fleet, data, run_folder, files).items()
             ],
             [Child("station", base, niceness=station)],
-            [Child("web", page, environment=token)],
+            [Child("web", page, niceness=first, environment=token)],
         ]
 
     def _tracker_words(self, fleet: SimulatedFleet) -> str:

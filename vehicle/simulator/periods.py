@@ -52,11 +52,11 @@ def _run_python(
     plant: Record,
     sensors: Record,
     noise: npt.NDArray[np.float64],
-    row: int,
     program: Record,
     registers: npt.NDArray[np.int16],
-    command: tuple[int, int, int, int],
     holder: Record,
+    row: int,
+    command: tuple[int, int, int, int],
     periods: int,
     dt: float,
 ) -> None:
@@ -84,11 +84,9 @@ def runner(
     command, for this number of periods, each that long (s).
     """
     if isinstance(firmware, Firmware):
-        of = firmware.program, firmware.registers
-        machine = direct(_run_python, *world, 0, *of, STOPPED, holder, 1, 0.001)
-        return lambda row, command, periods, dt: machine(
-            *world, row, *of, command, holder, periods, dt
-        )
+        of = *world, firmware.program, firmware.registers, holder
+        machine = direct(_run_python, *of, 0, STOPPED, 1, 0.001)
+        return lambda row, command, periods, dt: machine(*of, row, command, periods, dt)
 
     def run(row: int, command: Command, periods: int, dt: float) -> None:
         for k in range(row, row + periods):

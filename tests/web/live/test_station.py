@@ -325,6 +325,17 @@ def test_the_sign_in_link_is_printed_after_the_start_up_checks(
     printing.join()
 
 
+def test_the_sign_in_link_does_not_wait_for_a_vehicle_that_is_compiled(
+    client: Client, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_settled("http://here/?token=1", [(client.live, client.station)], longest=0.0)
+    assert capsys.readouterr().out.splitlines() == [
+        "quadlab: the vehicle still starts (compiled the first time)",
+        "",
+        "quadlab is at  http://here/?token=1",
+    ]
+
+
 def test_a_station_that_is_not_there_has_made_no_checks() -> None:
     absent = Client(9)
     assert not absent.station.has_checked()
