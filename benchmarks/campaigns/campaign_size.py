@@ -163,6 +163,6 @@ def _memory(pid: int) -> float:
     try:
         parent = psutil.Process(pid)
         every = [parent, *parent.children(recursive=True)]
-        return sum(one.memory_full_info().pss for one in every) / 1e6
+        return float(sum(one.memory_full_info().pss for one in every)) / 1e6
     except psutil.Error:  # one has ended meanwhile
         return 0.0

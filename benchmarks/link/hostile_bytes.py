@@ -9,25 +9,35 @@ with a checksum has no secret, and some of the frames pass: there only errors an
 
 from __future__ import annotations
 
+import io
 import random
 import socket
+import tempfile
 import time
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 
-from benchmarks.harness import Report, Row, Size, Target
+from benchmarks.harness import Report, Row, Size, Target, free_port
 from extensions.betaflight.msp.frames import MessageDecoder
 from extensions.betaflight.msp.frames import encode as encode_msp
 from extensions.crazyflie.crtp import packets as crtp
+from extensions.fmu.parameters import check_size, declared_by, kind_of
 from extensions.mavlink.dialect import mavlink
 from extensions.mavlink.peer import Peer
 from extensions.mocap.udp import parse as parse_bodies
 from quadrotor.errors import QuadlabError
 from quadrotor.motor_state import MotorState
+from vehicle.laws.contract import LAW
+from vehicle.plugins.links import UdpLink
 from vehicle.simulator.firmware.firmware import Firmware
+from vehicle_link import messages
 from vehicle_link.lane.datagram import Opener, Refused, Sealer, key_id_of
 from vehicle_link.serial import commands
 from vehicle_link.serial.frames import FrameDecoder
+from vehicle_link.topics import control_inputs, measurements
 from vehicle_link.transport.publisher import Received
 
 BYTES = 1_000_000, 100_000, 10_000
@@ -164,6 +174,86 @@ def bodies() -> Take:
     return lambda data: 0 * len(parse_bodies(data, 0).bodies)
 
 
+def told_by_a_node(decode: Callable[[bytes], object]) -> Take:
+    return lambda data: 0 * bool(decode(data))
+
+
+def fmu() -> Take:
+    folder = tempfile.TemporaryDirectory(prefix="quadlab-fmu-")
+    path = Path(folder.name, "one.fmu")
+
+    def take(data: bytes) -> int:
+        path.write_bytes(data)
+        kind_of(path)
+        check_size(path)
+        declared_by(path)
+        return 0 * len(folder.name)
+
+    return take
+
+
+def answers_of_a_stranger() -> Take:
+    stranger, peer = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    stranger.bind(("127.0.0.1", 0))
+    peer.bind(("127.0.0.1", 0))
+    port = free_port()
+    link = UdpLink(LAW, "law", f"127.0.0.1:{peer.getsockname()[1]}", port, waits=False)
+
+    def take(data: bytes) -> int:
+        stranger.sendto(data, ("127.0.0.1", port))
+        return int(link.receive() is not None and bool(peer))
+
+    return take
+
+
+def node_doors() -> list[Door]:
+    """Return the doors for messages that any ROS 2 node on this computer may send."""
+    header, unit = messages.header(1), [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]]
+    reference = messages.encode(messages.new("quadlab_msgs/Reference", header=header))
+    upright = messages.new(
+        "geometry_msgs/Pose", orientation=messages.new("geometry_msgs/Quaternion", w=1.0)
+    )
+    pose = messages.encode(messages.new("geometry_msgs/PoseStamped", header=header, pose=upright))
+    place = messages.encode(messages.new("geometry_msgs/PointStamped", header=header))
+    found: dict[str, tuple[bytes, Callable[[bytes], object]]] = {
+        "joy": (control_inputs.encode_joy(1, (0, 0, 0, 0), True), control_inputs.decode_joy),
+        "external_reference": (reference, control_inputs.decode_external_reference),
+        "station_heartbeat": (
+            control_inputs.encode_heartbeat(1, 1, 1, 1),
+            control_inputs.decode_heartbeat,
+        ),
+        "tracker_pose": (pose, measurements.decode_pose),
+        "tracker_position": (place, measurements.decode_position),
+        "bearings": (
+            measurements.encode_bearings(1, [1, 2], unit, 0.01),
+            measurements.decode_bearings,
+        ),
+        "picture": (
+            measurements.encode_picture(1, measurements.JPEG, "camera"),
+            measurements.decode_picture,
+        ),
+    }
+    return [
+        Door(f"ROS 2, {topic}", [valid], partial(told_by_a_node, decode))
+        for topic, (valid, decode) in found.items()
+    ]
+
+
+def archive() -> bytes:
+    """Return an FMU with two parameters and no code."""
+    kind = 'causality="parameter" variability="tunable"'
+    variable = (
+        f'<ScalarVariable name="{{}}" valueReference="{{}}" {kind}>'
+        '<Real start="1.5" min="0" max="9" unit="s"/></ScalarVariable>'
+    )
+    inside = "".join(variable.format(name, k) for k, name in enumerate(("gain", "a[1].b")))
+    text = f"<fmiModelDescription><ModelVariables>{inside}</ModelVariables></fmiModelDescription>"
+    with io.BytesIO() as file:
+        with zipfile.ZipFile(file, "w") as made:
+            made.writestr("modelDescription.xml", text)
+        return file.getvalue()
+
+
 def doors() -> list[Door]:
     """Return all doors that are attacked here."""
     mav = mavlink.MAVLink(None, 255, 190)
@@ -193,6 +283,9 @@ def doors() -> list[Door]:
         Door("MAVLink over UDP, signed", told, lambda: ground_station(datagram, KEY)),
         Door("telemetry of the lane", datagrams, lane),
         Door("tracker, UDP", [b"12.5,quad1,1,2,3,1,0,0,0\n", b",a,1,2,3\n"], bodies),
+        Door("law over UDP, not its peer", [bytes(LAW.outputs.itemsize)], answers_of_a_stranger),
+        Door("FMU", [archive()], fmu),
+        *node_doors(),
     ]
 
 

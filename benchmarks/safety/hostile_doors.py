@@ -3,13 +3,13 @@
     python -m benchmarks hostile_doors [--quick | --smoke] [--seed N]
 
 One door after the other gets its bytes from a process of its own, while this one measures how fast
-the page answers. Doors for a page's sockets and routes are attacked as nobody, as a viewer, and as
-a page of another origin with an admin's cookie. `hostile_bytes` attacks the parsers themselves.
+the page answers a request, and a ping on its websocket. Doors for a page's sockets and routes are
+attacked as nobody, as a viewer, and as a page of another origin with an admin's cookie.
+`hostile_bytes` attacks the parsers themselves.
 """
 
 from __future__ import annotations
 
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+from websockets.sync.client import ClientConnection
 
 from benchmarks.harness import Report, Row, Size, Target, free_port
 from benchmarks.link import hostile_bytes
@@ -30,6 +31,7 @@ from benchmarks.safety import attackers
 from benchmarks.safety.attackers import Attack, Mark
 from benchmarks.safety.flight_logs import MOVED, moved, newest_truth
 from benchmarks.safety.laboratory import Laboratory
+from benchmarks.safety.page_latency import Latency, cookie_of, page_socket, quiet_latency
 from benchmarks.safety.starving import command_line, family
 from extensions.foxglove.protocol import SUBPROTOCOLS
 from quadrotor.checkout import ROOT
@@ -40,9 +42,8 @@ SETTLED = 2.0  # s
 FOREIGN = "http://evil.example"
 MEMORY = 100.0
 """Largest growth of all processes, in MB, by all attacks."""
-ANSWER = 0.05
-"""Longest time, in s, of half of the page's answers under attack."""
-LOOK = 0.05  # s
+ANSWER = 50.0
+"""Longest time, in ms, of half of the page's answers under attack."""
 
 
 @dataclass
@@ -50,15 +51,11 @@ class Held:
     """The state of the laboratory during an attack; times in s, memory in MB."""
 
     obeyed: int
-    answers: list[float]
+    latency: Latency
     memory: float
     people: int
     is_hovering: bool
     took: float
-
-    @property
-    def median(self) -> float:
-        return statistics.median(self.answers)
 
 
 def doors(lab: Laboratory, udp: int, tcp: int, count: int) -> dict[str, tuple[Attack, Mark]]:
@@ -117,10 +114,6 @@ def signed_in(lab: Laboratory, role: str) -> httpx.Client:
     return client
 
 
-def cookie_of(client: httpx.Client) -> str:
-    return "; ".join(f"{one.name}={one.value}" for one in client.cookies.jar)
-
-
 def routes(lab: Laboratory) -> list[str]:
     """Return `METHOD /path` of all routes."""
     listed: dict[str, Any] = lab.get("/api/openapi.json")["paths"]
@@ -167,33 +160,16 @@ def memory(lab: Laboratory) -> float:
     return pages * 4096 / 1e6
 
 
-def hold(lab: Laboratory, work: Future[int], before: float) -> Held:
+def hold(lab: Laboratory, socket: ClientConnection, work: Future[int], before: float) -> Held:
     """Look at the laboratory while a door is attacked; `before`: the memory in MB."""
-    began = time.monotonic()
-    answers = [answered(lab)]
+    began, latency = time.monotonic(), Latency()
+    latency.measure(lab, socket)
     while not work.done():
-        answers.append(answered(lab))
-        time.sleep(LOOK)
+        latency.measure(lab, socket)
     obeyed = work.result()
     took = time.monotonic() - began
     lab.until("a status", lab.status)
-    return Held(obeyed, answers, memory(lab) - before, people(lab), is_hovering(lab), took)
-
-
-def quiet_answer(lab: Laboratory) -> float:
-    """Return the time of half of the page's answers without an attack, s."""
-    answers = []
-    for _ in range(40):
-        answers.append(answered(lab))
-        time.sleep(LOOK)
-    return statistics.median(answers)
-
-
-def answered(lab: Laboratory) -> float:
-    """Return the time of one answer of the page, s."""
-    asked = time.monotonic()
-    lab.summary()
-    return time.monotonic() - asked
+    return Held(obeyed, latency, memory(lab) - before, people(lab), is_hovering(lab), took)
 
 
 def people(lab: Laboratory) -> int:
@@ -236,23 +212,24 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
     )
     with (
         laboratory() as (lab, udp, tcp),
+        page_socket(lab) as socket,
         ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool,
     ):
         marks = doors(lab, udp, tcp, count)
-        quiet = quiet_answer(lab)
+        quiet = quiet_latency(lab, socket)
+        report.rows.append(Row("quiet", dict(quiet.figures())))
         known, since = people(lab), newest_truth(lab.data)
         held: dict[str, Held] = {}
         for name, (attack, mark) in marks.items():
             before = memory(lab)
-            held[name] = one = hold(lab, pool.submit(attack, mark, seed), before)
+            held[name] = one = hold(lab, socket, pool.submit(attack, mark, seed), before)
             report.rows.append(
                 Row(
                     name,
                     {
                         "obeyed": one.obeyed,
                         "took, s": one.took,
-                        "answer, ms": 1e3 * one.median,
-                        "over quiet": one.median / quiet,
+                        **one.latency.figures(),
                         "memory, MB": one.memory,
                         "hovers": "yes" if one.is_hovering else "**no**",
                     },
@@ -271,8 +248,14 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
         ),
         Target("people signed in or out", sum(abs(h.people - known) for h in held.values()), 0),
         Target("way from its place, m", away, MOVED),
-        Target("answer of the page, s", max(h.median for h in held.values()), ANSWER),
+        *(
+            Target(
+                f"{kind} of the page, s",
+                max(h.latency.figures()[f"{kind}, ms"] for h in held.values()) / 1e3,
+                ANSWER,
+            )
+            for kind in ("answer median", "ping median")
+        ),
         Target("memory, MB", sum(h.memory for h in held.values()), MEMORY),
     ]
-    report.notes = [f"quiet, the page answers in {1e3 * quiet:.1f} ms"]
     return report

@@ -6,6 +6,7 @@ from __future__ import annotations
 import keyword
 import re
 import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +19,11 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 
 DESCRIPTION, LARGEST = "modelDescription.xml", 1 << 24
 """File in the archive, and its largest size in bytes."""
-UNREADABLE = (OSError, KeyError, ValueError, zipfile.BadZipFile, ElementTree.ParseError)
+UNREADABLE = (
+    *(OSError, EOFError, LookupError, ValueError, OverflowError),
+    *(RuntimeError, zlib.error, zipfile.BadZipFile, ElementTree.ParseError),
+)
+"""Errors of reading a damaged or encrypted archive."""
 UNPACKED, ENTRIES = 1 << 28, 10_000
 """Most bytes and files that an FMU may be unpacked to."""
 MOST = 100

@@ -19,6 +19,7 @@ from web.access.people import People
 from web.access.roles import Session
 from web.access.sign_in import Refusal, address_of, read_form
 from web.access.signed_links import SignedLinks
+from web.body import refused_size
 from web.theme import follow_choice
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -72,8 +73,8 @@ class Gate:
         """Return the ASGI application that answers: the page's, with its session, or a refusal."""
         came = HTTPConnection(scope)
         follow_choice(came)
-        if refusal := self._foreign(came):
-            return _error(403, refusal)
+        if refusal := self._foreign(came) or refused_size(came.headers):
+            return _error(*refusal)
         if self._links.opens(scope):
             return self._shared
         if (token := _live_token(came)) is not None:
@@ -100,18 +101,18 @@ class Gate:
         scope["session"] = session
         return self._app
 
-    def _foreign(self, came: HTTPConnection) -> str | None:
+    def _foreign(self, came: HTTPConnection) -> tuple[int, str] | None:
         host = came.headers.get("host", "").lower()
         if host not in self._hosts:
-            return f"this is not {host!r:.80}; open {self._base_url}/ instead"
+            return 403, f"this is not {host!r:.80}; open {self._base_url}/ instead"
         guarded = came.scope["type"] == "websocket" or came.scope["method"] not in SAFE_METHODS
         guarded = guarded and _live_token(came) is None  # asked by the token's holder, no browser
         origin = came.headers.get("origin")
         # Programs send no Origin; browsers always do on a POST, a PUT and a websocket.
         if guarded and origin is not None and origin.lower() != f"{self._scheme}://{host}":
-            return f"refused: the request comes from another site ({origin:.80})"
+            return 403, f"refused: the request comes from another site ({origin:.80})"
         if guarded and came.headers.get("sec-fetch-site", OURS) != OURS:
-            return "refused: the request comes from another site"
+            return 403, "refused: the request comes from another site"
         return None
 
     def _link(self, request: Request, token: str, session: Session | None) -> Response:

@@ -16,7 +16,6 @@ from web.access.roles import Session
 from web.access.sessions import Sessions
 from web.access.sign_in_limiter import SignInLimiter
 from web.access.sign_in_tokens import SignInTokens
-from web.body import read_body
 
 LARGEST_FORM = 4096  # bytes
 FORM_TIME = 10.0  # s in which a form must arrive
@@ -128,15 +127,15 @@ def address_of(came: HTTPConnection) -> str:
 
 async def read_form(request: Request) -> dict[str, str]:
     """Read the fields of a form's body. Raises ValueError with the reason."""
+    if int(request.headers.get("content-length", 0)) > LARGEST_FORM:
+        raise ValueError(f"the form is too large; allowed are {LARGEST_FORM} bytes")
     try:
         async with asyncio.timeout(FORM_TIME):
-            body = await read_body(request, LARGEST_FORM)
+            body = await request.body()
     except TimeoutError:
         raise ValueError("the form did not arrive in time") from None
     except ClientDisconnect:
         raise ValueError("the form was incomplete") from None
-    if len(body) > LARGEST_FORM:
-        raise ValueError(f"the form is too large; allowed are {LARGEST_FORM} bytes")
     return dict(
         parse_qsl(body.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
     )

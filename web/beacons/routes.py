@@ -14,13 +14,13 @@ from fastapi import FastAPI, Query, Request
 from fastapi.responses import Response
 from pydantic import Field
 
-from bearing_sim.beacon_file import COLUMNS, LARGEST, read_beacons
+from bearing_sim.beacon_file import COLUMNS, read_beacons
 from bearing_sim.beacons import PRESETS, Beacons, format_layout, parse_layout
 from estimation.parameters import PRESETS as GAINS
 from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
 from web.access.requester import Operator
 from web.beacons.moves import BeaconMoves
-from web.body import Body, read_body
+from web.body import Body
 from web.feature import Feature
 from web.latest import Live
 from web.parameters.replica import LAYOUT, PageParameters
@@ -150,7 +150,7 @@ def add_beacons(app: FastAPI, context: VehicleContext) -> None:
         with the reason if station or vehicle refuse it.
         """
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-        text = layout_of(await read_body(request, LARGEST), kind, name)
+        text = layout_of(await request.body(), kind, name)
         applied, _ = await context.gains.change({LAYOUT: text}, session.label)
         confirmed = str(applied[LAYOUT])
         return {"layout": confirmed, "beacons": rows_of(parse_layout(confirmed))}

@@ -18,10 +18,10 @@ from console.parameters.presets import ParameterPresets, Preset
 from quadrotor.json_object import JsonObject
 from quadrotor.parameter_description import ParameterValue
 from web.access.requester import Operator
-from web.body import Body, read_body
+from web.body import Body
 from web.parameters.built_in_presets import built_in
 from web.parameters.compare import compare, differing
-from web.parameters.file import LARGEST, read_file, write_file
+from web.parameters.file import read_file, write_file
 from web.parameters.replica import LAYOUT, PageParameters
 from web.parameters.writer import ParameterWriter
 
@@ -143,8 +143,7 @@ def _add_files(app: FastAPI, replica: PageParameters, vehicle: str) -> None:
     )
     async def read(request: Request, _: Operator) -> JsonObject:
         """Return the changes that loading this file would make; nothing is changed."""
-        content = await read_body(request, LARGEST)
-        return compare(replica, await run_in_threadpool(read_file, content))
+        return compare(replica, await run_in_threadpool(read_file, await request.body()))
 
 
 def _add_presets(app: FastAPI, replica: PageParameters, presets: ParameterPresets) -> None:

@@ -120,3 +120,27 @@ def test_an_fmu_that_would_fill_the_disk_is_not_unpacked(
     with pytest.raises(UsageError, match=f"bomb.fmu is {why} unpacked; allowed are 268 MB"):
         load(LAW, path)
     assert [one.name for one in tmp_path.iterdir()] == ["bomb.fmu"]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        pytest.param({8: 1 << 0}, id="encrypted"),
+        pytest.param({8: 1 << 5}, id="patched"),
+        pytest.param({10: 99}, id="a method of compression that is not known"),
+        pytest.param({10: zipfile.ZIP_DEFLATED}, id="not compressed as stated"),
+        pytest.param({22: 99, 26: 99}, id="shorter than stated"),
+        pytest.param({42: 250}, id="elsewhere than stated"),
+    ],
+)
+def test_a_damaged_fmu_is_one_line_and_the_others_are_offered(
+    tmp_path: Path, damage: dict[int, int]
+) -> None:
+    data = bytearray(written(tmp_path / "damaged.fmu", FMI2).read_bytes())
+    for place, value in damage.items():
+        data[data.index(b"PK\x01\x02") + place] = value  # of the entry in the directory
+    (tmp_path / "damaged.fmu").write_bytes(data)
+    written(tmp_path / "whole.fmu", FMI2)
+    (line,) = declared.offer(tmp_path)
+    assert line.startswith("damaged.fmu: its parameters cannot be read (")
+    assert any(name.startswith("whole.") for name in described())

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
+import json
 import re
 from collections.abc import Iterator
+from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -15,6 +18,7 @@ import pytest
 import websockets.exceptions
 
 from console.catalogue.catalogue import Catalogue
+from web.body import LARGEST, LARGEST_JSON
 
 READ = [
     "/",
@@ -116,6 +120,32 @@ def test_a_foreign_host_name_is_refused(signed_in: httpx.Client) -> None:
     answer = signed_in.get("/api/session", headers={"Host": "evil.example"})
     assert answer.status_code == 403
     assert "\n" not in answer.json()["error"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit"), [("application/json", LARGEST_JSON), ("text/plain", LARGEST)]
+)
+def test_a_body_that_would_fill_the_memory_is_refused_before_it_is_read(
+    site: Any, signed_in: httpx.Client, kind: str, limit: int
+) -> None:
+    def answer(**more: str) -> tuple[int, str]:
+        """Send the head of a request alone."""
+        cookie = "; ".join(f"{one.name}={one.value}" for one in signed_in.cookies.jar)
+        connection = HTTPConnection(site.host, timeout=20)
+        connection.putrequest("POST", "/api/figure")
+        for name, value in {"Content-Type": kind, "Cookie": cookie, **more}.items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        with contextlib.closing(connection), connection.getresponse() as got:
+            return got.status, json.loads(got.read())["error"]
+
+    assert answer(**{"Content-Length": str(limit + 1)}) == (
+        413,
+        f"the request has {limit + 1} bytes; allowed are {limit}",
+    )
+    assert answer(**{"Transfer-Encoding": "chunked"})[0] == 411
+    small = signed_in.post("/api/figure", content=b" ", headers={"Content-Type": kind})
+    assert small.status_code not in (411, 413)
 
 
 def test_localhost_is_our_name_too(site: Any, signed_in: httpx.Client) -> None:
