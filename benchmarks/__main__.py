@@ -67,6 +67,7 @@ FOLDERS = {
         "hostile_plugins",
         "foreign_laws",
         "law_rescues",
+        "oscillation",
         "tracking_faults",
         "tracking_systems",
         "starved",
@@ -106,7 +107,7 @@ IN_CHROMIUM = (
 """Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs", "fuzz_imports", "firmware"),
-    "hours": ("tracker_integrity",),
+    "hours": ("oscillation", "tracker_integrity"),
     "seed": (
         "fuzz_logs",
         "fuzz_imports",
@@ -140,7 +141,11 @@ def main() -> int:
         sizes.add_argument(f"--{size}", dest="size", action="store_const", const=size, help=text)
     parser.set_defaults(size=Size.FULL)
     parser.add_argument("--count", type=int, help="of the fuzz tests: logs; of firmware: frames")
-    parser.add_argument("--hours", type=float, help="of tracker_integrity: flown without a lie")
+    parser.add_argument(
+        "--hours",
+        type=float,
+        help="of oscillation, tracker_integrity: flown without a cause for an alarm",
+    )
     parser.add_argument(
         "--seed", type=int, help="number of the first mutated log or flight, or stream"
     )
