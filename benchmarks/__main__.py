@@ -82,6 +82,7 @@ FOLDERS = {
         "run_list",
         "page_notice",
         "up_cost",
+        "fleet_pace",
         "live_signals",
         "live_page",
         "late_ticks",
