@@ -49,7 +49,7 @@ export class StateTable {
     this.ages = ages;
     const { pins, folded } = recall(KEPT) ?? {};
     /** @type {{ label: string, names: string[], digits: number, cells: HTMLElement[], age: HTMLElement, topic: string,
-     *   line: HTMLElement, pin: HTMLElement }[]} */
+     *   line: HTMLElement, pin: HTMLButtonElement }[]} */
     this.rows = ROWS.map(([label, names, digits]) => {
       const { topic, unit } = signals.get(names[0]);
       return this.row(label, { names, digits, unit, topic });
