@@ -189,7 +189,8 @@ def tell_wrong(
 def fly_good(world: str, hours: float) -> tuple[float, float, float]:
     """Return the hours flown with good gains, alarms of an oscillation, and of a distance."""
     eight = FigureEight((0.0, 0.0, 1.0), laps=LAPS)
-    truth = SimulatorParameters(**preset_values(world))
+    truth = SimulatorParameters()
+    ParameterStore(truth).set(preset_values(world))
     seconds = HOVER + eight.duration
     count, law = math.ceil(3600.0 * hours / seconds), WatchedLaw(fly_watched, WATCHED)
     scenarios = [
@@ -198,8 +199,10 @@ def fly_good(world: str, hours: float) -> tuple[float, float, float]:
     fly(scenarios, seconds, HOVER, law)
     found = [memory.view(WATCHED)[0] for memory in law.memories]
     flown = sum(float(one["time"]) for one in found) / 3600.0
-    alarms = (float(sum(one[name] for one in found)) for name in ("oscillations", "strayed"))
-    return flown, *alarms
+    oscillations, strayed = (
+        sum(one[name] for one in found) for name in ("oscillations", "strayed")
+    )
+    return flown, float(oscillations), float(strayed)
 
 
 def fly(scenarios: Sequence[Scenario], seconds: float, hover: float, law: WatchedLaw) -> None:
