@@ -199,10 +199,11 @@ def fly_good(world: str, hours: float) -> tuple[float, float, float]:
     fly(scenarios, seconds, HOVER, law)
     found = [memory.view(WATCHED)[0] for memory in law.memories]
     flown = sum(float(one["time"]) for one in found) / 3600.0
-    oscillations, strayed = (
+    oscillations = float(sum(one["oscillations"] for one in found))
+    strayed = float(sum(one["strayed"] for one in found))
         sum(one[name] for one in found) for name in ("oscillations", "strayed")
     )
-    return flown, float(oscillations), float(strayed)
+    return flown, oscillations, strayed
 
 
 def fly(scenarios: Sequence[Scenario], seconds: float, hover: float, law: WatchedLaw) -> None:
