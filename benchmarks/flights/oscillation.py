@@ -201,8 +201,6 @@ def fly_good(world: str, hours: float) -> tuple[float, float, float]:
     flown = sum(float(one["time"]) for one in found) / 3600.0
     oscillations = float(sum(one["oscillations"] for one in found))
     strayed = float(sum(one["strayed"] for one in found))
-        sum(one[name] for one in found) for name in ("oscillations", "strayed")
-    )
     return flown, oscillations, strayed
 
 
