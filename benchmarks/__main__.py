@@ -67,6 +67,7 @@ FOLDERS = {
         "hostile_plugins",
         "foreign_laws",
         "law_rescues",
+        "oscillation",
         "tracking_faults",
         "tracking_systems",
         "starved",
@@ -81,6 +82,7 @@ FOLDERS = {
         "run_list",
         "page_notice",
         "up_cost",
+        "fleet_pace",
         "live_signals",
         "live_page",
         "late_ticks",
@@ -106,7 +108,7 @@ IN_CHROMIUM = (
 """Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs", "fuzz_imports", "firmware", "campaign_size"),
-    "hours": ("tracker_integrity",),
+    "hours": ("oscillation", "tracker_integrity"),
     "seed": (
         "fuzz_logs",
         "fuzz_imports",
@@ -144,7 +146,11 @@ def main() -> int:
         type=int,
         help="of the fuzz tests: logs; of firmware: frames; of campaign_size: flights",
     )
-    parser.add_argument("--hours", type=float, help="of tracker_integrity: flown without a lie")
+    parser.add_argument(
+        "--hours",
+        type=float,
+        help="of oscillation, tracker_integrity: flown without a cause for an alarm",
+    )
     parser.add_argument(
         "--seed", type=int, help="number of the first mutated log or flight, or stream"
     )

@@ -38,7 +38,7 @@
       for (let k = series.end - 1; k >= series.start && times[k] > (drawn ?? series.last); k--)
         ticks.push(origin + times[k]);
       drawn = series.last;
-      noted.draws.push(now());
+      noted.draws.push([now(), origin + drawn]);
       painted(() => {
         const at = now();
         const news = ticks.filter((tick) => tick >= begun); // not what filled the chart at first

@@ -8,7 +8,8 @@ measured:
 
 - frames: 20 signals of 500 Hz in four charts, in turns with a plain uPlot page of as many;
 - from a tick on board to the frame that shows it, in the default charts;
-- five clients with a page's three websockets, beside the flight;
+- five clients with a page's three websockets, which give way to the flight, as browsers on other
+  computers do;
 - the page's process stopped for minutes, as by a browser or a computer that sleeps;
 - a phone behind links of several rates.
 """
@@ -19,23 +20,26 @@ import os
 import signal
 import statistics
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import Report, Row, Size, Target
-from benchmarks.page.laboratory import Socket, cpu_seconds, processes, started, viser_protocol
-from benchmarks.page.live_signals import DEFAULT, MANY, SHOWN, opened
+from benchmarks.page.clients import clients
+from benchmarks.page.laboratory import cpu_seconds, processes, started
+from benchmarks.page.live_signals import MANY
 from benchmarks.page.noting import LINK_PORT, PORT, SPAN, WINDOW, console, launched
 from benchmarks.page.phone import phone
 from benchmarks.page.up_cost import PATIENCE, Figures, Pilot, pilot
 from web.uplot import read_uplot
 
-SETTLED = 5.0, 3.0, 1.0  # s, of each size
-ROUNDS, SECONDS = (3, 1, 1), (20.0, 10.0, 1.0)
-HIDDEN = 300.0, 60.0, 2.0
-PAGES = 5
+SETTLED = 5.0, 3.0, 0.3  # s, of each size
+ROUNDS, SECONDS = (3, 1, 1), (20.0, 10.0, 0.5)
+HIDDEN = 300.0, 60.0, 0.5
+PAGES, TURNS, TURN = 5, (6, 5, 1), (10.0, 5.0, 0.5)
+"""Number of clients; turns without and with them, of each size, and the seconds of each."""
 LAYOUT = [MANY[0][:6], MANY[0][6:], MANY[1], MANY[2]]
 PLAIN = Path(__file__).with_name("plain_uplot.html")
 LONG = 50.0  # ms
@@ -48,7 +52,7 @@ LIMITS = {
     "tick to pixel: median, ms": 80.0,
     "tick to pixel: 99 %, ms": 150.0,
     "each of five pages: cores of the web process": 0.10,
-    "shown again: s until nothing is missing": 1.0,
+    "shown again: s until all is drawn": 1.0,
     "shown again: longest step, s": 0.3,
     "phone, 1 Mbit/s: emergency answered, longest, ms": 250.0,
 }
@@ -96,6 +100,7 @@ def frames(browser: Any, flown: Pilot, size: Size) -> Figures:
             found["20 signals"].append(drawn(page, size))
         with console(browser, flown) as page:
             drawn(page, size)
+            page.wait_for_function("() => noted.delays.length", timeout=1e3 * PATIENCE)
             delays += page.evaluate("noted.delays")
             behind.append(min(page.evaluate("noted.comes.map(([, late]) => late)")))
         context = browser.new_context(viewport=WINDOW)
@@ -150,13 +155,11 @@ def drawn(page: Any, size: Size) -> Figures:
 def room(flown: Pilot, up: int, size: Size) -> Figures:
     """Measure the flight and the web process without and with clients, in turns."""
     found: dict[int, list[Figures]] = {0: [], PAGES: []}
-    for _ in range(size.of(*ROUNDS)):
+    for _ in range(size.of(*TURNS)):
         for count, of in found.items():
-            sockets = [one for _ in range(count) for one in sockets_of(flown)]
-            time.sleep(size.of(*SETTLED))
-            of.append(watched(flown, up, size.of(*SECONDS)))
-            for one in sockets:
-                one.close()
+            with clients(flown, count) if count else nullcontext():
+                time.sleep(size.of(*SETTLED))
+                of.append(watched(flown, up, size.of(*TURN)))
     alone, full = (
         {name: statistics.median(one[name] for one in of) for name in of[0]}
         for of in found.values()
@@ -167,18 +170,6 @@ def room(flown: Pilot, up: int, size: Size) -> Figures:
         **{f"without a page: {name}": value for name, value in alone.items()},
         **{f"five pages: {name}": value for name, value in full.items()},
     }
-
-
-def sockets_of(flown: Pilot) -> list[Socket]:
-    """Open the websockets of a page with the default layout."""
-    names = [one["name"] for one in flown.browser.get("/api/signals").json()["signals"]][:SHOWN]
-    cookie = "; ".join(f"{one.name}={one.value}" for one in flown.browser.cookies.jar)
-    web = flown.base.replace("http", "ws")
-    return [
-        opened(flown, names, DEFAULT),
-        Socket(f"{web}/ws/events", cookie),
-        Socket(f"{web}/viser?view=benchmark", cookie, subprotocols=[viser_protocol()]),
-    ]
 
 
 def watched(flown: Pilot, up: int, seconds: float) -> Figures:
@@ -215,7 +206,7 @@ def stopped(browser: Any, what: signal.Signals) -> None:
 
 
 def hidden(browser: Any, flown: Pilot, size: Size) -> Figures:
-    """Stop the page for long, and measure until it has what it missed."""
+    """Stop the page for long, and measure until it has drawn what it missed."""
     newest = "source.origin + source.series[0].last"
     with console(browser, flown) as page:
         page.wait_for_timeout(1e3 * size.of(*SETTLED))
@@ -227,16 +218,16 @@ def hidden(browser: Any, flown: Pilot, size: Size) -> Figures:
         finally:
             shown = time.time()
             stopped(browser, signal.SIGCONT)
-        page.wait_for_function(f"() => {newest} >= {shown - behind}", timeout=1e3 * PATIENCE)
-        page.wait_for_function(f"() => noted.draws.at(-1) >= {time.time()}")
-        took = time.time() - shown
+        full = f"noted.draws.find(([, newest]) => newest >= {shown - behind})"
+        page.wait_for_function(f"() => {full}", timeout=1e3 * PATIENCE)
+        took = page.evaluate(full)[0] - shown
         times = page.evaluate(TIMES)
         came = page.evaluate("noted.comes.map(([at]) => at)")
         holes = page.evaluate("source.series[0].holes.map((one) => [one.t, one.count])")
     inside = [t for t in times if since <= t <= shown - behind]
     return {
         "hidden: s without a frame": max(np.diff(came)),
-        "shown again: s until nothing is missing": took,
+        "shown again: s until all is drawn": took,
         "shown again: longest step, s": max(np.diff([since, *inside])),
         "shown again: ticks told to be missing": float(sum(count for _, count in holes)),
     }

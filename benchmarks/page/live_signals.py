@@ -112,8 +112,13 @@ def measure(flown: Pilot, up: int, size: Size) -> Figures:
 
 def opened(flown: Pilot, shown: Sequence[str], series: Sequence[Sequence[str]]) -> Socket:
     cookie = "; ".join(f"{one.name}={one.value}" for one in flown.browser.cookies.jar)
-    asked = {"id": 1, "signals": shown, "series": [{"signals": one} for one in series]}
-    return Socket(f"{flown.base.replace('http', 'ws')}/ws/telemetry", cookie, json.dumps(asked))
+    url = f"{flown.base.replace('http', 'ws')}/ws/telemetry"
+    return Socket(url, cookie, asked_for(shown, series))
+
+
+def asked_for(shown: Sequence[str], series: Sequence[Sequence[str]]) -> str:
+    """Return a page's request for the newest values of some signals and every sample of others."""
+    return json.dumps({"id": 1, "signals": shown, "series": [{"signals": one} for one in series]})
 
 
 def compared(flown: Pilot, raw: Sequence[str | bytes]) -> Figures:

@@ -13,6 +13,7 @@ draws in software would take the processor that simulated time needs.
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import statistics
@@ -107,6 +108,13 @@ class Pilot:
         browser.post("/login", data={"token": link.partition("token=")[2]}).raise_for_status()
         until(lambda: self.summary().get("status"), PATIENCE)
         self.times["start to vehicle"] = time.monotonic() - began
+
+    def of_vehicle(self, browser: httpx.Client, name: str) -> Pilot:
+        """Return a pilot of another vehicle of the fleet, with a client that is signed in."""
+        browser.base_url, browser.headers["origin"] = f"{self.base}/v/{name}", self.base
+        found = copy.copy(self)
+        found.browser = browser
+        return found
 
     def summary(self) -> dict[str, Any]:
         answer: dict[str, Any] = self.browser.get("/api/summary").json()

@@ -120,4 +120,4 @@ class LeaseService:
         self._context.outbox.message("control", message, stamp_ns)
 
 
-_FREE = "no one has control; the next command takes it"
+_FREE = "nobody has control; the next command takes it"

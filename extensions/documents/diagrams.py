@@ -19,15 +19,19 @@ LEFT = 96
 """Width of the lanes' names."""
 NODE = re.compile(r'\s*(\w+)(?:\["?([^"\]]*)"?\])?\s*')
 ARROW = re.compile(r'(?:--\s+"?([^"]*?)"?\s+)?-->')
-STYLE = (
-    ".lane{fill:none;stroke:currentColor;stroke-opacity:.25}"
-    ".box{fill:var(--md-code-bg-color,#f5f5f5);stroke:currentColor;stroke-opacity:.45}"
-    ".arrow{fill:none;stroke:currentColor;stroke-opacity:.6;stroke-width:1.3}"
-    "text{fill:currentColor;font:12px sans-serif;text-anchor:middle}"
-    ".said{font-size:11px;fill-opacity:.8;paint-order:stroke;"
-    "stroke:var(--md-default-bg-color,#fff);stroke-width:5px}"
-    ".name{text-anchor:start;font-weight:bold}"
-)
+LOOKS = {
+    "lane": 'fill="none" stroke="currentColor" stroke-opacity=".25"',
+    "box": 'fill="var(--md-code-bg-color,#f5f5f5)" stroke="currentColor" stroke-opacity=".45"',
+    "arrow": 'fill="none" stroke="currentColor" stroke-opacity=".6" stroke-width="1.3"',
+    "said": (
+        'font-size="11" fill-opacity=".8" paint-order="stroke" stroke-width="5" '
+        'stroke="var(--md-default-bg-color,#fff)"'
+    ),
+    "name": 'text-anchor="start" font-weight="bold"',
+    "text": "",
+}
+"""Attributes of each kind of part: the page's security policy forbids styles in a document."""
+TEXT = 'fill="currentColor" font-family="sans-serif" font-size="12" text-anchor="middle"'
 TIP = (
     '<marker id="tip" viewBox="0 0 8 8" refX="3" refY="4" markerWidth="7" markerHeight="7" '
     'orient="auto-start-reverse"><path d="M0 0L8 4L0 8z" fill="currentColor"/></marker>'
@@ -109,9 +113,9 @@ def svg(text: str) -> str:
     told = f"flow chart through {', '.join(filter(None, drawing.lanes))}"
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {drawing.width:g} {drawing.top:g}" '
-        f'style="min-width:{0.8 * drawing.width:g}px;width:100%" role="img" '
-        f'aria-label="{escape(told)}"><style>{STYLE}</style>'
-        f"<defs>{TIP}</defs>{''.join([*bands, *arrows, *boxes])}</svg>"
+        f'width="{drawing.width:g}" height="{drawing.top:g}" {TEXT} role="img" '
+        f'aria-label="{escape(told)}"><defs>{TIP}</defs>'
+        f"{''.join([*bands, *arrows, *boxes])}</svg>"
     )
 
 
@@ -162,9 +166,9 @@ class _Drawing:
         if not lane:
             return []
         return [
-            f'<rect class="lane" x="2" y="{top:g}" width="{self.width - 4:g}" '
+            f'<rect {_look("lane")} x="2" y="{top:g}" width="{self.width - 4:g}" '
             f'height="{height:g}" rx="6"/>'
-            f'<text class="name" x="12" y="{top + 20:g}">{escape(lane)}</text>'
+            f'<text {_look("name")} x="12" y="{top + 20:g}">{escape(lane)}</text>'
         ]
 
     def arrow(self, begin: str, end: str, said: list[str]) -> list[str]:
@@ -180,15 +184,15 @@ class _Drawing:
             self.top += 22
             curve = f"V{self.top - 12:g}H{x2:g}V{y2 + self._half(end)[1] + 5:g}"
             x, y = (x1 + x2) / 2, self.top - 12
-        drawn = f'<path class="arrow" d="M{x1:g} {y1:g}{curve}" marker-end="url(#tip)"/>'
+        drawn = f'<path {_look("arrow")} d="M{x1:g} {y1:g}{curve}" marker-end="url(#tip)"/>'
         return [drawn, *_text(said, x, y - 3 if y1 == y2 and goes_on else y, "said")]
 
     def box(self, box: str) -> list[str]:
         """Return a box with its text."""
         (x, y), (w, h) = self.centre[box], self._half(box)
         frame = (
-            f'<rect class="box" x="{x - w:g}" y="{y - h:g}" width="{2 * w:g}" height="{2 * h:g}" '
-            'rx="4"/>'
+            f'<rect {_look("box")} x="{x - w:g}" y="{y - h:g}" width="{2 * w:g}" '
+            f'height="{2 * h:g}" rx="4"/>'
         )
         return [frame, *_text(self.chart.lines[box], x, y)]
 
@@ -198,10 +202,14 @@ class _Drawing:
         return CHARACTER * max(map(len, lines)) / 2 + 7, (BOX + LINE * len(lines)) / 2
 
 
-def _text(lines: list[str], x: float, y: float, kind: str = "") -> list[str]:
+def _look(kind: str) -> str:
+    return f'class="{kind}" {LOOKS[kind]}'
+
+
+def _text(lines: list[str], x: float, y: float, kind: str = "text") -> list[str]:
     """Return lines of text about a point."""
     first = y + 4 - LINE * (len(lines) - 1) / 2
     return [
-        f'<text class="{kind}" x="{x:g}" y="{first + LINE * k:g}">{escape(line)}</text>'
+        f'<text {_look(kind)} x="{x:g}" y="{first + LINE * k:g}">{escape(line)}</text>'
         for k, line in enumerate(lines)
     ]

@@ -85,8 +85,10 @@ def _headings(file: Path, changed_ns: int) -> list[Heading]:
 
 
 def _text(file: Path) -> str:
-    """Return the text of a document without the settings before it, which are for the site."""
-    return re.sub(r"\A---\n.*?^---\n", "", file.read_text(encoding="utf-8"), flags=re.S | re.M)
+    """Return the text of a document without what is for the site: settings before it, frames."""
+    return re.sub(
+        r"\A---\n.*?^---\n|^<iframe .*?$", "", file.read_text(encoding="utf-8"), flags=re.S | re.M
+    )
 
 
 def paths() -> list[str]:
@@ -107,6 +109,8 @@ def _read(file: Path, changed_ns: int) -> Document:
     headings = tuple(_numbered(tokens))
     for token in tokens:
         _lead(token.children or [], file.parent)
+        if style := token.attrs.pop("style", ""):  # which the page's security policy forbids
+            token.attrs["class"] = str(style).removeprefix("text-align:")
     title = headings[0].text if headings else file.stem
     return Document(title, headings, _markdown().renderer.render(tokens, _markdown().options, {}))
 

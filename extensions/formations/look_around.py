@@ -45,7 +45,7 @@ class LookAroundOptions(BearingsOptions):
 
 
 class LookAroundExperiment(BearingsExperiment):
-    """The experiment `bearings` with a path that looks around as its manoeuvre.
+    """Take-off on the tracker, hand-over, a path that looks around, landing; judged on the path.
 
     The path is planned from the vehicle's own estimate of its place, by its beacons and the
     sensor's usual noise, and flown by sticks.

@@ -21,6 +21,7 @@ from quadrotor.checkout import ROOT
 
 IN_REAL_TIME = {
     "campaign_kills",
+    "fleet_pace",
     "foreign_page",
     "hostile_doors",
     "laboratory_faults",

@@ -24,7 +24,7 @@ export class Errors {
     const head = element(
       "thead",
       {},
-      element("tr", {}, element("th"), th("now"), th("last 10 s", 3), th("session", 2), th("core")),
+      element("tr", {}, th("estimator"), th("now"), th("last 10 s", 3), th("session", 2), th("core")),
       element(
         "tr",
         { className: "units" },

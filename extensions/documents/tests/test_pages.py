@@ -25,6 +25,7 @@ def test_every_link_leads_to_a_page_a_picture_or_a_heading(
 ) -> None:
     document = read(path)
     assert document.headings == tuple(headings(path))
+    assert not re.search(r'<style|<[^>]*\sstyle="', document.body), "the page's policy drops styles"
     for link, anchor in LINK.findall(document.body):
         target = posixpath.normpath(posixpath.join(posixpath.dirname(path), link)) if link else path
         source = re.sub(r"\.html$", ".md", target)

@@ -51,15 +51,24 @@ test("who comes after the hello of a connection gets it too, and that of no earl
 
 test("a websocket comes back by itself, later and later, until it is closed for good", (context) => {
   const clock = withClock(context), events = new Events();
+  const retried = (ms) => {
+    FakeSocket.made.at(-1).open();
+    clock.ms += ms;
+    FakeSocket.made.at(-1).close();
+    const { act, pause } = clock.later.pop();
+    act();
+    return pause;
+  };
   for (const pause of [250, 500, 1000, 2000, 2000]) {
     FakeSocket.made.at(-1).close();
     const { act, pause: found } = clock.later.pop();
     assert.equal(found, pause);
     act();
   }
-  FakeSocket.made.at(-1).open();
+  assert.equal(retried(2000), 0); // it was there in between: the server is as likely to be there still
   FakeSocket.made.at(-1).close();
-  assert.equal(clock.later.pop().pause, 250); // it was there in between
+  assert.equal(clock.later.pop().pause, 250);
+  assert.deepEqual([retried(1), retried(1)], [500, 1000]); // accepted and closed at once is no success
   events.close();
   assert.equal(clock.later.length, 0);
 });

@@ -114,6 +114,8 @@ def test_the_state_table_shows_numbers_and_ages(seen: Any) -> None:
 
 def test_pinned_values_stand_on_top_and_stay_while_the_rest_is_folded(shown: Any) -> None:
     first = "#table tbody tr:first-child"
+    assert shown.is_disabled(f"{first} .pin")
+    shown.click("#table th >> nth=0 >> text=Pin")
     shown.click("#table tbody tr:nth-child(6) .pin")  # tracking error
     shown.wait_for_selector(f"{first}.pinned")
     assert shown.inner_text(f"{first} .pin") == "tracking error"

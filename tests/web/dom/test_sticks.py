@@ -109,7 +109,7 @@ def test_a_gamepad_that_freezes_deflected_is_dropped_and_another_one_flies_after
     cockpit.seen(0.2)
     until(lambda: cockpit.flown is None)
     assert station.sticks[-1] == ((0.0, 0.0, 0.0, 0.0), False)
-    look.text("#sticks .note", f"^Off: {SILENT}. Let go of the button and of all sticks")
+    look.text("#sticks .note", f"^Off: {SILENT}. Release the button and all sticks")
     look.text("#events", f"sticks of .* dropped: {SILENT}")
     cockpit.stays_still()
     cockpit.button(1, True)  # it is read from here on, and this press does not count

@@ -61,7 +61,7 @@ export class Layout {
       {},
       element("th", {}, "id"),
       ...AXES.map((axis) => element("th", { className: `axis-${axis}` }, `${axis} [m]`)),
-      element("th"),
+      element("th", {}, element("span", { className: "unseen" }, "remove")),
     );
     this.why = element("p", { className: "facts", hidden: true, role: "status" });
     this.fields = element(

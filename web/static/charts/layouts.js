@@ -1,5 +1,6 @@
 // Layouts of the charts: those built in, one's own by name in this browser, and as a file.
 
+import { remember } from "../core/dom.js";
 import { isDerived } from "./derived.js";
 import { LONGEST, SHORTEST } from "./time_axis.js";
 import { MOST, MOST_UNITS } from "./signal_menu.js";
@@ -111,11 +112,7 @@ export class Layouts {
   }
 
   keep(name, shown) {
-    try {
-      localStorage.setItem(NOW, JSON.stringify({ name, layout: shown }));
-    } catch {
-      /* full or forbidden: holds until the page closes */
-    }
+    remember(NOW, { name, layout: shown });
   }
 
   save(name, shown) {

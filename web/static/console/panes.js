@@ -1,24 +1,14 @@
 // The edges between the parts of the console, to be dragged: left of the tabs, and above the charts. Where they were
 // put is kept in this browser; a double click puts one back.
 
-import { element } from "../core/dom.js";
+import { element, recall, remember } from "../core/dom.js";
 
 const KEPT = "quadlab.panes";
 const STEP = 20; // px, of a key
 const LEAST = 120; // px of the 3D view and the charts
 
-/** @type {Record<string, number>} */
-const none = {};
-
 /** @type {() => Record<string, number>} */
-function kept() {
-  try {
-    const found = JSON.parse(localStorage.getItem(KEPT) ?? "{}");
-    return found && typeof found === "object" ? found : none;
-  } catch {
-    return none; // a private window, or a text of others
-  }
-}
+const kept = () => ({ ...recall(KEPT) }); // a text of others has none of its names
 
 // What a pane may be, in px, in this window.
 /** @type {(least: number, most: number, wanted: number) => number} */
@@ -72,11 +62,7 @@ class Edge {
     this.place.ariaValueMin = String(least);
     this.place.ariaValueMax = String(Math.round(most()));
     this.place.ariaValueNow = String(Math.round(size()));
-    try {
-      localStorage.setItem(KEPT, JSON.stringify({ ...kept(), [name]: wanted ?? undefined }));
-    } catch {
-      /* a private window forgets */
-    }
+    remember(KEPT, { ...kept(), [name]: wanted ?? undefined });
   }
 }
 

@@ -1,7 +1,8 @@
 // The values: one quantity a row, vectors in x, y, z columns, each row with its age (static/core/ages.js greys it). A
-// pinned row stands on top, and stays in sight while the table is folded.
+// pinned row stands on top, and stays in sight while the table is folded. Rows are pinned while a button says so, which
+// makes them high enough to be pressed.
 
-import { element, setText } from "../core/dom.js";
+import { element, recall, remember, setText } from "../core/dom.js";
 import { fixed, seconds } from "../core/format.js";
 import { icon } from "../icons/icons.js";
 
@@ -38,16 +39,6 @@ const FLOWN = [
 const FLOWN_TITLE =
   "position error of the behavior that is flown, from every pose, as its verdict computes it";
 
-/** @returns {{ pins: string[], folded: boolean }} */
-function kept() {
-  try {
-    const { pins, folded } = JSON.parse(localStorage.getItem(KEPT) ?? "{}");
-    return { pins: Array.isArray(pins) ? pins.map(String) : [], folded: folded === true };
-  } catch {
-    return { pins: [], folded: false }; // a private window, or a text of others
-  }
-}
-
 export class StateTable {
   pins = /** @type {string[]} */ ([]); // labels of rows
   folded = false;
@@ -56,9 +47,9 @@ export class StateTable {
     const signals = new Map(description.signals.map((signal) => [signal.name, signal]));
     this.place = place;
     this.ages = ages;
-    const { pins, folded } = kept();
+    const { pins, folded } = recall(KEPT) ?? {};
     /** @type {{ label: string, names: string[], digits: number, cells: HTMLElement[], age: HTMLElement, topic: string,
-     *   line: HTMLElement, pin: HTMLElement }[]} */
+     *   line: HTMLElement, pin: HTMLButtonElement }[]} */
     this.rows = ROWS.map(([label, names, digits]) => {
       const { topic, unit } = signals.get(names[0]);
       return this.row(label, { names, digits, unit, topic });
@@ -82,17 +73,23 @@ export class StateTable {
       { className: "icon", onclick: () => this.arrange({ folded: !this.folded }) },
       icon("later"),
     );
+    const pick = element(
+      "button",
+      { title: "choose rows that stay on top", onclick: () => this.pick(pick) },
+      "Pin",
+    );
     const head = element(
       "tr",
       {},
-      element("th", {}, this.fold),
+      element("th", {}, this.fold, pick),
       ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)),
-      element("th"),
+      element("th", {}, "unit"),
       element("th", {}, "age"),
     );
     this.body = element("tbody");
     place.append(element("table", {}, element("thead", {}, head), this.body));
-    this.arrange({ pins, folded });
+    this.pick(pick, false);
+    this.arrange({ pins: Array.isArray(pins) ? pins.map(String) : [], folded: folded === true });
     telemetry.want(
       "table",
       this.rows.flatMap((entry) => entry.names),
@@ -119,6 +116,12 @@ export class StateTable {
     return { label, names, digits, cells, age, topic, line, pin };
   }
 
+  pick(button, isOn = button.ariaPressed !== "true") {
+    button.ariaPressed = String(isOn);
+    this.place.classList.toggle("picking", isOn);
+    for (const { pin } of this.rows) pin.disabled = !isOn;
+  }
+
   toggle(label) {
     const isPinned = this.pins.includes(label);
     this.arrange({ pins: isPinned ? this.pins.filter((one) => one !== label) : [...this.pins, label] });
@@ -143,11 +146,7 @@ export class StateTable {
     document.body.classList.toggle("bare", !this.rows.some(isPinned));
     this.fold.ariaExpanded = String(!folded);
     this.fold.ariaLabel = this.fold.title = folded ? "show all values" : "fold the values; pinned ones stay";
-    try {
-      localStorage.setItem(KEPT, JSON.stringify({ pins, folded }));
-    } catch {
-      /* a private window forgets */
-    }
+    remember(KEPT, { pins, folded });
   }
 
   draw() {

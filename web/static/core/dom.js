@@ -64,6 +64,24 @@ export function svg(tag, attributes = {}, ...children) {
   return made;
 }
 
+// What this browser keeps under a name, as JSON; null in a private window, and for a text of others.
+/** @type {(key: string) => any} */
+export function recall(key) {
+  try {
+    return JSON.parse(localStorage.getItem(key) ?? "null");
+  } catch {
+    return null;
+  }
+}
+/** @type {(key: string, value: unknown) => void} */
+export function remember(key, value) {
+  try {
+    localStorage.setItem(key, JSON.stringify(value));
+  } catch {
+    /* a private window forgets, and so does a full one */
+  }
+}
+
 // The head of a table: a text for each column.
 /** @type {(...columns: string[]) => HTMLElement} */
 export const tableHead = (...columns) =>

@@ -143,7 +143,7 @@ export class Help {
           ...steps.map(([name, text]) => element("li", {}, element("b", {}, name), ` ${text}`)),
         ),
         ...(isFirst
-          ? [element("p", {}, "Press ? for the keys, the theme and the zone of times.")]
+          ? [element("p", {}, "Press ? for keys, theme and time zone.")]
           : [
               element("h1", {}, "Keys"),
               list,

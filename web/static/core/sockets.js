@@ -2,8 +2,9 @@
 
 import { here } from "./vehicle_path.js";
 
-const PAUSES = [250, 500, 1000, 2000]; // ms
+const PAUSES = [0, 250, 500, 1000, 2000]; // ms
 const PING = 1000; // ms
+const LASTED = 1000; // ms that a connection was open, after which the next attempt is made at once
 const FRAME = 120; // ms without a frame that add nothing to an age: three frames
 
 const padded = (bytes) => 8 * Math.ceil(bytes / 8);
@@ -29,14 +30,16 @@ export class Socket extends EventTarget {
     const url = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${here(this.path)}`;
     this.socket = new WebSocket(url);
     if (this.binary) this.socket.binaryType = "arraybuffer";
+    let opened = Infinity;
     this.socket.onopen = () => {
-      this.failures = 0;
+      opened = performance.now();
       this.dispatchEvent(new Event("open"));
     };
     this.socket.onmessage = (event) => this.dispatchEvent(new MessageEvent("message", { data: event.data }));
     this.socket.onclose = () => {
       this.dispatchEvent(new Event("close"));
       if (this.isClosed) return;
+      this.failures = performance.now() - opened > LASTED ? 0 : Math.max(1, this.failures);
       const pause = PAUSES[Math.min(this.failures++, PAUSES.length - 1)];
       setTimeout(() => this.open(), pause);
     };

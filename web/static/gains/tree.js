@@ -1,7 +1,7 @@
 // The tree of parameters by component: which branches are open (remembered in this browser), how
 // many values in each are modified, and what a search leaves of it.
 
-import { element } from "../core/dom.js";
+import { element, recall, remember } from "../core/dom.js";
 import { fill, fillWhenOpen } from "./row.js";
 
 const KEY = "quadlab.commands.gains.open";
@@ -14,12 +14,7 @@ export class ParameterTree {
     this.place = place;
     this.branches = new Map(); // by path
     this.isSearching = false;
-    let open = null;
-    try {
-      open = JSON.parse(localStorage.getItem(KEY) ?? "null");
-    } catch {
-      /* of another version */
-    }
+    const open = recall(KEY);
     this.open = new Set(Array.isArray(open) ? open : OPEN);
   }
 
@@ -74,7 +69,7 @@ export class ParameterTree {
     if (this.isSearching) return;
     if (isOpen) this.open.add(path);
     else this.open.delete(path);
-    localStorage.setItem(KEY, JSON.stringify([...this.open]));
+    remember(KEY, [...this.open]);
   }
 
   // text: in lower case; only(row): whether it is wanted at all, or null.

@@ -211,7 +211,7 @@ class StickPanel {
     if (held)
       return centred
         ? "Release the button and press it again."
-        : "Let go of the button and of all sticks, then press it again.";
+        : "Release the button and all sticks, then press it again.";
     return centred ? "Press the button again." : "Centre all sticks, then press the button again.";
   }
 

@@ -248,7 +248,7 @@ async function start() {
   showPanels({ session });
   document.title = `Compare ${ids.length} runs`;
   if (ids.length < 2) {
-    say("Choose two runs or more on the page Runs, then press Compare.");
+    say("Select two or more runs on the Runs page, then press Compare.");
     return;
   }
   if (ids.length > MOST_RUNS)

@@ -177,7 +177,7 @@ export class ReplayPanel extends EventTarget {
         element(
           "caption",
           { className: "empty" },
-          only ? "No changes up to here." : "No parameter of this name in the log.",
+          only ? "No changes up to here." : "No parameter with this name in the log.",
         ),
       );
   }

@@ -419,7 +419,7 @@ def test_sticks_given_back_after_a_drop_need_one_step_which_is_said(
     again = "Release the button and press it again."
     look.text("#sticks .note", f"^Off: another had control. {again}$")
     pad.axis(3, -1.0)
-    look.text("#sticks .note", "Let go of the button and of all sticks, then press it again.$")
+    look.text("#sticks .note", "Release the button and all sticks, then press it again.$")
     pad.button(SHOULDER, False)
     look.text("#sticks .note", "^Dropped: another had control. Centre all sticks, then press")
     pad.axis(3, 0.0)
