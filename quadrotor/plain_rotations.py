@@ -96,7 +96,7 @@ def make_continuous(quaternion: npt.NDArray[np.floating]) -> None:
         quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0
 
 
-def product_of(one: Array, other: Array) -> Array:
+def product_of(one: npt.NDArray[np.floating], other: npt.NDArray[np.floating]) -> Array:
     """Return the products of quaternions, (N, 4); either may have one row."""
     a, b, c, d = one.T
     w, x, y, z = other.T
@@ -107,7 +107,7 @@ def product_of(one: Array, other: Array) -> Array:
     return np.stack([scalar, i, j, k], axis=1)
 
 
-def conjugate(quaternions: Array) -> Array:
+def conjugate(quaternions: npt.NDArray[np.floating]) -> Array:
     """Return the inverse rotations, (N, 4)."""
     found: Array = quaternions * np.array([1.0, -1.0, -1.0, -1.0])
     return found

@@ -84,13 +84,11 @@ class Messages(NamedTuple):
 
     def column(self, name: str) -> Array:
         """Return the numbers of a field, or the times of arrival, s."""
-        found: Array
         if name == LOGGED:
-            found = 1e-6 * self.arrival
-            return found
+            return self.arrival.astype(np.float64) * 1e-6
         place, kind = self.kind.fields[name]
         column = np.ascontiguousarray(self.payloads[:, place : place + kind.itemsize])
-        found = column.view(kind)[:, 0].astype(np.float64)
+        found: Array = column.view(kind)[:, 0].astype(np.float64)
         return found
 
     def chosen(self, rows: npt.NDArray[Any]) -> Messages:
