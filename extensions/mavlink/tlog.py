@@ -231,14 +231,14 @@ class TlogTables:
         return np.frombuffer(found, np.int64)
 
 
-def _begins(data: bytes, at: int) -> bool:
+def _begins(data: mmap, at: int) -> bool:
     """Return whether a record can begin here; a piece of one at the end of the file can."""
     if at + ARRIVAL >= len(data):
         return True
     return data[at] == 0 and 4 <= data[at + 1] <= 15 and data[at + ARRIVAL] in (0xFE, 0xFD)
 
 
-def _size(data: bytes, start: int) -> int:
+def _size(data: mmap, start: int) -> int:
     """Return the size of the packet that begins here; 0 if none does."""
     if data[start] == 0xFE and start + 1 < len(data):
         return 8 + data[start + 1]
