@@ -290,4 +290,6 @@ def _by_clock(source: Source, logged: Array, where: str) -> Array:
     if not {*columns} <= {*known}:
         raise LogFormatError(f"{where}: there is no topic {CLOCK_TOPIC} with times")
     at, seconds, nanoseconds = source.read(CLOCK_TOPIC, columns).T
-    return np.interp(logged, at, seconds + 1e-9 * nanoseconds, left=np.nan, right=np.nan)
+    simulated = seconds + 1e-9 * nanoseconds
+    found: Array = np.interp(logged, at, simulated, left=np.nan, right=np.nan)
+    return found
