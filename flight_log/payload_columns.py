@@ -18,14 +18,16 @@ MOST_LAYOUTS = 100
 """Number of layouts kept of each size of a payload; beyond them the oldest is given up."""
 
 
-class PayloadColumns:
-    """Reader of the messages of one type (`quadlab_msgs/VehicleStatus`)."""
+def schema_of(type_name: str) -> Schema:
+    """Return the description of one of our messages (`quadlab_msgs/VehicleStatus`)."""
+    return Schema(0, definition(type_name).encode(), "ros2msg", ros_name(type_name))
 
-    def __init__(self, type_name: str) -> None:
-        described = definition(type_name).encode()
-        self._layouts = SchemaLayouts(
-            Schema(0, described, "ros2msg", ros_name(type_name)), stamps=True
-        )
+
+class PayloadColumns:
+    """Reader of the messages of one type. Raises LogFormatError as `SchemaLayouts`."""
+
+    def __init__(self, schema: Schema) -> None:
+        self._layouts = SchemaLayouts(schema, stamps=True)
         self._known: dict[int, list[PayloadLayout]] = {}  # by size
 
     def read(self, payloads: Sequence[bytes], wanted: Collection[str]) -> dict[str, Column]:

@@ -1,4 +1,4 @@
-"""The offsets of a message's numbers and texts in its CDR bytes, by the log's own schema.
+"""The offsets of a message's numbers and texts in its CDR or ROS 1 bytes, by the log's own schema.
 
 `SchemaLayouts` walks one payload of a type by its definition and stores the offsets, together with
 what they depend on: the lengths of its texts and sequences. Every payload with the same lengths
@@ -54,13 +54,15 @@ MSG: {name}_Response
 {response}
 """
 """The message of a service's event, of which a log describes the service alone."""
+ROS1 = "rosbag1"  # encoding of schemas of ROS 1's bags: no head, and nothing is aligned
+Types = Mapping[str, Any]
 _LENGTH = struct.Struct("<I")
 _OCTETS = {"byte": "uint8", "char": "uint8", "bool": "uint8", "octet": "uint8"}
 
 
 @dataclass
 class PayloadLayout:
-    """The layout of a payload; offsets count from its first byte, including its 4-byte header."""
+    """The layout of a payload; offsets count from its first byte, including CDR's 4-byte header."""
 
     size: int
     lengths: list[tuple[int, int]] = field(default_factory=list)  # offset of a uint32, its value
@@ -83,8 +85,7 @@ class PayloadLayout:
         """Return which of the payloads (N, size) have this layout, shape (N,)."""
         same = np.ones(len(rows), bool)
         for offset, value in self.lengths:
-            words = np.ascontiguousarray(rows[:, offset : offset + 4]).view("<u4")[:, 0]
-            same &= words == value
+            same &= np.ascontiguousarray(rows[:, offset : offset + 4]).view("<u4")[:, 0] == value
         return same
 
 
@@ -99,13 +100,14 @@ class SchemaLayouts:
 
     def __init__(self, schema: Schema, *, stamps: bool = False) -> None:
         self._stamps = HEADER_STAMP if stamps else ()
-        if schema.encoding != "ros2msg":
+        self._head = 0 if schema.encoding == ROS1 else 4  # bytes before a message
+        if schema.encoding not in ("ros2msg", ROS1):
             raise LogFormatError(
                 f"{schema.name} is described in {schema.encoding!r}; only ros2msg is read"
             )
         try:
             self._name = stored_name(schema.name)
-            found = get_types_from_msg(_definition(schema), self._name)
+            self._found = get_types_from_msg(_definition(schema), self._name)
         except UsageError as error:
             raise LogFormatError(
                 f"{schema.name!r:.80} is not the name of a ROS 2 type; read are package/msg/Name "
@@ -113,8 +115,7 @@ class SchemaLayouts:
             ) from error
         except (TypesysError, UnicodeDecodeError, ValueError) as error:
             raise LogFormatError(f"the description of {schema.name} cannot be read") from error
-        self._types: Mapping[str, Any] = {**typestore().fielddefs, **found}
-        self._found = found
+        self._types: Types = {**typestore().fielddefs, **self._found}
         try:
             self._check(self._name)
         except KeyError as error:
@@ -145,9 +146,9 @@ class SchemaLayouts:
 
     def of(self, payload: bytes) -> PayloadLayout:
         """Return the layout of a payload. Raises LogFormatError when it is no such message."""
-        if len(payload) < 4 or payload[1] != 1:
+        if self._head and (len(payload) < self._head or payload[1] != 1):
             raise LogFormatError(f"{self._name}: only little-endian CDR is read")
-        walk = _Walk(payload, self._types, self._stamps)
+        walk = _Walk(payload, self._head, self._types, self._stamps)
         try:
             walk.message(self._name, "", shown=True)
         except (struct.error, KeyError, RecursionError) as error:
@@ -170,16 +171,16 @@ def _definition(schema: Schema) -> str:
 
 
 class _Walk:
-    def __init__(self, payload: bytes, types: Mapping[str, Any], stamps: tuple[str, ...]) -> None:
+    def __init__(self, payload: bytes, head: int, types: Types, stamps: tuple[str, ...]) -> None:
         self._payload, self._types, self._stamps = payload, types, stamps
-        self._at = 4
+        self._at = self._head = head
         self._parts = 0
         self.layout = PayloadLayout(len(payload))
 
     def message(self, name: str, prefix: str, *, shown: bool) -> None:
         self._count_part()
         fields = self._types[name][1]
-        if not fields:
+        if not fields and self._head:
             self._at += 1  # ROS 2 gives a message without members one of a byte
         for key, (kind, details) in fields:
             path = f"{prefix}{key}"
@@ -245,7 +246,7 @@ class _Walk:
         self._at += length
         if self._at > len(self._payload):
             raise LogFormatError(f"{len(self._payload)} bytes are too few for its texts")
-        return offset, max(length - 1, 0)  # without its closing zero
+        return offset, max(length - 1, 0) if self._head else length  # without CDR's closing zero
 
     def _length(self) -> int:
         self._align(4)
@@ -255,5 +256,5 @@ class _Walk:
         return value
 
     def _align(self, size: int) -> None:
-        """Align the offset, counted from after the header."""
-        self._at += -(self._at - 4) % size
+        """Align the offset, counted from after CDR's header."""
+        self._at += -(self._at - self._head) % size if self._head else 0

@@ -79,10 +79,7 @@ def rotation_vectors_between(
     Returns:
         Shape (N, 3), of lengths up to pi.
     """
-    w, v = true_wb[:, :1], true_wb[:, 1:]
-    a, b = estimated_wb[:, :1], estimated_wb[:, 1:]
-    scalar = w * a + np.sum(v * b, axis=1, keepdims=True)
-    vector = v * a - w * b - np.cross(v, b)
+    scalar, vector = np.split(product_of(true_wb, conjugate(estimated_wb)), [1], axis=1)
     sine = np.linalg.norm(vector, axis=1, keepdims=True)
     angle = 2.0 * np.arctan2(sine, np.abs(scalar)) * np.where(scalar < 0.0, -1.0, 1.0)
     scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
@@ -99,15 +96,18 @@ def make_continuous(quaternion: npt.NDArray[np.floating]) -> None:
         quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0
 
 
-def product_of(one: Array, other: Array) -> Array:
+def product_of(one: npt.NDArray[np.floating], other: npt.NDArray[np.floating]) -> Array:
     """Return the products of quaternions, (N, 4); either may have one row."""
-    w, v = one[:, :1], one[:, 1:]
-    u, q = other[:, :1], other[:, 1:]
-    scalar = w * u - np.sum(v * q, axis=1, keepdims=True)
-    return np.concatenate([scalar, w * q + u * v + np.cross(v, q)], axis=1)
+    a, b, c, d = one.T
+    w, x, y, z = other.T
+    scalar = a * w - b * x - c * y - d * z
+    i = a * x + b * w + c * z - d * y
+    j = a * y - b * z + c * w + d * x
+    k = a * z + b * y - c * x + d * w
+    return np.stack([scalar, i, j, k], axis=1)
 
 
-def conjugate(quaternions: Array) -> Array:
+def conjugate(quaternions: npt.NDArray[np.floating]) -> Array:
     """Return the inverse rotations, (N, 4)."""
     found: Array = quaternions * np.array([1.0, -1.0, -1.0, -1.0])
     return found

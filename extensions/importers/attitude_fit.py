@@ -12,6 +12,7 @@ from estimation.calibration.motion import Turn, angular_velocity, best_turn, int
 from extensions.importers.frames import axes, bodies
 from extensions.importers.mapping import ORDERS
 from extensions.importers.raw import RawTrack, ordered
+from extensions.importers.trajectory import away_from_gaps
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import matrices_of
 from quadrotor.records import Array
@@ -123,6 +124,7 @@ def _fit(
     rate = on_grid(theirs, at, angular_velocity(at, attitude))
     moved = lag(gyro, rate)
     inside = (mine >= theirs[0] + moved) & (mine <= theirs[-1] + moved)
+    inside &= away_from_gaps(mine - moved, at)
     turn = best_turn(interpolated(mine[inside] - moved, theirs, rate), gyro[inside])
     body = axes(raw.rows.body or nearest_body(turn.matrix), "body")
     some = slice(None, None, 1 + len(at) // ROWS)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from quadlab.data_folder import open_data_folder
+from quadlab.log_commands.log_file import progress_of
 from quadlab.option_types import File, Flag, Folder, optional
 from quadlab.vehicle_names import check_name
-from quadrotor.errors import LogFormatError, UsageError
+from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 if TYPE_CHECKING:
     from console.catalogue.catalogue import Catalogue
@@ -20,6 +23,8 @@ if TYPE_CHECKING:
     from extensions.importers.importing import ExportedRun, NewRun
 
 ALL = "all"
+READ = 0.7
+"""Share of an import after which its run is written."""
 
 
 @dataclass
@@ -42,6 +47,9 @@ class Import:
     """file of the mapping's [truth], instead of the one that it names"""
     table: Annotated[str | None, optional("TABLE")] = None
     """table of the IMU, instead of the mapping's; of Betaflight's logs the number in the file"""
+    stamps: Annotated[Literal["header", "log", "clock"] | None, optional()] = None
+    """time of the topics of ROS, instead of the mapping's: the header's stamp, when a message was
+    logged, or the simulated time of /clock"""
     flight: Annotated[str | None, optional("NUMBER|all")] = None
     """which flight of a file with several, from 1; all: each becomes a run"""
     name: Annotated[str | None, optional()] = None
@@ -61,20 +69,61 @@ class Import:
         if self.file[0].exists() and is_exported(self.file[0]):
             return self._restore(self.file[0])
         numbers = self._numbers()
-        imported = 0
-        for number in numbers:
+        imported = kept = 0
+        try:
+            known = self._known() if len(numbers) > 1 else {}
+            for number in numbers:
+                if run := known.get(self._source(number)):
+                    print(f"flight {number} is imported already: {run}")
+                    kept += 1
+                else:
+                    imported += self._import(number, len(numbers))
+        except KeyboardInterrupt:
+            done = f"{imported} flights were imported; the same command imports the others"
+            print(
+                f"quadlab: interrupted; {done if imported else 'nothing was imported'}",
+                file=sys.stderr,
+            )
+            raise
+        if len(numbers) > 1:
+            print(f"{imported + kept} of {len(numbers)} flights are imported")
+        return 0 if imported + kept else 1
+
+    def _import(self, number: int | None, count: int) -> bool:
+        """Import a flight of `count`, and return whether it could be; a single one raises."""
+        from extensions.importers.importing import shown
+
+        which = f", flight {number} of {count}" if count > 1 else ""
+        with progress_of(f"importing {shown(self.file[0])}{which}") as progress:
             try:
-                flight = self._read(number)
+                flight = self._read(number, lambda share: progress(READ * share))
             except LogFormatError as error:
-                if len(numbers) == 1:
+                if count == 1:
                     raise
                 print(f"flight {number} is not imported: {error}", file=sys.stderr)
-                continue
-            self._add(flight, number if len(numbers) > 1 else None)
-            imported += 1
-        if len(numbers) > 1:
-            print(f"{imported} of {len(numbers)} flights are imported")
-        return 0 if imported else 1
+                return False
+            run = self._add(flight, number, lambda share: progress(READ + (1.0 - READ) * share))
+        self._tell(flight, run, number if count > 1 else None)
+        return True
+
+    def _known(self) -> dict[str, Path]:
+        """Return the imported runs of the data folder by the flights that they are of."""
+        from console.catalogue.catalogue import runs_in
+        from extensions.importers.importing import SOURCE
+        from flight_log.summary import summarize
+
+        found = {}
+        for run in runs_in(open_data_folder(self.data) / "runs"):
+            with suppress(LogFormatError, StorageError):  # `log check` says what is wrong with it
+                if source := summarize(run).run.get(SOURCE):
+                    found[source] = run
+        return found
+
+    def _source(self, number: int | None) -> str:
+        from extensions.importers.importing import source_named
+
+        chosen = (self.table, self.stamps, self.name, number)
+        return source_named(self.file[0], self.mapping, *chosen)
 
     def _restore(self, path: Path) -> int:
         """Add a run that was exported to the data folder."""
@@ -105,13 +154,13 @@ class Import:
         if len(self.file) > 1:
             raise UsageError("--flight is for one file; several files are parts of one flight")
         if self.flight == ALL:
-            count = flights_of(self.file[0], self.mapping, table=self.table)
+            count = flights_of(self.file[0], self.mapping, table=self.table, stamps=self.stamps)
             return list(range(1, count + 1))
         if not self.flight.isdecimal() or not int(self.flight):
             raise UsageError(f"--flight {self.flight}: a number from 1, or all, is needed")
         return [int(self.flight)]
 
-    def _read(self, number: int | None) -> ImportedFlight:
+    def _read(self, number: int | None, progress: Callable[[float], None]) -> ImportedFlight:
         from extensions.importers.importing import read_flight
 
         first, *more = self.file
@@ -121,21 +170,31 @@ class Import:
             more=more,
             truth=self.truth,
             table=self.table,
+            stamps=self.stamps,
             flight=number,
             torn=self.torn,
+            progress=progress,
         )
 
-    def _add(self, flight: ImportedFlight, number: int | None) -> None:
-        """Add a flight to the data folder, and print what was found."""
+    def _add(
+        self, flight: ImportedFlight, number: int | None, progress: Callable[[float], None]
+    ) -> Path:
+        """Add a flight to the data folder, and return its run."""
         from console.catalogue.catalogue import Catalogue
-        from extensions.importers.importing import NewRun, shown
+        from extensions.importers.importing import NewRun
 
         flight.vehicle = self.name or flight.vehicle
         catalogue = Catalogue(open_data_folder(self.data))
         try:
-            run = _entered(NewRun(flight, self.file[0]), flight.vehicle, catalogue)
+            new = NewRun(flight, self.file[0], self._source(number), progress)
+            return _entered(new, flight.vehicle, catalogue)
         finally:
             catalogue.close()
+
+    def _tell(self, flight: ImportedFlight, run: Path, number: int | None) -> None:
+        """Print what was imported and found."""
+        from extensions.importers.importing import shown
+
         imu = flight.imu.stamps_ns
         seconds = 1e-9 * float(imu[-1] - imu[0])
         which = f", flight {number}" if number else ""

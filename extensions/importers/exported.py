@@ -14,23 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from mcap.records import Schema
 from rosbags.interfaces import Nodetype
 
+from flight_log.payload_columns import schema_of
 from flight_log.payload_layout import HEADER_STAMP, MAX_ITEMS, SchemaLayouts
 from flight_log.writer import Batch, LogWriter
 from quadrotor.errors import LogFormatError, os_errors
 from quadrotor.records import Stamps
-from vehicle_link.messages import (
-    definition,
-    encode,
-    header,
-    new,
-    ros_name,
-    stored_name,
-    time_message,
-    typestore,
-)
+from vehicle_link.messages import encode, header, new, stored_name, time_message, typestore
 from vehicle_link.topics.table import TOPICS
 
 TIME, STAMP, RECEIVED = "time", "stamp_ns", "received_ns"
@@ -251,8 +242,7 @@ def _payloads(type_name: str, columns: Mapping[str, Column]) -> npt.NDArray[np.v
     first = {name: values[0] for name, values in columns.items()}
     stamps: Stamps = columns[STAMP].astype(np.int64)
     made = encode(new(type_name, **_fields(stored_name(type_name), "", first)))
-    schema = Schema(0, definition(type_name).encode(), "ros2msg", ros_name(type_name))
-    layout = SchemaLayouts(schema, stamps=True).of(made)
+    layout = SchemaLayouts(schema_of(type_name), stamps=True).of(made)
     rows = np.tile(np.frombuffer(made, np.uint8), (len(stamps), 1))
     if layout.numbers:
         numbers = rows.view(layout.record)[:, 0]

@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from extensions.importers.flights import FEWEST, Flights
-from extensions.importers.mapping import Columns, Mapping, Rows, column_names
+from extensions.importers.mapping import CLOCK, CLOCK_TOPIC, Columns, Mapping, Rows, column_names
 from extensions.importers.physics import measurable
 from extensions.importers.readers.formats import source_of
 from extensions.importers.readers.joined import JoinedTables
+from extensions.importers.readers.ros_bags import LOGGED
 from extensions.importers.readers.tables import Source
 from extensions.importers.stamps import (
     RATES,
@@ -93,8 +94,9 @@ class Files:
         where = f"{source.path.name}, [{section}]"
         self._check_table(source, rows.table, where)
         known = source.columns(rows.table)
+        is_by_clock = rows.time == CLOCK and CLOCK not in known
         if rows.time is not None:
-            columns = {"time": (rows.time, 1), **columns}
+            columns = {"time": (LOGGED if is_by_clock else rows.time, 1), **columns}
         names = {
             word: column_names(asked, known, count, f"{where} {word}")
             for word, (asked, count) in columns.items()
@@ -113,6 +115,8 @@ class Files:
             stamps = np.arange(len(table)) / (rows.rate or 1.0)
         else:
             stamps = parts.pop("time")[:, 0]
+        if is_by_clock:
+            stamps = _by_clock(source, stamps, where)
         known_rows = np.isfinite(stamps) & np.isfinite(table).all(axis=1)
         if lost := int((~known_rows).sum()):
             self.notes.append(f"{where}: {lost} of {len(stamps)} rows without numbers left out")
@@ -123,7 +127,11 @@ class Files:
         found, kept = self._rising(stamps, known_rows, rows, section, where, certain=certain)
         self._check_fineness(stamps, known_rows, parts, section, where)
         rest = None
-        if rows.time is not None and np.spacing(np.abs(found).max()) * TIME_UNITS[unit] > FINEST:
+        if (
+            rows.time is not None
+            and not is_by_clock
+            and np.spacing(np.abs(found).max()) * TIME_UNITS[unit] > FINEST
+        ):
             rest = source.remainders(rows.table, names["time"][0])
         seconds = self._since_base(
             found, None if rest is None else rest[kept], unit, rows.time_scale
@@ -241,7 +249,7 @@ class Files:
         if kept.sum() < fewest:
             raise LogFormatError(
                 f"{where}: {kept.sum()} different stamps in {len(seconds)} rows: have they too few "
-                "digits?"
+                "digits?" + " --stamps log takes the times of logging" * (asked.time == "stamp")
             )
         return stamps[kept], rows[kept]
 
@@ -271,3 +279,17 @@ class Files:
         note = f"{source.path.name} is incomplete: {source.torn}; imported up to there"
         if note not in self.notes:
             self.notes.append(note)
+
+
+def _by_clock(source: Source, logged: Array, where: str) -> Array:
+    """Return the times of a simulated clock at which messages were logged, NaN before its first
+    and after its last one. Raises LogFormatError.
+    """
+    columns = [LOGGED, "clock.sec", "clock.nanosec"]
+    known = source.columns(CLOCK_TOPIC) if CLOCK_TOPIC in source.tables() else []
+    if not {*columns} <= {*known}:
+        raise LogFormatError(f"{where}: there is no topic {CLOCK_TOPIC} with times")
+    at, seconds, nanoseconds = source.read(CLOCK_TOPIC, columns).T
+    simulated = seconds + 1e-9 * nanoseconds
+    found: Array = np.interp(logged, at, simulated, left=np.nan, right=np.nan)
+    return found

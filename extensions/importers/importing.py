@@ -25,6 +25,8 @@ from quadrotor.errors import LogFormatError, StorageError, UsageError, os_errors
 DEFAULT_VEHICLE = "imported"
 DEFAULTS = {"mcap": "rosbag", "dataflash": "ardupilot", "tlog": "mavlink"}
 """Mappings of formats that have none of their own name."""
+SOURCE = "import_source"
+"""The entry of a run's metadata by which a repeated import knows it."""
 EXAMPLE = "--mapping NAME_OR_FILE"
 
 
@@ -35,8 +37,10 @@ def read_flight(
     more: Sequence[Path] = (),
     truth: Path | None = None,
     table: str | None = None,
+    stamps: str | None = None,
     flight: int | None = None,
     torn: bool = False,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> ImportedFlight:
     """Read and check a recorded flight.
 
@@ -46,28 +50,34 @@ def read_flight(
         truth: the file of its [truth], instead of the one that the mapping names.
         table: the table of its [imu], and of sections with the same table, instead of the
             mapping's.
+        stamps: one of STAMPS, the time of all topics of ROS instead of the mapping's.
         flight: which flight of a file with several is read, from 1.
         torn: whether a truncated file is read up to its end.
+        progress: called with the share done, 0…1.
 
     Raises LogFormatError, StorageError or UsageError with what was found and what to try.
     """
-    kind, found, chosen = _chosen(path, mapping, more, table)
+    kind, found, chosen = _chosen(path, mapping, more, table, stamps)
     if truth is not None:
         found = _with_truth(found, truth, chosen)
     if flight is not None:
         found, flight = _of_flight(path, found, flight)
     raw = read_raw([path, *more], found, torn=torn, flight=flight)
+    progress(0.6)
     vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
     modified_ns = path.stat().st_mtime_ns
-    named = f"{kind}, mapping {Path(chosen).name}"
+    named = f"{kind}, mapping {Path(chosen).name}" + (f", stamps {stamps}" if stamps else "")
     read = checked_flight(raw, vehicle, named, modified_ns)
     read.parameters = found.parameters
+    progress(1.0)
     return read
 
 
-def flights_of(path: Path, mapping: str | None = None, *, table: str | None = None) -> int:
+def flights_of(
+    path: Path, mapping: str | None = None, *, table: str | None = None, stamps: str | None = None
+) -> int:
     """Return how many flights a file has. Raises as `read_flight`."""
-    _, found, _ = _chosen(path, mapping, (), table)
+    _, found, _ = _chosen(path, mapping, (), table, stamps)
     with Files([path], found, torn=True, flight=1) as files:
         if tables := files.source(found.imu).flights:
             return len(tables)
@@ -76,7 +86,7 @@ def flights_of(path: Path, mapping: str | None = None, *, table: str | None = No
 
 
 def _chosen(
-    path: Path, mapping: str | None, more: Sequence[Path], table: str | None
+    path: Path, mapping: str | None, more: Sequence[Path], table: str | None, stamps: str | None
 ) -> tuple[str, Mapping, str]:
     """Return the format of the files, their mapping and its name. Raises as `read_flight`."""
     kind = format_of(path)
@@ -95,6 +105,7 @@ def _chosen(
                 f"{', '.join(names())} (docs/importing.md)"
             )
     found = load_mapping(mapping)
+    found = found if stamps is None else found.with_stamps(stamps)
     return kind, found if table is None else found.with_table(table), mapping
 
 
@@ -118,6 +129,16 @@ def shown(path: Path) -> str:
     return "".join(one if one.isprintable() else "\ufffd" for one in name)
 
 
+def source_named(path: Path, mapping: str | None, *choices: str | int | None) -> str:
+    """Return what tells a flight from others: its file and mapping as they are, and what else was
+    chosen. Raises StorageError.
+    """
+    files = [path, *([Path(mapping)] if mapping and Path(mapping).is_file() else [])]
+    with os_errors(lambda why: f"cannot read {path}: {why}"):
+        found = [(shown(one), one.stat().st_size, one.stat().st_mtime_ns) for one in files]
+    return repr((*found, mapping, *choices))
+
+
 def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:
     if mapping.truth is None:
         raise UsageError(
@@ -135,6 +156,8 @@ class NewRun:
 
     flight: ImportedFlight
     original: Path
+    source: str = ""  # what `source_named` returned
+    progress: Callable[[float], None] = lambda share: None
 
     @property
     def start(self) -> datetime:
@@ -148,9 +171,12 @@ class NewRun:
             "started": self.start.isoformat(),
             "imported_from": shown(self.original),
             "imported_as": self.flight.source,
+            SOURCE: self.source,
             "import_notes": "; ".join(self.flight.notes),
         }
-        return written(folder / run_id, lambda log: write_run(log, self.flight, metadata))
+        return written(
+            folder / run_id, lambda log: write_run(log, self.flight, metadata, self.progress)
+        )
 
 
 @dataclass(frozen=True)

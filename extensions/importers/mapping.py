@@ -93,6 +93,12 @@ class TrackRows(Attitudes):
     body: str | None = None
 
 
+CLOCK, CLOCK_TOPIC = "clock", "/clock"
+"""The time by the simulated clock of ROS, and its topic."""
+STAMPS = {"header": "stamp", "log": "logged", "clock": CLOCK}
+"""Columns of time of a topic: its header's stamp, when it was logged, and the simulated clock."""
+
+
 class BatteryRows(Rows):
     voltage: str | int
 
@@ -113,7 +119,26 @@ class Mapping(Strict):
         tracks = [one for one in (self.truth, self.estimate) if one]
         rows: list[Rows | None] = [self.imu, self.battery, *tracks]
         rows += [one.attitude for one in tracks]
-        return {one.table for one in rows if one}
+        clock = {CLOCK_TOPIC} if any(one and one.time == CLOCK for one in rows) else set()
+        return {one.table for one in rows if one} | clock
+
+    def with_stamps(self, choice: str) -> Self:
+        """Return the mapping with another one of STAMPS as the time of all topics. Raises
+        UsageError where it has none.
+        """
+        found = self.model_copy(deep=True)
+        tracks = [one for one in (found.truth, found.estimate) if one]
+        rows: list[Rows | None] = [found.imu, found.battery, *tracks]
+        rows += [one.attitude for one in tracks]
+        topics = [one for one in rows if one and not one.file and one.time in STAMPS.values()]
+        if not topics:
+            raise UsageError(
+                f"--stamps {choice}: no section of the mapping has a topic, with the time "
+                f"{', '.join(STAMPS.values())}"
+            )
+        for one in topics:
+            one.time = STAMPS[choice]
+        return found
 
     def with_table(self, name: str) -> Self:
         """Return the mapping with another table in [imu], and in sections with the same table.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,9 @@ POSE_NS = 7_500_000
 INFO = 20  # level of rcl_interfaces/Log
 
 
-def write_run(path: Path, flight: ImportedFlight, run: Mapping[str, str]) -> None:
+def write_run(
+    path: Path, flight: ImportedFlight, run: Mapping[str, str], progress: Callable[[float], None]
+) -> None:
     """Write a new log; `run` are entries for its metadata. Raises StorageError."""
     metadata = {"vehicle": flight.vehicle, "recorder": IMPORTED, **run, **provenance()}
     attached = {PARAMETERS: json.dumps(flight.parameters).encode()} if flight.parameters else {}
@@ -35,9 +37,11 @@ def write_run(path: Path, flight: ImportedFlight, run: Mapping[str, str]) -> Non
     with LogWriter(path, metadata, attached, chunk_age_ns=1_000_000_000) as writer:
         starts = [flight.imu.stamps_ns[0], *(int(one.stamps_ns[0]) for one in _tracks(flight))]
         ends = [flight.imu.stamps_ns[-1], *(int(one.stamps_ns[-1]) for one in _tracks(flight))]
-        for start in range(int(min(starts)), int(max(ends)) + 1, SLICE_NS):
+        first, end = int(min(starts)), int(max(ends)) + 1
+        for start in range(first, end, SLICE_NS):
             if batches := list(_slice(flight, start, start + SLICE_NS)):
                 writer.write_batches(batches)
+            progress(min(1.0, (start + SLICE_NS - first) / (end - first)))
 
 
 def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:

@@ -23,7 +23,7 @@ from extensions.importers.flight import Track
 from extensions.importers.frames import axes, quaternion_of
 from extensions.importers.raw import RawTrack, ordered
 from extensions.importers.track_clock import SURE, TrackClock
-from extensions.importers.trajectory import derivative
+from extensions.importers.trajectory import averaged, away_from_gaps, derivative
 from extensions.importers.units import LENGTH_UNITS, RATE_UNITS
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.plain_rotations import matrices_of, product_of
@@ -153,9 +153,9 @@ class Checked:
         some = slice(None, None, len(self.raw.seconds) // MOST_POSES + 1)
         stated = self._attitudes()[some]
         scale = next((1.0 / k for k in RATE_UNITS.values() if 0.75 < turn.scale * k < 1.33), None)
-        rate = self._turning / (scale or turn.scale)
+        times, rate = averaged(self._seconds, self._turning / (scale or turn.scale))
         try:
-            return fit_attitudes(self._seconds, rate, self._clock.at[some], stated, -lag, np.eye(3))
+            return fit_attitudes(times, rate, self._clock.at[some], stated, -lag, np.eye(3))
         except MeasurementError as error:
             self._notes.append(f"[{self.raw.name}] how its body is mounted is not checked: {error}")
             return None
@@ -204,8 +204,8 @@ class Checked:
         flown = motion.accelerations(
             motion.smoothed(interpolated(grid, at, raw.position), 2 * motion.SMOOTH)
         )
-        inner = slice(50, -50)
-        own, flown = own[inner], flown[inner]
+        inner = away_from_gaps(grid, at) & away_from_gaps(grid, self._seconds)
+        own, flown = own[inner][50:-50], flown[inner][50:-50]
         if len(own) < 100 or math.sqrt(own.var(axis=0).sum()) < CALM:
             self._notes.append(f"[{raw.name}] too calm: its positions' world and unit not checked")
             return

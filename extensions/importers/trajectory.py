@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from estimation.calibration.motion import best_turn, interpolated
 from estimation.calibration.segmented_fit import solve_segments
@@ -17,6 +18,8 @@ from quadrotor.records import Array, Record, Stamps
 
 GAP_NS = 100_000_000
 """Longest gap of the truth, in ns, across which it is compared."""
+EDGE = 0.5
+"""s beside a gap within which smoothed accelerations are those of its interpolation."""
 MOVING = 0.1
 """m/s, speed from which a distance tells something about worlds and clocks."""
 PARTS = 16
@@ -25,8 +28,34 @@ CLOCK_PRIOR = (1.0, 0.05)
 """Prior deviations of a clock's offset (s) and rate."""
 ROUNDS = 4
 """Number of rounds in which outliers are left out."""
+MOST_SAMPLES = 100_000
+"""Number of samples of a gyroscope above which neighbours are averaged."""
+COARSEST = 0.004
+"""Largest step, in s, of averaged samples: within it a vehicle turns about one axis."""
 WINDOW = 0.03
 """Time, in s, to either side over which a derivative is taken; at least three samples."""
+
+
+def averaged(seconds: Array, rate: Array) -> tuple[Array, Array]:
+    """Return times (M,) and rates (M, 3) of a gyroscope, those of neighbours averaged in a long
+    flight.
+    """
+    step = max(float(np.median(np.diff(seconds))), 1e-6)
+    each = max(1, min(-(-len(seconds) // MOST_SAMPLES), int(COARSEST / step)))
+    rows = len(seconds) // each * each
+    return (
+        seconds[:rows].reshape(-1, each).mean(axis=1),
+        rate[:rows].reshape(-1, each, 3).mean(axis=1),
+    )
+
+
+def away_from_gaps(grid: Array, at: Array) -> npt.NDArray[np.bool_]:
+    """Return which times of a grid are at least EDGE from a gap of a table's stamps, (N,)."""
+    steps = np.diff(at)
+    gaps = np.flatnonzero(steps > max(1e-9 * GAP_NS, 3.0 * float(np.median(steps))))
+    begun = np.searchsorted(at[gaps] - EDGE, grid, "right")
+    found: npt.NDArray[np.bool_] = begun == np.searchsorted(at[gaps + 1] + EDGE, grid, "right")
+    return found
 
 
 def derivative(seconds: Array, values: Array) -> Array:

@@ -11,29 +11,33 @@ sent, in m/s² and rad/s, with `time_usec`. Messages that overtook others are pu
 from __future__ import annotations
 
 import re
-import struct
 from array import array
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from extensions.mavlink.dialect import mavlink
+from extensions.mavlink.tlog_messages import (
+    ARRIVAL,
+    HEAD_2,
+    LOGGED,
+    TIMES,
+    Kind,
+    Messages,
+    Places,
+    decoded,
+)
 from flight_log.limits import bounded_reader
 from quadrotor.records import Array
 
-ARRIVAL = 8  # bytes
-LOGGED = "logged"
-"""The column of arrival, s."""
-HEAD_1, HEAD_2 = 6, 10  # bytes before the payload of both versions
 AUTOPILOT = 1  # component
 MILLI = 1e-3
 GRAVITY = 9.80665
 RESTART = 10_000_000
 """us by which the vehicle's clock goes back at least when it was started anew."""
-TIMES = {"time_boot_ms": 1000.0, "time_usec": 1.0}
-"""Columns of the vehicle's clock, and their factors to us."""
 DATE = 1e15  # us; a larger `time_usec` is a date, not the time since the start
 IMU = "IMU"
 IMU_AXES = ["xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro"]
@@ -43,55 +47,6 @@ SOURCES_OF_IMU = {
     "RAW_IMU": ("time_usec", 1.0, MILLI * GRAVITY, MILLI),  # as ArduPilot fills it
 }
 """Column of time, and factors to µs, m/s² and rad/s."""
-
-
-class Kind(NamedTuple):
-    """A kind of messages, of which the numbers are decoded, without arrays and texts."""
-
-    name: str
-    layout: struct.Struct
-    checksum: int  # that of its description
-    names: list[str]  # of the fields that are numbers
-    places: list[int]  # of these in `layout`
-    instance: int | None  # which of `names` tells instances apart
-    time: int | None  # which of them is the vehicle's clock
-    to_us: float  # its factor
-
-    @classmethod
-    def of(cls, described: Any) -> Kind:
-        """Return the decoding of a kind that pymavlink describes."""
-        layout, lengths = described.unpacker, described.lengths
-        sample = layout.unpack(bytes(layout.size))
-        found = {}
-        for name, order in zip(described.fieldnames, described.orders, strict=True):
-            place = sum(lengths[:order])
-            if lengths[order] == 1 and isinstance(sample[place], int | float):
-                found[name] = place
-        names = list(found)
-        time = next((one for one in TIMES if one in found), None)
-        instance = described.instance_field
-        return cls(
-            str(described.msgname),
-            layout,
-            checksum=described.crc_extra,
-            names=names,
-            places=list(found.values()),
-            instance=names.index(instance) if instance in found else None,
-            time=None if time is None else names.index(time),
-            to_us=TIMES.get(time or "", 1.0),
-        )
-
-    def values(self, packet: bytes) -> list[float] | None:
-        """Return the numbers of a packet in the order of `names`, None if its checksum is wrong."""
-        begin = HEAD_1 if packet[0] == 0xFE else HEAD_2
-        end = begin + packet[1]
-        checked = mavlink.x25crc(packet[1:end] + bytes([self.checksum])).crc
-        if checked != int.from_bytes(packet[end : end + 2], "little"):
-            return None
-        size = self.layout.size
-        # Zeros at the end of a packet are not sent.
-        found = self.layout.unpack(packet[begin:end][:size].ljust(size, b"\0"))
-        return [found[place] for place in self.places]
 
 
 class TlogTables:
@@ -116,14 +71,14 @@ class TlogTables:
         if IMU in names:
             names |= SOURCES_OF_IMU.keys()
         self._columns: dict[str, list[str]] = {}
-        self._numbers: dict[str, array[float]] = {}
-        self._rows: dict[str, Array] = {}
-        self._vehicle: int | None = None
+        self._rows: dict[str, Messages] = {}
+        self._imus: dict[str, tuple[str, dict[str, tuple[str, float]]]] = {}  # source, its scales
         self._starts = 1
         starts = (one.partition("@")[2] for one in wanted)
         self._wanted = max((int(one) for one in starts if one.isdecimal()), default=1)
-        self._latest = 0.0
-        self._read(path.read_bytes(), names)
+        with path.open("rb") as file:
+            data = mmap(file.fileno(), 0, access=ACCESS_READ)
+        self._read(data, names)
         self._put_in_order()
         for start in range(1, self._starts + 1):
             self._add_imu(f"@{start}" if start > 1 else "")
@@ -142,7 +97,12 @@ class TlogTables:
         return self._columns[table]
 
     def read(self, table: str, names: list[str]) -> Array:
-        return self._table(table, names)
+        source, made = self._imus.get(table, (table, {}))
+        found = np.empty((len(self._rows[source].numbers), len(names)))
+        for k, name in enumerate(names):
+            column, scale = made.get(name, (name, 1.0))
+            found[:, k] = scale * self._rows[source].column(column)
+        return found
 
     def remainders(self, table: str, name: str) -> None:
         """Return nothing: its integers fit into float64."""
@@ -150,94 +110,115 @@ class TlogTables:
     def _add_imu(self, suffix: str) -> None:
         for source, (time, to_us, force, rate) in SOURCES_OF_IMU.items():
             if source + suffix in self._rows:
-                found = self._table(source + suffix, [time, *IMU_AXES])
-                found *= [to_us, *[force] * 3, *[rate] * 3]
                 self._columns[IMU + suffix] = ["time_usec", *IMU_AXES]
-                self._rows[IMU + suffix] = found
+                self._imus[IMU + suffix] = (
+                    source + suffix,
+                    {
+                        "time_usec": (time, to_us),
+                        **{one: (one, force if one.endswith("acc") else rate) for one in IMU_AXES},
+                    },
+                )
                 break
 
     def _put_in_order(self) -> None:
         late = 0
-        for name, numbers in self._numbers.items():
-            rows = np.frombuffer(numbers).reshape(-1, len(self._columns[name]))
-            time = next((one for one in TIMES if one in self._columns[name]), None)
-            if time is not None:
-                times = rows[:, self._columns[name].index(time)]
+        for name, rows in self._rows.items():
+            if rows.kind.time is not None:
+                times = rows.column(rows.kind.time)
                 if overtaken := int((np.diff(times) < 0.0).sum()):
                     late += overtaken
-                    rows = rows[np.argsort(times, kind="stable")]
-            self._rows[name] = rows
+                    self._rows[name] = rows.chosen(np.argsort(times, kind="stable"))
         if late:
             self.notes.append(
                 f"{self.path.name}: {late} messages arrived after later ones: put in order"
             )
 
-    def _table(self, table: str, names: list[str]) -> Array:
-        places = [self._columns[table].index(one) for one in names]
-        found: Array = self._rows[table][:, places]
-        return found
-
-    def _read(self, data: bytes, names: Collection[str]) -> None:
+    def _read(self, data: mmap, names: Collection[str]) -> None:
         """Read the messages of these names, and the names of the others."""
-        kinds: dict[int, Kind] = {}
-        wrong = 0
-        for arrival, packet in self._packets(data):
-            number = _number(packet)
-            described = mavlink.mavlink_map.get(number)
-            if described is None:
+        at = self._records(data)
+        if not len(at):
+            return
+        octets = np.frombuffer(data, np.uint8)
+        # The last packet may have less bytes than the head of the second version.
+        magic, length, *rest = (
+            octets[np.minimum(at + ARRIVAL + k, len(octets) - 1)] for k in range(HEAD_2)
+        )
+        is_1 = magic == 0xFE
+        number = np.where(is_1, rest[3], rest[5] + 256 * (rest[6] + 256 * rest[7].astype(np.int32)))
+        system, component = np.where(is_1, rest[1:3], rest[3:5])
+        heads = length + (magic.astype(np.uint16) << 8)
+        described = {one: mavlink.mavlink_map.get(one) for one in np.unique(number).tolist()}
+        known = np.isin(number, [one for one, found in described.items() if found])
+        pilots = np.flatnonzero(known & (component == AUTOPILOT))
+        vehicle = int(system[pilots[0]]) if len(pilots) else -1
+        read, wrong = [], 0
+        for one, told in described.items():
+            if told is None:
                 continue
-            system, component = packet[3:5] if packet[0] == 0xFE else packet[5:7]
-            if self._vehicle is None and component == AUTOPILOT:
-                self._vehicle = system
-            name = str(described.msgname)
-            if name not in names:
-                if system == self._vehicle:
-                    self._columns.setdefault(name, [])
-                continue
-            kind = kinds.get(number) or kinds.setdefault(number, Kind.of(described))
-            values = kind.values(packet)
-            if values is None:
-                wrong += 1
-            else:
-                self._keep(kind, values, arrival, system)
+            chosen = np.flatnonzero(number == one)
+            if told.msgname in names:
+                read.append(decoded(Kind.of(told), octets, at, chosen, heads))
+                wrong += len(chosen) - len(read[-1].numbers)
+            elif (system[chosen] == vehicle).any():
+                self._columns.setdefault(str(told.msgname), [])
         if wrong:
             self.notes.append(f"{self.path.name}: {wrong} packets with a wrong checksum left out")
+        restarts = self._restarts(read, system == vehicle)
+        for messages in read:
+            self._keep(messages, system[messages.numbers], vehicle, restarts)
 
-    def _keep(self, kind: Kind, values: list[float], arrival: int, system: int) -> None:
-        """Add the numbers of a message to its table."""
-        instance = values[kind.instance] if kind.instance is not None else 0
-        name = f"{kind.name}#{instance}" if instance else kind.name
-        if system != self._vehicle:
-            name = f"{system}/{name}"
-        else:
-            self._note_time(kind, values, arrival)
-            name += f"@{self._starts}" if self._starts > 1 else ""
-        if not self._columns.get(name):
-            self._columns[name] = [*kind.names, LOGGED]
-        if name not in self._numbers:
-            self._numbers[name] = array("d")
-        self._numbers[name].extend((*values, 1e-6 * arrival))
+    def _keep(
+        self, messages: Messages, system: npt.NDArray[np.uint8], vehicle: int, restarts: Places
+    ) -> None:
+        """Put messages into their tables: of each vehicle, instance and start."""
+        kind = messages.kind
+        instance = messages.column(kind.instance) if kind.instance else np.zeros(len(system))
+        start = 1 + np.searchsorted(restarts, messages.numbers, side="right")
+        start[system != vehicle] = 1
+        keys = np.stack([system, instance, start], axis=1).astype(np.int64)
+        for key in np.unique(keys, axis=0):
+            of, number, begun = key.tolist()
+            name = f"{kind.name}#{number}" if number else kind.name
+            name = f"{of}/{name}" if of != vehicle else name + f"@{begun}" * (begun > 1)
+            self._columns[name] = [*kind.fields, LOGGED]
+            self._rows[name] = messages.chosen((keys == key).all(axis=1))
 
-    def _note_time(self, kind: Kind, values: list[float], arrival: int) -> None:
-        """Note the date, and a restart of the vehicle, by the time in a message."""
-        if kind.time is None or (time := values[kind.time] * kind.to_us) > DATE:
-            return
-        if time < self._latest - RESTART:
-            self._starts += 1
-            self._latest = 0.0
-        if self.epoch_ns is None and self._starts == self._wanted:
-            self.epoch_ns = (arrival - int(time)) * 1000
-        self._latest = max(self._latest, time)
+    def _restarts(self, read: Iterable[Messages], of_vehicle: npt.NDArray[np.bool_]) -> Places:
+        """Return the packets with which the vehicle's clock begins anew; note the date."""
+        timed = [
+            (one.numbers, one.arrival, one.column(one.kind.time) * TIMES[one.kind.time])
+            for one in read
+            if one.kind.time
+        ]
+        if not timed:
+            return np.zeros(0, np.int64)
+        packets, arrival, us = (np.concatenate(parts) for parts in zip(*timed, strict=True))
+        order = np.argsort(packets)
+        order = order[of_vehicle[packets[order]] & (us[order] <= DATE)]
+        packets, arrival, us = packets[order], arrival[order], us[order]
+        begins, first = [], 0
+        while first < len(us):
+            begins.append(first)
+            latest = np.maximum.accumulate(us[first:])
+            back = np.flatnonzero(us[first:] < latest - RESTART)
+            first = first + int(back[0]) if len(back) else len(us)
+        self._starts = max(1, len(begins))
+        if self._wanted <= len(begins):
+            k = begins[self._wanted - 1]
+            self.epoch_ns = (int(arrival[k]) - int(us[k])) * 1000
+        found: Places = packets[begins[1:]]
+        return found
 
-    def _packets(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """Yield times of arrival in us, and packets; pass over what is none."""
+    def _records(self, data: mmap) -> Places:
+        """Return where records begin; pass over what is none."""
+        found = array("q")
         at, damages, searches = 0, 0, False
         while at + ARRIVAL < len(data):
             start = at + ARRIVAL
             end = start + _size(data, start)
             if start < end <= len(data) and _begins(data, at) and _begins(data, end):
                 searches = False
-                yield int.from_bytes(data[at:start], "big"), data[start:end]
+                found.append(at)
                 at = end
             elif not searches and end > len(data):
                 self.torn = f"it ends within a packet at byte {at}"
@@ -247,23 +228,20 @@ class TlogTables:
                 searches, at = True, at + 1
         if damages:
             self.notes.append(f"{self.path.name}: damaged in {damages} places, which are left out")
+        return np.frombuffer(found, np.int64)
 
 
-def _begins(data: bytes, at: int) -> bool:
+def _begins(data: mmap, at: int) -> bool:
     """Return whether a record can begin here; a piece of one at the end of the file can."""
     if at + ARRIVAL >= len(data):
         return True
     return data[at] == 0 and 4 <= data[at + 1] <= 15 and data[at + ARRIVAL] in (0xFE, 0xFD)
 
 
-def _size(data: bytes, start: int) -> int:
+def _size(data: mmap, start: int) -> int:
     """Return the size of the packet that begins here; 0 if none does."""
     if data[start] == 0xFE and start + 1 < len(data):
         return 8 + data[start + 1]
     if data[start] == 0xFD and start + 2 < len(data):
         return 12 + data[start + 1] + (13 if data[start + 2] & 1 else 0)
     return 0
-
-
-def _number(packet: bytes) -> int:
-    return packet[5] if packet[0] == 0xFE else int.from_bytes(packet[7:10], "little")

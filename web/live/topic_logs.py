@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.payload_columns import Column, PayloadColumns
+from flight_log.payload_columns import Column, PayloadColumns, schema_of
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import Stamps
 from vehicle_link.messages.cdr_layout import Records
@@ -131,7 +131,7 @@ class MessageLog:
     """
 
     def __init__(self, topic: str) -> None:
-        self._columns = PayloadColumns(TOPICS[topic].type_name)
+        self._columns = PayloadColumns(schema_of(TOPICS[topic].type_name))
         self._deadline = STALE[topic]
         self._times, self._payloads = Growing(np.float64), Growing(np.object_)
         self.time: Array = self._times.rows

@@ -23,6 +23,9 @@ DATE = re.compile(
     r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d{1,9})\d*)? ?(Z|UTC|[-+]\d\d:?\d\d)?"
 )
 """ISO 8601, also with a space and a decimal comma."""
+OTHER_DATE = re.compile(r"(?:\d{4}([/.-])\d\d?\1\d\d?|\d\d?([/.-])\d\d?\2\d{2}(?:\d\d)?)(?!\d).*")
+"""A date of another form, of which day and month may be either."""
+NO_DATE = "is a date of another form than is read: write it like 2026-11-29T12:00:00.5Z"
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -65,6 +68,8 @@ class Cells:
                 self.dates = True
                 self.zoneless |= _zone(text) is None
                 return float(exact(text))
+            if OTHER_DATE.fullmatch(text):
+                raise ValueError(NO_DATE) from None
             if text.count(",") != 1 or "." in text:
                 raise ValueError(THOUSANDS if is_grouped(text) else "is no number") from None
             try:

@@ -10,7 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from extensions.importers.readers.tables import Column, FileTables, beyond_float, check_size
+from extensions.importers.readers.tables import (
+    Column,
+    FileTables,
+    beyond_float,
+    check_size,
+    foreign_reader,
+)
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
@@ -27,12 +33,8 @@ class MatTable(FileTables):
 
         super().__init__(path)
         self._columns: dict[str, Column] = {}
-        try:
+        with foreign_reader(path, "MATLAB file"):
             found = loadmat(path, struct_as_record=False, squeeze_me=False)
-        except Exception as error:  # of the reader, of compression
-            raise LogFormatError(
-                f"{path.name} is not a complete MATLAB file: {error!s:.120}"
-            ) from error
         for name, values in _matrices(found, ""):
             if 1 in values.shape:
                 self._columns[name] = values.reshape(-1)

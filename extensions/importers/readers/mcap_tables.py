@@ -10,7 +10,7 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from extensions.importers.readers.ros_bags import LOGGED
-from extensions.importers.readers.tables import FileTables, seconds_of
+from extensions.importers.readers.tables import FileTables, narrow, seconds_of
 from flight_log.format import UNREADABLE, parsed
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.records import WalkState, walk
@@ -50,7 +50,7 @@ class McapTables(FileTables):
             for columns in batch.columns:
                 kept = parts.setdefault(columns.topic, [])
                 if columns.topic in wanted:
-                    columns.numbers = {k: _narrow(one) for k, one in columns.numbers.items()}
+                    columns.numbers = {k: narrow(one) for k, one in columns.numbers.items()}
                     values += sum(len(one) for one in columns.numbers.values() if one.strides[0])
                     kept.append(columns)
             if values > MOST_VALUES:
@@ -98,12 +98,6 @@ class McapTables(FileTables):
         names = HEADER_STAMP if name == "stamp" else (name,)
         found = [np.concatenate([one.numbers[k] for one in parts])[order] for k in names]
         return seconds_of(*found) if name == "stamp" else (found[0], None)
-
-
-def _narrow(values: Array) -> Array:
-    """Return the same values, as a single one where all are alike, as those of covariances."""
-    alike = len(values) > 0 and bool((values == values[0]).all())
-    return np.broadcast_to(values[0].copy(), values.shape) if alike else values
 
 
 def library_of(path: Path) -> str:

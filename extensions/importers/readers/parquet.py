@@ -60,13 +60,13 @@ class ParquetTable(FileTables):
                 column = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64())
             elif not pa.types.is_integer(column.type):
                 column = column.cast(pa.float64())
-            return _numpy(column)
+            return numbers_of(column)
         except (pa.ArrowException, OSError, KeyError) as error:
             raise LogFormatError(f"{self.path.name}, {name}: {error!s:.120}") from None
 
 
-def _numpy(column: pyarrow.ChunkedArray) -> Column:
-    """Return numbers with NaN where one is missing. Arrow's `to_numpy` would load pandas."""
+def numbers_of(column: pyarrow.ChunkedArray) -> Column:
+    """Return numbers with NaN where one is missing; Arrow's `to_numpy` would load pandas."""
     kind, parts = column.type.to_pandas_dtype(), []
     for chunk in filter(len, column.chunks):
         valid, data = chunk.buffers()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from extensions.importers.readers.parquet import numbers_of
 from extensions.importers.readers.tables import beyond_float, check_size, seconds_of
 from quadrotor.records import Array
 
@@ -43,7 +44,7 @@ class PlainColumns(NamedTuple):
         try:
             for batch in self._batches(kinds):
                 check_size(self.path, sum(map(len, found)) + len(batch), len(wanted))
-                columns = [batch.column(str(k)).to_numpy() for k in wanted]
+                columns = [numbers_of(pa.chunked_array([batch.column(str(k))])) for k in wanted]
                 found.append(np.stack(columns, axis=1))
         except pa.ArrowException:
             return None
@@ -71,7 +72,7 @@ class PlainColumns(NamedTuple):
             except pa.ArrowException:
                 continue
             if kind == pa.int64():
-                return np.concatenate([beyond_float(one.to_numpy()) for one in parts])
+                return beyond_float(numbers_of(pa.chunked_array(parts, kind)))
             # Small decimals are the lower of two words.
             words = [np.frombuffer(one.buffers()[1], np.int64)[: 2 * len(one) : 2] for one in parts]
             numbers = self.numbers([column])

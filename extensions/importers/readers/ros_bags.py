@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Collection, Iterator
-from operator import attrgetter
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from mcap.records import Schema
 
-from extensions.importers.readers.tables import FileTables, seconds_of
+from extensions.importers.readers.tables import FileTables, foreign_reader, narrow, seconds_of
 from flight_log.limits import bounded_reader
+from flight_log.payload_columns import PayloadColumns
+from flight_log.payload_layout import HEADER_STAMP, ROS1, SchemaLayouts
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
+
 LOGGED = "logged"
 """The column with the time at which a message was written, s; `stamp` is its header's."""
-MAX_ITEMS = 40
-"""Largest number of an array's items that become columns."""
+PIECE = 4096
+"""Number of messages that are decoded at once."""
 
 
 class BagTables(FileTables):
@@ -38,28 +43,21 @@ class BagTables(FileTables):
         super().__init__(path)
         self._rows: dict[str, _Rows] = {}
         self._topics: list[str] = []
-        try:
-            with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
-                self._topics = sorted(bag.topics)
-                chosen = [one for one in bag.connections if one.topic in wanted]
-                for one, logged_ns, data in (
-                    bag.messages(chosen) if chosen else ()
-                ):  # none means all
-                    message = bag.deserialize(data, one.msgtype)
-                    if one.topic not in self._rows:
-                        self._rows[one.topic] = _Rows(message)
-                    self._rows[one.topic].add(message, logged_ns)
-        except MemoryError:
-            raise  # named by the bound on it
-        except KeyError as error:
-            raise LogFormatError(
-                f"{path.name} has messages of the type {error!s:.80}, which it does not describe"
-            ) from error
-        except Exception as error:  # of the reader, of compression, of a database
-            why = str(error) or type(error).__name__
-            files = sorted(one.name for one in path.glob("*.db3")) if path.is_dir() else []
-            hint = f"; try {files[0]} in it alone" if files else ""
-            raise LogFormatError(f"{path.name} is not a complete bag: {why:.120}{hint}") from error
+        files = sorted(one.name for one in path.glob("*.db3")) if path.is_dir() else []
+        hint = f"; try {files[0]} in it alone" if files else ""
+        with (
+            foreign_reader(path, "bag", hint),
+            AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag,
+        ):
+            self._topics = sorted(bag.topics)
+            chosen = [one for one in bag.connections if one.topic in wanted]
+            schemas = {one.msgtype: _described(bag, one.msgtype, path) for one in chosen}
+            for one, logged_ns, data in bag.messages(chosen) if chosen else ():  # none means all
+                if one.topic not in self._rows:
+                    self._rows[one.topic] = _Rows(schemas[one.msgtype])
+                self._rows[one.topic].add(bytes(data), logged_ns)
+            for rows in self._rows.values():
+                rows.decode()
 
     def tables(self) -> list[str]:
         return self._topics
@@ -74,67 +72,52 @@ class BagTables(FileTables):
         return self._rows[table].column(name)[1]
 
 
+def _described(bag: AnyReader, kind: str, path: Path) -> Schema:
+    """Return the description of a type. Raises LogFormatError where the bag has none."""
+    if kind not in bag.typestore.fielddefs:
+        raise LogFormatError(
+            f"{path.name} has messages of the type {kind:.80}, which it does not describe"
+        )
+    text, _ = bag.typestore.generate_msgdef(kind, ros_version=2 if bag.is2 else 1)
+    return Schema(0, text.encode(), "ros2msg" if bag.is2 else ROS1, kind)
+
+
 class _Rows:
-    """The numbers of one topic's messages; arrays that are not always as long are left out."""
+    """The numbers of one topic's messages, decoded some at a time; arrays that are not always as
+    long are NaN where they are shorter.
+    """
 
-    def __init__(self, first: object) -> None:
-        """Note where the numbers of messages like the first one are."""
-        self._times = {LOGGED: array("q"), **({"stamp": array("q")} if _has_stamp(first) else {})}
-        found = dict(_values(first))
-        self._lists = {
-            path: (attrgetter(path), len(one), array("d"))
-            for path, one in found.items()
-            if isinstance(one, np.ndarray)
-        }
-        self._paths = [path for path in found if path not in self._lists]
-        self._numbers_of = attrgetter(*self._paths) if self._paths else None
-        self._numbers = array("d")
+    def __init__(self, schema: Schema) -> None:
+        """Raise LogFormatError where messages of this description cannot be read."""
+        self._layouts, self._reader = SchemaLayouts(schema, stamps=True), PayloadColumns(schema)
+        self._logged = array("q")
+        self._held: list[bytes] = []
+        self._paths: list[str] = []
+        self._parts: list[dict[str, Array]] = []
 
-    def add(self, message: Any, logged_ns: int) -> None:
-        self._times[LOGGED].append(logged_ns)
-        if "stamp" in self._times:
-            stamp = message.header.stamp
-            self._times["stamp"].append(stamp.sec * 1_000_000_000 + stamp.nanosec)
-        if self._numbers_of:
-            found = self._numbers_of(message)
-            self._numbers.extend(found if len(self._paths) > 1 else (found,))
-        for path, (get, length, items) in list(self._lists.items()):
-            if len(found := get(message)) == length:
-                items.extend(found[:MAX_ITEMS].tolist())
-            else:
-                del self._lists[path]
+    def add(self, payload: bytes, logged_ns: int) -> None:
+        self._paths = self._paths or list(self._layouts.of(payload).numbers)
+        self._logged.append(logged_ns)
+        self._held.append(payload)
+        if len(self._held) == PIECE:
+            self.decode()
+
+    def decode(self) -> None:
+        """Decode the messages that are held."""
+        found = self._reader.read(self._held, self._paths)
+        none = np.broadcast_to(np.nan, len(self._held))
+        self._parts.append({path: narrow(found.get(path, none)) for path in self._paths})
+        self._held = []
 
     def names(self) -> list[str]:
-        items = [
-            f"{path}[{k}]" for path, (_, n, _) in self._lists.items() for k in range(n)[:MAX_ITEMS]
-        ]
-        return [*self._times, *self._paths, *items]
+        times = ["stamp", LOGGED] if HEADER_STAMP[0] in self._paths else [LOGGED]
+        return [*times, *(one for one in self._paths if one not in HEADER_STAMP)]
 
     def column(self, name: str) -> tuple[Array, Array | None]:
         """Return a column, and by how much times are more than their float64."""
-        if name in self._times:
-            whole, part = np.divmod(np.frombuffer(self._times[name], np.int64), 1_000_000_000)
+        if name == LOGGED:
+            whole, part = np.divmod(np.frombuffer(self._logged, np.int64), 1_000_000_000)
             return seconds_of(whole.astype(np.float64), part.astype(np.float64))
-        rows = len(self._times[LOGGED])
-        if name in self._paths:
-            return np.frombuffer(self._numbers).reshape(rows, -1)[:, self._paths.index(name)], None
-        path, _, place = name.rpartition("[")
-        return np.frombuffer(self._lists[path][2]).reshape(rows, -1)[:, int(place[:-1])], None
-
-
-def _has_stamp(message: object) -> bool:
-    return hasattr(getattr(message, "header", None), "stamp")
-
-
-def _values(message: Any, path: str = "") -> Iterator[tuple[str, object]]:
-    """Yield every number of a message, and every array of numbers, with its path, but those of its
-    header.
-    """
-    for name, value in vars(message).items():
-        where = f"{path}.{name}" if path else name
-        if where == "header":
-            continue
-        if isinstance(value, bool | int | float | np.number | np.ndarray):
-            yield where, value
-        elif hasattr(value, "__dataclass_fields__"):
-            yield from _values(value, where)
+        paths = HEADER_STAMP if name == "stamp" else (name,)
+        found = [np.concatenate([one[path] for one in self._parts]) for path in paths]
+        return seconds_of(*found) if name == "stamp" else (found[0], None)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.errors import LogFormatError
+from quadrotor.errors import LogFormatError, QuadlabError
 from quadrotor.records import Array
 
 Column = npt.NDArray[Any]  # (N,), numbers as a file has them
@@ -49,6 +50,20 @@ class Source(Protocol):
         beyond 2^53 can be; None where the file has no more digits. Raises LogFormatError.
         """
         ...
+
+
+@contextmanager
+def foreign_reader(path: Path, what: str, hint: str = "") -> Iterator[None]:
+    """Raise LogFormatError for whatever a library raises about a damaged file, as no library lists
+    all its exceptions; the cause is kept. What this program and the bound on memory raise stays.
+    """
+    try:
+        yield
+    except (MemoryError, QuadlabError):
+        raise
+    except Exception as error:
+        why = str(error) or type(error).__name__
+        raise LogFormatError(f"{path.name} is not a complete {what}: {why:.120}{hint}") from error
 
 
 class FileTables:
@@ -94,6 +109,12 @@ def seconds_of(seconds: Array, nanoseconds: Array) -> tuple[Array, Array]:
     return rounded, (seconds - whole) + (1e-9 * nanoseconds - (rounded - whole))
 
 
+def narrow(values: Array) -> Array:
+    """Return the same values, held once where all are alike, as those of covariances."""
+    alike = len(values) > 0 and bool((values == values[0]).all())
+    return np.broadcast_to(values[0].copy(), values.shape) if alike else values
+
+
 def check_size(path: Path, rows: int, columns: int) -> None:
     """Raise LogFormatError when a table is too large to be read."""
     if rows * columns > MAX_VALUES:
@@ -126,13 +147,8 @@ class Hdf5Table(FileTables):
                     width = rows if rows > 1 else 0
                 self._widths[name] = width
 
-        try:
-            with h5py.File(path) as file:
-                file.visititems(note)
-        except Exception as error:  # of any layer of the library
-            raise LogFormatError(
-                f"{path.name} is not a complete HDF5 file: {error!s:.120}"
-            ) from error
+        with foreign_reader(path, "HDF5 file"), h5py.File(path) as file:
+            file.visititems(note)
 
     def columns(self, table: str) -> list[str]:
         return [
@@ -157,19 +173,16 @@ class Hdf5Table(FileTables):
         import h5py
 
         found = []
-        try:
-            with h5py.File(self.path) as file:
-                for name in names:
-                    stem, _, item = name.partition("[")
-                    rows = file[stem]
-                    if stem in self._turned:
-                        check_size(self.path, rows.shape[1], len(names))
-                        found.append(rows[int(item[:-1]) if item else 0])
-                    else:
-                        check_size(self.path, len(rows), len(names))
-                        found.append(rows[:, int(item[:-1])] if item else rows[:])
-        except (OSError, RuntimeError) as error:
-            raise LogFormatError(f"{self.path.name} is damaged: {error!s:.120}") from None
+        with foreign_reader(self.path, "HDF5 file"), h5py.File(self.path) as file:
+            for name in names:
+                stem, _, item = name.partition("[")
+                rows = file[stem]
+                if stem in self._turned:
+                    check_size(self.path, rows.shape[1], len(names))
+                    found.append(rows[int(item[:-1]) if item else 0])
+                else:
+                    check_size(self.path, len(rows), len(names))
+                    found.append(rows[:, int(item[:-1])] if item else rows[:])
         return found
 
 
@@ -179,11 +192,8 @@ class NumpyTable(FileTables):
     def __init__(self, path: Path) -> None:
         """Open the file. Raises LogFormatError."""
         super().__init__(path)
-        try:
+        with foreign_reader(path, "NumPy file"):
             found = np.load(path, mmap_mode="r", allow_pickle=False)
-        except Exception as error:  # its head is parsed as Python is
-            why = str(error) or "its head is nested too deep"
-            raise LogFormatError(f"{path.name} is not a complete NumPy file: {why:.120}") from error
         if found.dtype.names:
             self._columns = {name: found[name] for name in found.dtype.names}
         elif found.ndim == 2:

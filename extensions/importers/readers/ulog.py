@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from extensions.importers.readers.tables import FileTables, beyond_float
+from extensions.importers.readers.tables import FileTables, beyond_float, foreign_reader
 from flight_log.limits import bounded_reader
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import os_errors
 from quadrotor.records import Array
 
 DATED = "vehicle_gps_position"
@@ -51,18 +51,16 @@ class UlogTables(FileTables):
 
         super().__init__(path)
         topics = sorted({name.partition("#")[0] for name in wanted} | {DATED})
-        try:
-            # The library prints what it finds wrong; `torn` says it.
-            with _Watched(io.FileIO(path)) as file, redirect_stdout(io.StringIO()):
-                log = ULog(file, topics, disable_str_exceptions=True)
-                if file.short_at is not None:
-                    self.torn = f"it ends within a message at byte {file.short_at}"
-        except OSError as error:
-            raise StorageError(f"cannot read {path}: {error.strerror}") from error
-        except MemoryError:
-            raise  # named by the bound on it
-        except Exception as error:  # of the library and of struct
-            raise LogFormatError(f"{path.name} is not a readable ULog: {error!s:.120}") from error
+        # The library prints what it finds wrong; `torn` says it.
+        with (
+            foreign_reader(path, "ULog"),
+            os_errors(lambda why: f"cannot read {path}: {why}"),
+            _Watched(io.FileIO(path)) as file,
+            redirect_stdout(io.StringIO()),
+        ):
+            log = ULog(file, topics, disable_str_exceptions=True)
+            if file.short_at is not None:
+                self.torn = f"it ends within a message at byte {file.short_at}"
         self._data: dict[str, dict[str, npt.NDArray[Any]]] = {
             f"{one.name}#{one.multi_id}" if one.multi_id else one.name: one.data
             for one in log.data_list

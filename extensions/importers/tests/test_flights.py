@@ -7,14 +7,18 @@ import shutil
 import tomllib
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from extensions.importers import importing, run_writer
+from extensions.importers.flight import ImportedFlight
 from extensions.importers.importing import flights_of, read_flight
 from extensions.importers.proposal import propose
 from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.foreign_flight import (
+    EPOCH,
     ForeignFlight,
     columns_of,
     make_flight,
@@ -22,6 +26,7 @@ from extensions.importers.tests.foreign_flight import (
     write_mapping,
 )
 from quadlab.__main__ import main
+from quadlab.interrupt import INTERRUPTED
 from quadrotor.errors import LogFormatError, UsageError
 from quadrotor.records import Array
 
@@ -191,3 +196,57 @@ def test_a_table_without_an_imu_gets_no_proposal_but_what_it_has(tmp_path: Path)
     with pytest.raises(LogFormatError, match=r"it has a table \(60 rows at .* Hz: n, level\)"):
         propose(path, tmp_path / "x.toml")
     assert not (tmp_path / "x.toml").exists()
+
+
+def test_flights_that_were_imported_are_kept_when_the_command_is_repeated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    three = {name: np.tile(COLUMNS[name], 3) for name in IMU}
+    three["t"] = np.concatenate([FLIGHT.seconds + 100.0 * k for k in range(3)])
+    words = ["log", "import", str(write_csv(tmp_path / "f.csv", three))]
+    words += ["--mapping", imu_mapping(tmp_path), "--flight", "all", "--data", str(tmp_path / "d")]
+    write = run_writer.write_run
+
+    def interrupted(path: Path, flight: ImportedFlight, *more: Any) -> None:
+        if flight.imu.stamps_ns[0] > 1e9 * (EPOCH + 50.0):
+            raise KeyboardInterrupt
+        write(path, flight, *more)
+
+    monkeypatch.setattr(importing, "write_run", interrupted)
+    assert main(words) == INTERRUPTED
+    assert "interrupted; 1 flights were imported" in capsys.readouterr().err
+    assert len(list((tmp_path / "d/runs").glob("2*"))) == 1
+    assert not list((tmp_path / "d").glob(".import-*"))
+    monkeypatch.undo()
+    assert main(words) == 0
+    assert "flight 1 is imported already" in capsys.readouterr().out
+    assert len(list((tmp_path / "d/runs").glob("2*"))) == 3
+
+
+def test_angles_by_their_names_are_proposed(tmp_path: Path) -> None:
+    angles = np.degrees(FLIGHT.rotation.as_euler("ZYX"))
+    columns = {name: COLUMNS[name] for name in [*IMU, "px", "py", "pz"]}
+    columns |= {f"est_{one}": angles[:, k] for k, one in enumerate(("yaw", "pitch", "roll"))}
+    columns["roll_rate"] = COLUMNS["gx"]
+    path = write_csv(tmp_path / "f.csv", columns)
+    propose(path, tmp_path / "mapping.toml")
+    truth = tomllib.loads((tmp_path / "mapping.toml").read_text())["truth"]
+    assert truth["euler"] == ["est_yaw", "est_pitch", "est_roll"]
+    assert (truth["euler_order"], truth["euler_unit"]) == ("ZYX", "deg")
+    found = read_flight(path, str(tmp_path / "mapping.toml")).truth
+    assert found is not None
+    error = found.states["quaternion_wb"] - FLIGHT.quaternion[: len(found.states)]
+    assert np.abs(error).max() < 0.02
+
+
+def test_a_gap_of_the_truth_contradicts_nothing(tmp_path: Path) -> None:
+    flight = make_flight(seconds=24.0)
+    columns = columns_of(flight)
+    seen = np.abs(flight.seconds - flight.seconds[0] - 11.0) > 6.0
+    truth = {name: one[seen] for name, one in columns.items() if name not in IMU[1:]}
+    write_csv(tmp_path / "truth.csv", truth)
+    path = write_csv(tmp_path / "f.csv", {name: columns[name] for name in IMU})
+    mapping = write_mapping(tmp_path / "mapping.toml", truth='file = "truth.csv"')
+    found = read_flight(path, str(mapping))
+    assert found.truth is not None
+    assert len(found.truth.stamps_ns) == seen.sum()

@@ -13,6 +13,7 @@ from zstandard import ZstdCompressor
 
 from extensions.importers.flight import ImportedFlight
 from extensions.importers.importing import read_flight
+from extensions.importers.readers.cells import Cells
 from extensions.importers.readers.formats import format_of
 from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.foreign_flight import make_flight
@@ -258,3 +259,9 @@ def test_a_format_is_recognised_by_a_pattern_after_all_beginnings(tmp_path: Path
         format_of(path)
     with pytest.raises(ValueError, match="needs starts or a pattern"):
         Importer(name="none", target=".a:b")
+
+
+@pytest.mark.parametrize("text", ["11/30/2026 12:00:00", "30.11.2026 12:00", "2026-11-30"])
+def test_dates_of_other_forms_are_refused_with_the_form_that_is_read(text: str) -> None:
+    with pytest.raises(ValueError, match="another form than is read: write it like 2026-"):
+        Cells().number(text)

@@ -13,7 +13,7 @@ from tests.quadlab.test_command_line import complaint
         (
             ["log", "import", "x.csv", "--out", "y"],
             "quadlab log import has no --out: its options are --mapping, --propose, --truth, "
-            "--table, --flight, --name, --torn, --data;",
+            "--table, --stamps, --flight, --name, --torn, --data;",
         ),
         (["log", "import", "--out", "y"], "quadlab log import has no --out"),
     ],

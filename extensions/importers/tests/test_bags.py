@@ -1,0 +1,82 @@
+"""Columns of bags are the numbers that the library of bags reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags import rosbag1, rosbag2
+from rosbags.typesys import Stores, get_typestore
+
+from extensions.importers.importing import read_flight
+from extensions.importers.mapping import load_mapping
+from extensions.importers.readers import ros_bags
+from extensions.importers.readers.ros_bags import BagTables
+from quadrotor.errors import UsageError
+
+EPOCH_NS = 1_700_000_000_000_000_000
+KIND = "sensor_msgs/msg/JointState"
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_messages_with_texts_and_arrays_of_any_length_are_read(
+    tmp_path: Path, version: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros_bags, "PIECE", 40)
+    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_JAZZY)
+    header, time = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    path = tmp_path / ("joints.bag" if version == 1 else "joints")
+    writer: Any = rosbag1.Writer(path) if version == 1 else rosbag2.Writer(path, version=9)
+    random = np.random.default_rng(version)
+    encode = store.serialize_ros1 if version == 1 else store.serialize_cdr
+    expected = []
+    with writer:
+        link = writer.add_connection("/joints", KIND, typestore=store)
+        for k in range(100):
+            count = int(random.integers(1, 4))
+            names = ["n" * int(random.integers(0, 9)) for _ in range(count)]
+            position, effort = random.normal(size=count), random.normal(size=2)
+            more = {"seq": k} if version == 1 else {}
+            head = header(stamp=time(sec=k, nanosec=7 * k), frame_id="f" * (k % 5), **more)
+            message = store.types[KIND](head, names, position, np.zeros(0), effort)
+            writer.write(link, 1000 + k, encode(message, KIND))
+            second = position[1] if count > 1 else np.nan
+            expected.append([k, position[0], second, *effort, 1e-9 * (1000 + k)])
+    rows = np.array(expected)
+    columns = ["stamp", "position[0]", "position[1]", "effort[0]", "effort[1]", "logged"]
+    table = BagTables(path, {"/joints"})
+    assert table.tables() == ["/joints"]
+    named = [one for one in columns if one in table.columns("/joints")]
+    assert set(columns) - set(named) <= {"position[1]"}
+    found = table.read("/joints", named)
+    rows = rows[:, [columns.index(one) for one in named]]
+    rows[:, 0] += 7e-9 * rows[:, 0]
+    np.testing.assert_allclose(found, rows, rtol=1e-15)
+
+
+def test_topics_have_the_stamps_that_are_asked_for(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    vector, time = types["geometry_msgs/msg/Vector3"], types["builtin_interfaces/msg/Time"]
+    turned, none = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0), np.zeros(9)
+    kinds = {"/imu": "sensor_msgs/msg/Imu", "/clock": "rosgraph_msgs/msg/Clock"}
+    with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
+        links = {one: writer.add_connection(one, kinds[one], typestore=store) for one in kinds}
+        for k in range(100):
+            head = types["std_msgs/msg/Header"](time(9, 10_000_000 * k), "")
+            rate, force = vector(0.1, 0.0, 0.0), vector(0.0, 0.0, 9.8)
+            sample = types[kinds["/imu"]](head, turned, none, rate, none, force, none)
+            clock = types[kinds["/clock"]](time(5, 4_000_000 * k))
+            for topic, message in (("/imu", sample), ("/clock", clock)):
+                data = store.serialize_cdr(message, kinds[topic])
+                writer.write(links[topic], EPOCH_NS + 20_000_000 * k, data)
+    for choice, step in (("header", 10), ("log", 20), ("clock", 4)):
+        found = read_flight(tmp_path / "bag", stamps=choice)
+        steps = np.diff(found.imu.stamps_ns)
+        np.testing.assert_allclose(steps, step * 1e6, atol=1000)
+        assert len(steps) == 99
+    assert "stamps clock" in found.source
+    with pytest.raises(UsageError, match="no section of the mapping has a topic"):
+        load_mapping("euroc").with_stamps("log")
