@@ -45,7 +45,7 @@ DURATION, HOVER = 27.0, 8.0
 ALONE = 1000
 """Flights of `fly_batch` alone, before and after."""
 LOOK = 1.0
-"""s between two looks at the page."""
+"""Seconds between two looks at the page."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""How fast a laboratory's page answers a request, and a ping on its websocket."""
+"""Latency of a laboratory's page: of requests, and of pings on its websocket."""
 
 from __future__ import annotations
 

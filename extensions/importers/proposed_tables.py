@@ -1,4 +1,4 @@
-"""What the columns of tables with unknown names are, told by their numbers, units and names."""
+"""Proposals of what columns with unknown names mean, from their numbers, units and names."""
 
 from __future__ import annotations
 

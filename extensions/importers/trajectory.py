@@ -19,7 +19,7 @@ from quadrotor.records import Array, Record, Stamps
 GAP_NS = 100_000_000
 """Longest gap of the truth, in ns, across which it is compared."""
 EDGE = 0.5
-"""s beside a gap within which smoothed accelerations are those of its interpolation."""
+"""Seconds beside a gap within which smoothed accelerations are those of its interpolation."""
 MOVING = 0.1
 """m/s, speed from which a distance tells something about worlds and clocks."""
 PARTS = 16
