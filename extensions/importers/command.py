@@ -79,11 +79,8 @@ class Import:
                 else:
                     imported += self._import(number, len(numbers))
         except KeyboardInterrupt:
-            done = f"{imported} flights were imported; the same command imports the others"
-            print(
-                f"quadlab: interrupted; {done if imported else 'nothing was imported'}",
-                file=sys.stderr,
-            )
+            done = f"imported {imported} of {len(numbers)}; the same command imports the others"
+            print(f"quadlab: interrupted; {done if imported else 'imported none'}", file=sys.stderr)
             raise
         if len(numbers) > 1:
             print(f"{imported + kept} of {len(numbers)} flights are imported")

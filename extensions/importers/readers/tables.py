@@ -192,8 +192,12 @@ class NumpyTable(FileTables):
     def __init__(self, path: Path) -> None:
         """Open the file. Raises LogFormatError."""
         super().__init__(path)
-        with foreign_reader(path, "NumPy file"):
-            found = np.load(path, mmap_mode="r", allow_pickle=False)
+        try:
+            with foreign_reader(path, "NumPy file"):
+                found = np.load(path, mmap_mode="r", allow_pickle=False)
+        except MemoryError as error:  # of Python's parser: the file itself is mapped
+            why = "its head is nested too deep"
+            raise LogFormatError(f"{path.name} is not a complete NumPy file: {why}") from error
         if found.dtype.names:
             self._columns = {name: found[name] for name in found.dtype.names}
         elif found.ndim == 2:

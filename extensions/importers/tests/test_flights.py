@@ -214,7 +214,7 @@ def test_flights_that_were_imported_are_kept_when_the_command_is_repeated(
 
     monkeypatch.setattr(importing, "write_run", interrupted)
     assert main(words) == INTERRUPTED
-    assert "interrupted; 1 flights were imported" in capsys.readouterr().err
+    assert "interrupted; imported 1 of" in capsys.readouterr().err
     assert len(list((tmp_path / "d/runs").glob("2*"))) == 1
     assert not list((tmp_path / "d").glob(".import-*"))
     monkeypatch.undo()
