@@ -132,23 +132,26 @@ def _watched(plan: Path, place: Path) -> Watched:
     client = Client(app)
     words = ["campaign", "run", str(plan), "--out", str(out), "--workers", str(WORKERS)]
     command = [sys.executable, "-m", "quadlab", *words]
+
+    def look() -> None:
+        if not seen.rows:
+            client.get(f"/api/campaigns/{NAME}")  # the first one loads libraries
+        seen.rows.append((time.perf_counter(), CampaignFolder(out).count()))
+        seen.answers += [
+            _timed(lambda: client.get("/api/campaigns")),
+            _timed(lambda: client.get(f"/api/campaigns/{NAME}")),
+        ]
+
     with shared.closing, subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
         while process.poll() is None:
             seen.memory = max(seen.memory, _memory(process.pid))
-            rows = CampaignFolder(out).count() if (out / "campaign.json").exists() else 0
-            if rows:
-                if not seen.rows:
-                    client.get(f"/api/campaigns/{NAME}")  # the first one loads libraries
-                seen.rows.append((time.perf_counter(), rows))
-                seen.answers += [
-                    _timed(lambda: client.get("/api/campaigns")),
-                    _timed(lambda: client.get(f"/api/campaigns/{NAME}")),
-                ]
+            if (out / "campaign.json").exists() and CampaignFolder(out).count():
+                look()
             with suppress(subprocess.TimeoutExpired):
                 process.wait(LOOK)
-        seen.rows.append((time.perf_counter(), CampaignFolder(out).count()))
-    if process.returncode or not seen.answers:
-        raise RuntimeError(f"the campaign ended with status {process.returncode}, unseen or failed")
+        if process.returncode:
+            raise RuntimeError(f"the campaign ended with status {process.returncode}")
+        look()
     return seen
 
 
