@@ -4,7 +4,8 @@ A swing is the way between two turning points of the tracking error or of the bo
 that go on in alternating directions, as long as each other and growing, are an oscillation as soon
 as one exceeds the limit; swings of the same size are one after two periods. What decays, as the
 answer to a gust or to a step does, is none. The limit follows the swings of the flight so far, so
-that rough air is not mistaken for gains that are too high.
+that rough air is not mistaken for gains that are too high. It is higher while there is hardly a
+past: at the beginning, and when the reference begins to move.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from collections.abc import Callable
 import numpy as np
 
 from quadrotor.compiled import compiled, direct
-from quadrotor.records import Item, Record
+from quadrotor.records import Array, Item, Record
+from quadrotor.rotations import norm
 from vehicle import mailbox
 from vehicle.modes import Flag
 
@@ -23,24 +25,28 @@ CHANNELS = ("x", "y", "z", "roll", "pitch", "yaw")
 """Tracking errors along the world's axes, m, and body rates about the body's, rad/s."""
 OFF = len(CHANNELS)
 """Number of what is no oscillation, but too far from the reference."""
-LEAST = np.array([0.03, 0.03, 0.03, 1.0, 1.0, 1.0])
+LEAST = np.array([0.03, 0.03, 0.03, 1.0, 1.0, 0.5])
 """Least size of a swing, from its middle, that counts."""
-LONGEST = np.array([2.0, 2.0, 2.0, 0.25, 0.25, 0.6])
+LONGEST = np.array([2.0, 2.0, 2.0, 0.25, 0.25, 1.0])
 """Longest duration of a swing, s: what is slower is no oscillation of this loop."""
 OF_PAST = 2.5
 """Multiple of the usual swing of the flight so far that counts."""
 PAST = 20.0
 """Time constant, s, of the usual swing, which begins with a plain mean."""
 NEW, LEARNT = 2.0, 15.0
-"""Multiple of the least size for this time, s, in which the flight has hardly a past."""
+"""Multiple of the limit for this time, s, in which the flight has hardly a past."""
+MOVES, RESTED = 0.1, 2.0
+"""Speed of the reference, m/s, from which it moves, and the time, s, after which it begins to."""
 SEEN = 0.4
 """Share of the limit that is the smallest way between two turning points."""
 TURNED = 0.3
 """Share of a larger swing that is."""
 GROWS = 1.1
-"""Ratio of two swings from which they grow."""
-ALIKE = 1.7
-"""Ratio of two durations, or of two sizes, up to which swings are alike."""
+"""Ratio of two swings of a body rate from which they grow; its square is that of the tracking error
+to the swing before the last one, while each of four is larger than the one before."""
+ALIKE = np.array([1.7, 1.7, 1.7, 1.7, 1.7, 2.0])
+"""Ratio of two durations, or of two sizes, up to which swings are alike: an oscillating yaw is
+slower where the reference turns the other way."""
 KEPT = 4
 """Number of complete swings that are kept, and that have to be alike where none grows."""
 OVER = 3.0
@@ -51,6 +57,8 @@ FAR, FAR_FOR = 0.25, 0.5
 WATCH = np.dtype(
     [
         ("now", "f8"),  # s since the beginning
+        ("moved_at", "f8"),  # s, when the reference moved last
+        ("new_until", "f8"),  # s, until which its motion is new
         ("turn", "f8", 6),  # the newest turning point
         ("turn_at", "f8", 6),  # s
         ("far", "f8", 6),  # the farthest value from it
@@ -71,26 +79,53 @@ WATCH = np.dtype(
 
 
 @compiled(inner=True)
-def _are_alike(one: float, other: float) -> bool:
-    return one < ALIKE * other and other < ALIKE * one
+def _are_alike(k: int, one: float, other: float) -> bool:
+    return bool(one < ALIKE[k] * other and other < ALIKE[k] * one)
+
+
+@compiled(inner=True)
+def _grow(m: Item, k: int, size: float) -> bool:
+    """Return whether the newest swings of channel k, and one of this size, grow."""
+    before, second, third = m.size[k, 0], m.size[k, 1], m.size[k, 2]
+    if k < 3:  # a single gust makes two swings of the position grow
+        return bool(size > before > second > third and size > GROWS * GROWS * second)
+    return bool(size > GROWS * before and before > GROWS * second)
 
 
 @compiled(inner=True)
 def _goes_on(m: Item, k: int, size: float, lasts: float, limit: float) -> bool:
     """Return whether a swing larger than the limit continues an oscillation in channel k."""
     sizes, lasted = m.size[k], m.lasted[k]
-    if not (lasts < ALIKE * lasted[0] and m.now - m.turn_at[k] < 2.0 * LONGEST[k]):
+    if not (lasts < ALIKE[k] * lasted[0] and m.now - m.turn_at[k] < 2.0 * LONGEST[k]):
         return False
     if m.channel == k:
         return True
-    pair = _are_alike(lasted[0], lasted[1]) and max(lasted[0], lasted[1]) < LONGEST[k]
-    if pair and size > GROWS * sizes[0] and sizes[0] > GROWS * sizes[1]:
+    pair = _are_alike(k, lasted[0], lasted[1]) and max(lasted[0], lasted[1]) < LONGEST[k]
+    if pair and _grow(m, k, size):
         return True
     for j in range(KEPT):
-        steady = sizes[j] > limit and _are_alike(sizes[j], size)
-        if not (steady and lasted[j] < LONGEST[k] and _are_alike(lasted[j], lasted[0])):
+        steady = sizes[j] > limit and _are_alike(k, sizes[j], size)
+        if not (steady and lasted[j] < LONGEST[k] and _are_alike(k, lasted[j], lasted[0])):
             return False
     return True
+
+
+@compiled(inner=True)
+def _note_motion(m: Item, velocity_w: Array) -> None:
+    """Note whether the reference moves, and since when."""
+    if norm(velocity_w) > MOVES:
+        if m.now - m.moved_at > RESTED:
+            m.new_until = m.now + LEARNT
+        m.moved_at = m.now
+
+
+@compiled(inner=True)
+def _limit(m: Item, k: int) -> float:
+    """Return the size from which a swing of channel k counts."""
+    least, usual = float(LEAST[k]), float(OF_PAST * m.usual[k])
+    if m.now < LEARNT:
+        return max(NEW * least, usual)
+    return max(least, usual) * (NEW if k < 3 and m.now < m.new_until else 1.0)
 
 
 @compiled(inner=True)
@@ -115,6 +150,7 @@ def watch(state: Record, reference: Record, memory: Record, dt: float) -> int:
     """
     m, s, r = memory[0], state[0], reference[0]
     m.now += dt
+    _note_motion(m, r.velocity_w)
     square = 0.0
     for k in range(6):
         if k < 3:
@@ -129,7 +165,7 @@ def watch(state: Record, reference: Record, memory: Record, dt: float) -> int:
             m.turn_at[k] = m.far_at[k] = m.now
         if m.way[k] * (value - m.far[k]) > 0.0:
             m.far[k], m.far_at[k] = value, m.now
-        limit = max(LEAST[k] * (NEW if m.now < LEARNT else 1.0), OF_PAST * m.usual[k])
+        limit = _limit(m, k)
         size = 0.5 * m.way[k] * (m.far[k] - m.turn[k])
         lasts = m.far_at[k] - m.turn_at[k]
         if size > limit and m.channel in (-1, k) and _goes_on(m, k, size, lasts, limit):

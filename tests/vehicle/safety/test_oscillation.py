@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ class Flown:
 def test_growth_is_found_within_a_second_and_a_half_of_its_limit(
     axis: int, frequency: float, rate: float
 ) -> None:
-    flown, limit = Flown().settled(), 0.03 if axis < 3 else 1.0
+    flown, limit = Flown().settled(), (0.03, 0.03, 0.03, 1.0, 1.0, 0.5)[axis]
     began = flown.time
     size = 0.2 * limit
 
@@ -89,6 +89,48 @@ def test_an_oscillation_that_goes_on_is_found_and_over_when_it_ends() -> None:
 )
 def test_what_decays_steps_or_is_slow_or_small_is_none(signal: Signal) -> None:
     assert Flown().settled().fly(30.0, 0, signal) == math.inf
+
+
+def swings(began: float, sizes: Sequence[float], lasts: Sequence[float]) -> Signal:
+    """Return half sines of alternating sign, of these sizes and durations (s), and then nothing."""
+    edges = began + np.concatenate([[0.0], np.cumsum(lasts)])
+
+    def signal(t: float) -> float:
+        k = int(np.searchsorted(edges, t, "right")) - 1
+        if not 0 <= k < len(sizes):
+            return 0.0
+        return (1 - 2 * (k % 2)) * sizes[k] * math.sin(math.pi * float(t - edges[k]) / lasts[k])
+
+    return signal
+
+
+GROWING = 0.012, 0.018, 0.027, 0.04, 0.018, 0.012
+
+
+@pytest.mark.parametrize(
+    ("sizes", "moves", "is_told"),
+    [
+        (GROWING, False, True),
+        ((0.036, 0.02, 0.016, 0.028, 0.045, 0.02), False, False),  # only the last ones grow
+        (GROWING, True, False),
+        ((0.03, 0.045, 0.07, 0.1, 0.04, 0.02), True, True),
+    ],
+    ids=["grows", "a gust", "a motion begins", "grows in a motion"],
+)
+def test_positions_grow_over_four_swings_and_further_while_a_motion_is_new(
+    sizes: Sequence[float], moves: bool, is_told: bool
+) -> None:
+    flown = Flown().settled()
+    flown.reference["velocity_w"][0, 0] = 0.5 if moves else 0.0
+    signal = swings(flown.time, sizes, [0.8] * len(sizes))
+    assert (flown.fly(8.0, 0, signal) < math.inf) == is_told
+
+
+def test_a_yaw_that_swings_back_more_slowly_is_an_oscillation() -> None:
+    flown = Flown().settled()
+    lasts = [0.5, 0.9] * 8
+    assert flown.fly(12.0, 5, swings(flown.time, [0.8] * len(lasts), lasts)) < math.inf
+    assert flown.said[0].startswith("oscillating in yaw at 0.7 Hz")
 
 
 def test_noise_as_in_rough_air_is_none_however_long_it_lasts() -> None:
