@@ -7,8 +7,8 @@ import { Channels } from "../../web/static/link/channels.js";
 // Channels with these ages (s) of their topics.
 function heard(ages, link = "good") {
   const events = Object.assign(new EventTarget(), { summary: { status: {}, link: { state: link } } }), telemetry = new EventTarget();
-  const of = { state: 0.01, status: 0.1, link_status: 0.1, station_status: 0.1, ...ages };
-  const channels = new Channels({ events, telemetry, ages: { age: (topic) => of[topic] }, gains: { value: () => undefined } });
+  const usual = { state: 0.01, status: 0.1, link_status: 0.1, station_status: 0.1 };
+  const channels = new Channels({ events, telemetry, ages: { age: (topic) => ages[topic] ?? usual[topic] }, gains: { value: () => undefined } });
   return { channels, events, telemetry };
 }
 
@@ -44,6 +44,16 @@ test("a page that has lost its server says so after 0.4 s, and nothing of the ve
   assert.equal(channels.hasContact, false);
   events.dispatchEvent(new Event("open"));
   assert.equal(channels.cause, "");
+});
+
+test("a page that was held up shows contact again with the first frame it reads", () => {
+  const ages = { state: 6.5, status: 6.5, link_status: 6.5, station_status: 6.5 };
+  const { channels, telemetry } = heard(ages), told = [];
+  channels.addEventListener("change", () => told.push(channels.cause));
+  assert.equal(channels.cause, "station"); // as it is drawn with the first summary
+  Object.assign(ages, { state: 0.01, status: 0.1, link_status: 0.1, station_status: 0.1 });
+  for (let k = 0; k < 3; k++) telemetry.dispatchEvent(Object.assign(new Event("frame"), { detail: { age: { state: 0.01 } } }));
+  assert.deepEqual(told, [""]);
 });
 
 test("ticks that cease are told with the frame that says so", () => {

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 import struct
+from array import array
 from collections import defaultdict
 from collections.abc import Collection
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from extensions.importers.readers.tables import FileTables
 from flight_log.limits import bounded_reader
@@ -25,6 +27,8 @@ from quadrotor.records import Array
 
 START, FMT = b"\xa3\x95", 0x80
 FORMAT = struct.Struct("<BB4s16s64s")
+CONTENT = re.compile(rb"[^\0\xff]")
+"""Any byte but those of unwritten memory."""
 NUMBERS = {
     **{"b": ("i1", 1), "B": ("u1", 1), "M": ("u1", 1), "h": ("<i2", 1), "H": ("<u2", 1)},
     **{"i": ("<i4", 1), "I": ("<u4", 1), "q": ("<i8", 1), "Q": ("<u8", 1)},
@@ -70,7 +74,7 @@ class DataFlashTables(FileTables):
         kinds, places, others = self._walk(data, names)
         raw = np.frombuffer(data, np.uint8)
         rows = {
-            number: raw[np.array(found)[:, None] + np.arange(kinds[number].size)]
+            number: sliding_window_view(raw, kinds[number].size)[np.frombuffer(found, np.int64)]
             .view(kinds[number].layout)
             .reshape(-1)
             for number, found in places.items()
@@ -106,21 +110,21 @@ class DataFlashTables(FileTables):
 
     def _walk(
         self, data: bytes, names: Collection[str]
-    ) -> tuple[dict[int, Kind], dict[int, list[int]], list[str]]:
+    ) -> tuple[dict[int, Kind], dict[int, array[int]], list[str]]:
         """Return the kinds, the places of messages of these names, and the other names.
 
         Raises LogFormatError.
         """
         kinds = {**_described_later(data, self.path.name), FMT: HEAD}
         sizes = {number: kind.size for number, kind in kinds.items()}
-        places: dict[int, list[int]] = defaultdict(list)
+        places: dict[int, array[int]] = defaultdict(lambda: array("q"))
         seen: set[int] = set()
         at, damages = 0, 0
         while at + 3 <= len(data):
             number = data[at + 2]
             size = sizes.get(number, 0) if data[at : at + 2] == START else 0
             if not size:
-                damages += bool(data[at:].strip(b"\0\xff"))
+                damages += CONTENT.search(data, at) is not None
                 at = _next(data, at + 1, sizes)
                 continue
             if at + size > len(data):

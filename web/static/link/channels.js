@@ -12,7 +12,8 @@ const TIMEOUT = 0.4; // s until the vehicle reacts, while safety.link_timeout is
 const NEVER = 4; // s from the page's start until a vehicle that was never heard is worth a word
 const SURE = 1.2; // s of silence until it is known that station and link are not the reason
 
-// Fires `change` when ticks cease or come again: with the frame that says so, long before the next summary.
+// Fires `change` when ticks cease or come again, or contact does: with the frame that says so, long before the next
+// summary.
 export class Channels extends EventTarget {
   /** @param {{ events: any, telemetry: EventTarget, ages: { age(topic: string): number }, gains: any }} parts */
   constructor({ events, telemetry, ages, gains }) {
@@ -35,10 +36,13 @@ export class Channels extends EventTarget {
     telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => this.hear(detail.age.state));
   }
 
+  // A page that was held up judged before it read what had arrived: the frame says at once that there is contact.
   /** @param {number | undefined} age */
   hear(age) {
-    if (age === undefined || age >= SILENT === this.isSilent) return;
-    this.isSilent = !this.isSilent;
+    const isSilent = age === undefined ? this.isSilent : age >= SILENT,
+      shown = this.known;
+    if (isSilent === this.isSilent && (this.away || this.cause === shown)) return;
+    this.isSilent = isSilent;
     this.dispatchEvent(new Event("change"));
   }
 
