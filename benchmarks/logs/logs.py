@@ -9,11 +9,11 @@ made once, separately, and read by the commands that follow.
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -115,14 +115,23 @@ def _report(taken: dict[str, Taken], duration: float, megabytes: float) -> Repor
     return report
 
 
+MEASURE = """
+import json, os, subprocess, sys, time
+began = time.monotonic()
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
+_, status, usage = os.wait4(process.pid, 0)
+busy = usage.ru_utime + usage.ru_stime
+found = time.monotonic() - began, busy, usage.ru_maxrss * 1024 / 1e6
+print(json.dumps((os.waitstatus_to_exitcode(status), *found)))
+"""
+"""Program that runs another one, as the kernel counts the memory of a parent to its child."""
+
+
 def measured(*words: str) -> Taken:
     """Run a process and measure it. Raises RuntimeError when it fails."""
-    began = time.monotonic()
-    process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"{' '.join(words)} ended with {process.returncode}")
-    return Taken(
-        time.monotonic() - began, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024 / 1e6
-    )
+    command = [sys.executable, "-c", MEASURE, *words]
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True)
+    status, seconds, busy, megabytes = json.loads(done.stdout)
+    if status:
+        raise RuntimeError(f"{' '.join(words)} ended with {status}")
+    return Taken(seconds, busy, megabytes)
