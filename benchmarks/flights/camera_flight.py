@@ -19,7 +19,7 @@ RATE = 30.0, 30.0, 12.0  # Hz, of each size
 STEPS = 5
 """Number of IMU periods between two checks of the flight."""
 COVERED_AT = 25.0
-"""When the covered camera is covered, in s: in the first lap."""
+"""Time, in s, at which a camera is covered: in the first lap."""
 CAMERAS: dict[str, dict[str, float]] = {
     "one camera": {"number": 1},
     "two cameras": {"number": 2},

@@ -250,8 +250,8 @@ def run(size: Size = Size.FULL, seed: int = 1) -> Report:
         Target("way from its place, m", away, MOVED),
         *(
             Target(
-                f"{kind} of the page, s",
-                max(h.latency.figures()[f"{kind}, ms"] for h in held.values()) / 1e3,
+                f"{kind} of the page, ms",
+                max(h.latency.figures()[f"{kind}, ms"] for h in held.values()),
                 ANSWER,
             )
             for kind in ("answer median", "ping median")

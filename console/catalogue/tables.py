@@ -37,7 +37,7 @@ class RunEntry(MappedAsDataclass, Base):
     recovered: Mapped[bool] = mapped_column(default=False)
     """True if the end of the run was lost and the file was closed later."""
     problem: Mapped[str] = mapped_column(Text, default="")
-    """Why the file is not as it should be, or empty."""
+    """The defect of the file, empty if there is none."""
     notes: Mapped[str] = mapped_column(Text, default="")
 
     @property

@@ -51,7 +51,7 @@ _SUSPICIONS = {
     AXIS: "an axis of the gyroscope is stuck, or beyond its range",
     ACCELEROMETER: "the accelerometer contradicts the tracker and the motors",
 }
-"""Why the IMU is not to be flown on for long."""
+"""The reasons not to fly on the IMU for long, by what contradicts the others."""
 _ALONE = (
     (GYROSCOPE, "the gyroscope's bias has changed: the poses are used; calibrate it on the ground"),
     (

@@ -58,7 +58,7 @@ PLACES: dict[str, Place] = {
     for source in _SOURCES
     for k, signal in enumerate(source.signals)
 }
-"""Where each signal comes from; a column of a member is named `MEMBER/COLUMN`."""
+"""The source of each signal; a column of a member is named `MEMBER/COLUMN`."""
 
 
 def topics_for(wanted: Set[str]) -> frozenset[str]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 Answer = tuple[str, list[Outcome]]
-"""Why a worker is refused, empty if it is not, and the outcomes of a task."""
+"""The reason why a worker is refused, empty if it is not, and the outcomes of a task."""
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
 """Beginning of the variables of the environment with Dask's certificates."""
 REACH = "10s"

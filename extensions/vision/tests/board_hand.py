@@ -26,7 +26,7 @@ HELD = {
     "near": ((320, 240), 0.75, (0, 0)),
     "far": ((320, 240), 0.35, (0, 0)),
 }
-"""Where a person holds the board for a goal: pixel, width in widths of the picture, tilts, rad."""
+"""The place of the board for each goal: pixel, width in widths of the picture, tilts in rad."""
 
 
 class Hand:

@@ -450,14 +450,13 @@ def test_a_status_that_arrives_late_starts_it_and_one_that_never_comes_does_not(
             received(status)
 
     monkeypatch.setattr(feed, "status", late)  # nothing arrives until somebody waits for it
-    monkeypatch.setattr(feed, "_status_at", -1e9)
-    assert feed.mode == ""
+    assert until(lambda: not feed.mode)
     monkeypatch.setattr(feed._news, "wait_for", wait_for)
     assert bench.start().accepted
     assert bench.do("stop").accepted
     bench.ended()
     monkeypatch.setattr(feed, "status", lambda status: None)
-    monkeypatch.setattr(feed, "_status_at", -1e9)
+    assert until(lambda: not feed.mode)
     assert bench.start().reason.startswith("the vehicle is silent; an experiment starts on the")
 
 
