@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
+from extensions.foxglove.cones import TOPIC, TYPE
 from extensions.foxglove.protocol import ENCODING
 from quadrotor.json_object import JsonObject
 from vehicle_link.commands import COMMANDS
@@ -13,13 +14,16 @@ from vehicle_link.topics.table import SERVICES, TOPICS
 
 INNER = ("sweeps", "ticks", "stick", "presence")
 """Topics that say nothing that another one does not say, and those between page and station."""
-CHANNELS = tuple(
-    name
-    for name, row in TOPICS.items()
-    # What the vehicle sends on the lane would arrive a second time over the radio.
-    if not (row.sender == "vehicle" and row.lane) and name not in INNER
+CHANNELS = (
+    *(
+        name
+        for name, row in TOPICS.items()
+        # What the vehicle sends on the lane would arrive a second time over the radio.
+        if not (row.sender == "vehicle" and row.lane) and name not in INNER
+    ),
+    TOPIC,
 )
-"""Topics by channel number."""
+"""Topics by channel number; the last is made here."""
 CALLED = (*(name for name, row in COMMANDS.items() if row.has_route), "mark", "control")
 """Commands by service number: those for which the page has a route."""
 SCHEMA_ENCODING = "ros2msg"
@@ -33,8 +37,8 @@ def channels(vehicle: str) -> list[JsonObject]:
             "id": number,
             "topic": full_name(f"/{vehicle}", name),
             "encoding": ENCODING,
-            "schemaName": ros_name(TOPICS[name].type_name),
-            "schema": definition(TOPICS[name].type_name),
+            "schemaName": ros_name(_type_name(name)),
+            "schema": definition(_type_name(name)),
             "schemaEncoding": SCHEMA_ENCODING,
         }
         for number, name in enumerate(CHANNELS)
@@ -54,6 +58,10 @@ def services(vehicle: str) -> list[JsonObject]:
         }
         for number, name in enumerate(CALLED)
     ]
+
+
+def _type_name(topic: str) -> str:
+    return TYPE if topic == TOPIC else TOPICS[topic].type_name
 
 
 def _described(service: str, part: str) -> dict[str, str]:

@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterable
 
 from starlette.websockets import WebSocket
 
-from extensions.foxglove import protocol
+from extensions.foxglove import cones, protocol
 from extensions.foxglove.catalogue import CHANNELS
 from extensions.foxglove.protocol import ERROR, WARNING
 from quadrotor.parameter_description import ParameterValue
@@ -30,16 +30,19 @@ OVERFLOW = 1008  # close code
 class FoxgloveClient:
     """One client of one event loop.
 
+    Args:
+        vehicle: name of the vehicle whose topics it gets.
+
     Attributes:
-        topics: the topics it is subscribed to.
+        topics: the topics of the station that its subscriptions need.
         followed: names of the parameters whose changes it gets; None for all.
     """
 
-    def __init__(self, socket: WebSocket, session: Session) -> None:
+    def __init__(self, socket: WebSocket, session: Session, vehicle: str) -> None:
         self.session = session
         self.topics: Collection[str] = frozenset()
         self.followed: set[str] | None = set()
-        self._socket = socket
+        self._socket, self._vehicle = socket, vehicle
         self._subscriptions: dict[int, str] = {}
         self._numbers: dict[str, int] = {}  # topic → its subscription
         self._texts: deque[str | bytes] = deque()
@@ -68,13 +71,20 @@ class FoxgloveClient:
 
     def _changed(self) -> None:
         self._numbers = {topic: number for number, topic in self._subscriptions.items()}
-        self.topics = frozenset(self._numbers)
+        drawn = cones.COLORS if cones.TOPIC in self._numbers else ()
+        self.topics = frozenset((*self._numbers, *drawn)) - {cones.TOPIC}
 
     def put(self, topic: str, received_ns: int, payload: bytes) -> None:
-        """Queue a message if its topic is subscribed; `wake` sends."""
-        number = self._numbers.get(topic)
-        if number is None:
-            return
+        """Queue a message if its topic is subscribed, and its cones if they are; `wake` sends."""
+        if topic in cones.COLORS and cones.TOPIC in self._numbers:
+            drawn = cones.cones(topic, payload, self._vehicle)
+            if drawn is not None:
+                self._queue(cones.TOPIC, received_ns, drawn)
+        if topic in self._numbers:
+            self._queue(topic, received_ns, payload)
+
+    def _queue(self, topic: str, received_ns: int, payload: bytes) -> None:
+        number = self._numbers[topic]
         frame = protocol.message_frame(number, received_ns, payload)
         self._frames.append(frame)
         self._bytes += len(frame)

@@ -84,7 +84,7 @@ async def serve(socket: WebSocket, context: VehicleContext) -> None:
         await socket.send_denial_response(JSONResponse({"error": line}, 400))
         return
     await socket.accept(chosen)
-    client = FoxgloveClient(socket, socket.scope["session"])
+    client = FoxgloveClient(socket, socket.scope["session"], context.vehicle)
     conversation = _Conversation(client, context)
     client.tell(
         protocol.text(

@@ -43,6 +43,9 @@ def test_a_client_is_told_what_there_is(
     state = channels["/quad1/state"]
     assert state["schemaName"] == "nav_msgs/msg/Odometry"
     assert (state["encoding"], state["schemaEncoding"]) == ("cdr", "ros2msg")
+    assert (
+        channels.pop("/quad1/bearing_cones")["schemaName"] == "visualization_msgs/msg/MarkerArray"
+    )
     for topic, one in channels.items():
         row = TOPICS.get(topic.removeprefix("/quad1/")) or TOPICS[topic]
         assert one["schemaName"] == ros_name(row.type_name)
@@ -68,6 +71,23 @@ def test_the_bytes_of_a_message_are_handed_on_unchanged(
     client.do("unsubscribe", client_subscription := 0)
     assert client_subscription == 0
     until(lambda: station.forwarded == set())
+
+
+def test_cones_are_drawn_from_bearings_that_the_client_did_not_ask_for(
+    viewer: httpx.Client, connect: Connect, station: Any, until: Callable[..., None]
+) -> None:
+    client = connect(viewer)
+    client.event("advertise")
+    client.do("subscribe", "/quad1/bearing_cones")
+    until(lambda: station.forwarded == {"bearings", "neighbour_bearings"})
+    fields = {"header": header(5_000_000_007), "sigma": 0.02}
+    station.deliver("bearings", new("quadlab_msgs/BearingArray", **fields))  # draws nothing
+    up = {"beacon_ids": [3], "bearings": [(0.0, 0.0, 1.0)]}
+    station.deliver("bearings", new("quadlab_msgs/BearingArray", **fields, **up))
+    (marker,) = client.event("message")["content"]["markers"]
+    assert marker["header"]["frame_id"] == "quad1/body"
+    heights = [point["z"] for point in marker["points"]]
+    assert heights == pytest.approx([0.0, 1.5 * np.cos(0.06), 1.5 * np.cos(0.06)] * 12)
 
 
 def test_a_topic_stays_subscribed_while_one_of_two_clients_wants_it(
@@ -319,7 +339,7 @@ def test_a_client_that_reads_nothing_loses_messages_and_holds_up_nobody(
         deaf.recv()
         # From now on only the library's thread reads, up to its own bound.
         deaf.send(json.dumps({"op": "subscribe", "subscriptions": everything}))
-        until(lambda: len(station.forwarded) == len(CHANNELS))
+        until(lambda: len(station.forwarded) == len(CHANNELS) - 1)  # cones are drawn here
         data = np.zeros(20_000, np.uint8)
         picture = new("sensor_msgs/CompressedImage", header=header(5), format="jpeg", data=data)
         for count in range(300):  # 6 MB, more than the sockets hold
