@@ -9,10 +9,11 @@
 
 import { FigureTable } from "./figures.js";
 import { extent, isReference, spread, stylesOf, trace } from "./lines.js";
+import { drawEnds, drawMarks } from "./marks.js";
 import { pointing } from "./pointer.js";
 import { element } from "../core/dom.js";
 import { fixed } from "../core/format.js";
-import { axisLook, font, paint, theme } from "../core/theme.js";
+import { axisLook, paint, theme } from "../core/theme.js";
 
 const BARE = 6; // CSS pixels on the right of lines without names
 const PERIOD = 30; // ms between two drawings at least: each frame of the telemetry is drawn
@@ -279,7 +280,7 @@ export class Chart {
         })),
       ],
       hooks: {
-        drawClear: [(u) => this.drawMarks(u)],
+        drawClear: [(u) => drawMarks(u, this)],
         draw: [
           (u) => {
             this.drawEnds(u);
@@ -329,77 +330,6 @@ export class Chart {
     return this.range(unit, low, high);
   }
 
-  // Below the lines: where limits are, and when something happened.
-  drawMarks(u) {
-    const {
-        ctx,
-        bbox: { left, top, width, height },
-      } = u,
-      ratio = devicePixelRatio,
-      { min, max } = u.scales.x;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(left, top, width, height);
-    ctx.clip();
-    ctx.font = font(ratio);
-    ctx.lineWidth = ratio;
-    const stroke = (color, dash, [x, y], [across, up]) => {
-      ctx.strokeStyle = ctx.fillStyle = paint(color);
-      ctx.setLineDash(dash.map((length) => length * ratio));
-      ctx.beginPath();
-      ctx.moveTo(x, y);
-      ctx.lineTo(across, up);
-      ctx.stroke();
-    };
-    this.units.forEach((unit, i) => {
-      if (!(unit in this.limits)) return;
-      const y = u.valToPos(this.limits[unit], `y${i}`, true);
-      stroke("var(--amber)", [6, 4], [left, y], [left + width, y]);
-    });
-    this.drawHoles(u);
-    let free = -Infinity;
-    ctx.textBaseline = "top";
-    ctx.textAlign = "left";
-    for (const { t: time, text, kind } of this.hasEvents ? this.axis.events : []) {
-      const t = time - this.axis.origin;
-      if (t < min || t > max) continue;
-      const x = Math.round(left + ((t - min) / (max - min)) * width) + 0.5;
-      stroke(kind === "warn" ? "var(--amber)" : "var(--strong)", [], [x, top], [x, top + height]);
-      if (x < free) continue;
-      const words = text.length > 28 ? `${text.slice(0, 27)}…` : text;
-      ctx.fillStyle = paint(kind === "warn" ? "var(--amber)" : "var(--dim)");
-      ctx.fillText(words, x + 3 * ratio, top + 2 * ratio);
-      free = x + ctx.measureText(words).width + 10 * ratio;
-    }
-    ctx.restore();
-  }
-
-  // A mark at the bottom where samples are missing, and how many; those of neighbouring holes together.
-  drawHoles({
-    ctx,
-    bbox: { left, top, width, height },
-    scales: {
-      x: { min, max },
-    },
-  }) {
-    const ratio = devicePixelRatio,
-      apart = 74 * ratio,
-      groups = [];
-    ctx.fillStyle = paint("var(--amber)");
-    for (const { t, count } of this.pieces[0]?.holes ?? []) {
-      const x = left + ((t - min) / (max - min)) * width;
-      if (t < min || t > max || !count) continue;
-      ctx.fillRect(x - ratio, top + height - 5 * ratio, 2 * ratio, 5 * ratio);
-      const last = groups.at(-1);
-      if (last && x - last.x < apart) last.count += count;
-      else groups.push({ x, count });
-    }
-    ctx.textBaseline = "bottom";
-    ctx.textAlign = "center";
-    for (const { x, count } of groups)
-      ctx.fillText(`${count} missing`, Math.max(left + apart / 2, x), top + height - 6 * ratio);
-  }
-
   path(u, i) {
     this.ends[i] = null;
     const piece = this.pieces[i];
@@ -418,39 +348,10 @@ export class Chart {
     return { stroke: path, fill: null, clip: null, band: null, gaps: null, flags: 1 };
   }
 
-  // The name of each line where it ends, moved apart where they would cover each other.
   drawEnds(u) {
-    const { ctx, bbox } = u,
-      ratio = devicePixelRatio,
-      least = 11 * ratio,
-      right = bbox.left + bbox.width;
-    const ends = this.lines
-      .map(({ label, stroke }, i) => ({ label, end: this.ends[i], color: stroke }))
-      .filter(({ label, end }) => label && end);
     // A replay's lines go to the edge.
-    if (!ends.length || this.axis.head !== null || this.room(bbox.width / ratio) === BARE) return;
-    ends.sort((a, b) => a.end[1] - b.end[1]);
-    let below = bbox.top - least / 2;
-    for (const one of ends)
-      below = one.y = Math.max(below + least, Math.min(one.end[1], bbox.top + bbox.height));
-    let above = bbox.top + bbox.height + least / 2;
-    for (const one of ends.reverse()) above = one.y = Math.min(one.y, above - least);
-    ctx.save();
-    ctx.font = font(ratio);
-    ctx.textBaseline = "middle";
-    ctx.textAlign = "left";
-    for (const { label, end, y, color } of ends) {
-      const text = label.length > 18 ? `${label.slice(0, 17)}…` : label,
-        wide = ctx.measureText(text).width;
-      const x = Math.min(end[0] + 5 * ratio, right - wide - 2 * ratio);
-      if (x < end[0]) {
-        ctx.fillStyle = paint("var(--veil)");
-        ctx.fillRect(x - 2 * ratio, y - least / 2, wide + 4 * ratio, least);
-      }
-      ctx.fillStyle = paint(color);
-      ctx.fillText(text, x, y);
-    }
-    ctx.restore();
+    const hasRoom = this.axis.head === null && this.room(u.bbox.width / devicePixelRatio) !== BARE;
+    if (hasRoom) drawEnds(u, this.lines, this.ends);
   }
 
   // Room on the right of what runs, in CSS pixels, for the lines' names; none where they would take a third.
