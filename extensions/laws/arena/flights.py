@@ -33,7 +33,7 @@ FIRST_SEED = 101
 
 
 class Flown(NamedTuple):
-    """What the flights of a cell were like.
+    """The figures of the flights of a cell.
 
     Attributes:
         rms: m, error of the position in each flight; NaN for a crash.

@@ -83,7 +83,7 @@ def scaled(entry: Entry, factor: float) -> Entry:
         is_gain = one.name.startswith(own) or (not has_own_gains and one.name.startswith(SHARED))
         if is_gain and power:
             value = float(store.get(one.name)) * factor**power
-            settings[one.name] = min(max(value, one.minimum), one.maximum)
+            settings[one.name] = float(np.clip(value, one.minimum, one.maximum))
     return replace(entry, settings=settings)
 
 

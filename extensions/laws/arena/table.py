@@ -59,8 +59,8 @@ def facts_table(cells: Sequence[Cell], facts: Sequence[Facts]) -> list[str]:
     """
     base = next((one.tick for one in facts if one.law == GEOMETRIC), math.nan)
     near = f"within {100 * (NEAR - 1):.0f} %"
-    head = "law", "first", near, f"{near}, at its latency", "crashed", "tolerated latency"
-    head = *head, "effort", "saturated", "tick"
+    counted = "law", "first", near, f"{near}, at its latency", "crashed"
+    head = *counted, "tolerated latency", "effort", "saturated", "tick"
     lines = [_row(*head, "of the geometric law's"), _row("---", *("--:" for _ in head))]
     ranks = {one.law: one for one in standings(cells)}
     for one in facts:
@@ -69,11 +69,10 @@ def facts_table(cells: Sequence[Cell], facts: Sequence[Facts]) -> list[str]:
         rank, among = ranks[one.law], next(found for found in equal if found.law == one.law)
         counts = f"{rank.first} of {rank.lines}", f"{rank.near} of {rank.lines}"
         share, lost = f"{among.near} of {among.lines}", f"{rank.crashed} of {rank.flights}"
-        cost = f"{1e6 * one.tick:.1f} µs", f"{one.tick / base:.2f}"
         use = _use_of([cell for cell in cells if cell.entry == one.law])
-        lines.append(
-            _row(one.law, *counts, share, lost, f"{1e3 * one.latency:.0f} ms", *use, *cost)
-        )
+        latency, tick = f"{1e3 * one.latency:.0f} ms", f"{1e6 * one.tick:.1f} µs"
+        cost = latency, *use, tick, f"{one.tick / base:.2f}"
+        lines.append(_row(one.law, *counts, share, lost, *cost))
     return lines
 
 

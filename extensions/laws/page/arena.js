@@ -5,7 +5,7 @@
 import { get } from "/static/core/api.js";
 import { attempt, element, optionsOf, setText, svg, tableHead } from "/static/core/dom.js";
 
-const COLOURS = ["text", "z", "amber", "y", "violet", "flown", "teal", "rose"];
+const COLOURS = ["text", "z", "amber", "y", "violet", "rose", "teal", "flown"];
 const WIDTH = 440,
   LEFT = 122,
   RIGHT = 14,
@@ -72,10 +72,11 @@ class Arena {
     this.result = result;
     const { standings } = result;
     /** @type {Map<string, string>} */
-    this.colours = new Map(standings.map(({ law }, k) => [law, colourOf(k)]));
+    const colours = new Map(standings.map(({ law }, k) => [law, colourOf(k)]));
+    this.colours = colours;
     this.standings.replaceChildren(
       tableHead("law", "first", "within 10 %", "crashed", "error over the first's"),
-      element("tbody", {}, ...standings.map((one) => standing(one, this.colours.get(one.law) ?? ""))),
+      element("tbody", {}, ...standings.map((one) => standing(one, colours.get(one.law) ?? ""))),
     );
     this.draw();
   }

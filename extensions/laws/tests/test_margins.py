@@ -34,7 +34,7 @@ def test_other_laws_get_the_delay_margin_of_the_first() -> None:
     (first, slower), told = at_equal_margin([plain, l1])
     assert first is plain
     assert delay_margin(slower) == margin
-    assert slower.settings["position.kp_xy"] < 0.75 * 4.0
+    assert float(slower.settings["position.kp_xy"]) < 0.75 * 4.0
     assert f"at the delay margin of geometric, {1e3 * margin:.0f} ms, with bandwidths geo" in told
 
 
