@@ -76,4 +76,5 @@ class CompiledController(ExternalLaw):
         return wrench
 
     def _command(self, wrench: Array, actuators: Record) -> None:
-        actuators[...] = self._found
+        super()._command(wrench, actuators)  # what was checked, and no references of its own
+        actuators["scaling"] = self._found["scaling"]

@@ -129,6 +129,9 @@ class ExternalLaw(External):
         _bound(float(np.abs(apart[1:]).max()), bounds.torque_max, "its torque", f"N m {built_in}")
         w, x, y, z = state["quaternion_wb"][0].tolist()
         z_w = (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
+        heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        turned = abs(math.remainder(heading - float(reference["yaw"][0]), math.tau))
+        _bound(math.degrees(turned), HEADING_MAX, "the heading", "° from the reference")
         cosine = sum(a * float(b) for a, b in zip(z_w, self._desired_z_w, strict=True))
         tilt = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
         _bound(tilt, bounds.tilt_max, "the tilt", "° from what the built-in law wants")
@@ -137,6 +140,10 @@ class ExternalLaw(External):
         _bound(distance, bounds.distance_max, "the position", "m from the reference")
 
 
+HEADING_MAX = 60.0
+"""Largest heading from the reference, °, above the step of yaw that a step test may make. A law
+that spins the vehicle up breaks no other bound until the gyroscopes are at the end of their range.
+"""
 ANSWER = np.dtype([("time", "<f8"), ("wrench", "<f8", 4)])
 """OUTPUT_TYPE with thrust and torque as one vector."""
 REFERENCE_FIELDS = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,8 @@ class Arena:
     tuned: Path | None = None
     """folder with the campaigns tune_NAME, whose best trials are the settings (default: the laws'
     own values)"""
+    equal_margin: bool = False
+    """scale the gains of each law by one factor until it tolerates as much latency as the first"""
     plugins: Folder = None
     """folder of your own laws (default: plugins in the data folder)"""
     page: Path | None = None
@@ -37,7 +39,8 @@ class Arena:
     def run(self) -> int:
         from extensions.laws.arena import table
         from extensions.laws.arena.cells import chosen
-        from extensions.laws.arena.flights import fly_arena
+        from extensions.laws.arena.flights import fly_arena, tick_time
+        from extensions.laws.arena.margins import at_equal_margin
         from extensions.laws.arena.own_laws import own_laws
         from extensions.laws.arena.tuned import tuned
         from quadlab.data_folder import data_folder
@@ -52,11 +55,17 @@ class Arena:
             table.check_out(self.out)
         folder = self.plugins or data_folder(None) / PLUGINS
         offer_laws(folder)
-        laws, budget = chosen(self.laws, own_laws(folder)), ""
+        laws, settings = chosen(self.laws, own_laws(folder)), ""
         if self.tuned is not None:
             laws, budget = tuned(laws, self.tuned)
-        cells = list(fly_arena(laws, self.seeds, lambda line: print(line, file=sys.stderr)))
-        lines = self._tables(laws, cells, budget)
+            settings = f"; settings of each law by {budget}"
+        if self.equal_margin:
+            laws, margin = at_equal_margin(laws)
+            settings = f"{settings}; {margin}"
+        ticks = {one.name: tick_time(one) for one in laws}
+        flown = fly_arena(laws, self.seeds, lambda line: print(line, file=sys.stderr))
+        cells = [replace(cell, tick=ticks[cell.entry]) for cell in flown]
+        lines = self._tables(laws, cells, settings)
         for one in laws:
             for why in one.own.failures if one.own else ():
                 print(f"quadlab: {one.name} was out, and crashed: {why}", file=sys.stderr)
@@ -68,18 +77,18 @@ class Arena:
             print("\n".join(lines))
         return 0
 
-    def _tables(self, laws: list[Entry], cells: list[Cell], budget: str) -> list[str]:
+    def _tables(self, laws: list[Entry], cells: list[Cell], settings: str) -> list[str]:
         from extensions.laws.arena import table
-        from extensions.laws.arena.flights import tick_time, tolerated_latency
+        from extensions.laws.arena.flights import tolerated_latency
 
         has_base = any(one.entry == laws[0].name == "geometric" for one in cells)
-        settings = f"; settings of each law by {budget}" if budget else ""
         lines = ["", f"Median position error of {self.seeds} seeds, mm rms{settings}:", ""]
         lines += table.errors_table(cells)
         if has_base and len(laws) > 1:
             lines += ["", "The same over that of `geometric`, seed by seed:", ""]
             lines += table.ratios_table(cells)
-        facts = [table.Facts(one.name, tolerated_latency(one), tick_time(one)) for one in laws]
+        ticks = {cell.entry: cell.tick for cell in cells}
+        facts = [table.Facts(one.name, tolerated_latency(one), ticks[one.name]) for one in laws]
         lines += ["", "How often each law is the first, or near it, among all and among those that"]
         lines += ["tolerate as much latency on the 8 in 8 s:", ""]
         return [*lines, *table.facts_table(cells, facts), ""]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,11 +26,28 @@ HOVER = 8.0
 """s of hover before a course: what is judged is no longer the start's transient."""
 TOLERATED = 2.0
 """Multiple of a law's error without latency up to which a latency counts as tolerated."""
+PERIOD = 0.002
+"""s, of a tick."""
 FIRST_SEED = 101
 """First seed of the flights; no setting of a law was tried with these seeds."""
 
 
-def _door(name: str) -> Any:
+class Flown(NamedTuple):
+    """The figures of the flights of a cell.
+
+    Attributes:
+        rms: m, error of the position in each flight; NaN for a crash.
+        saturated: mean share of the ticks that saturated the motors; NaN if all crashed.
+        effort: N/s, rms of the rate of a rotor's commanded thrust; NaN if all crashed.
+    """
+
+    rms: Array
+    saturated: float
+    effort: float
+
+
+def door(name: str) -> Any:
+    """Return a function of the extension batches. Raises UsageError where it is missing."""
     found = registry().offers(Function).get(name)
     if found is None:
         raise UsageError("the arena needs the extension batches, which is not installed")
@@ -39,9 +56,9 @@ def _door(name: str) -> Any:
 
 def fly_cell(
     entry: Entry, disturbance: Disturbance, course: FigureEight, seeds: Sequence[int]
-) -> tuple[Array, float]:
-    """Return the error of each seed (m, NaN for a crash), and the share of saturated ticks."""
-    fly_batch, scenario = _door("batch"), _door("Scenario")
+) -> Flown:
+    """Fly a course once for each seed."""
+    fly_batch, scenario = door("batch"), door("Scenario")
     control, truth, model = entry.control(), disturbance.world(), disturbance.model(entry)
     made = [
         scenario(
@@ -51,10 +68,20 @@ def fly_cell(
     ]
     own = {entry.law: entry.own.compiled} if entry.own else {}
     threads = 1 if own else None  # the law is one object
-    flown = fly_batch(made, HOVER + course.duration, hover=HOVER, threads=threads, others=own)
+    flown = fly_batch(
+        made,
+        HOVER + course.duration,
+        hover=HOVER,
+        history_rate=1.0 / PERIOD,
+        threads=threads,
+        others=own,
+    )
     rms = np.where(flown.crashed, np.nan, flown.outcome["position_rms"])
-    shares = flown.outcome["saturated_share"][~flown.crashed]
-    return rms, float(shares.mean()) if len(shares) else math.nan
+    if flown.crashed.all():
+        return Flown(rms, math.nan, math.nan)
+    thrusts = flown.history["thrusts"][~flown.crashed, round(HOVER / PERIOD) :]
+    effort = math.sqrt(np.square(np.diff(thrusts, axis=1) / PERIOD).mean())
+    return Flown(rms, float(flown.of_flown("saturated_share").mean()), effort)
 
 
 def fly_arena(entries: Sequence[Entry], seeds: int, tell: Callable[[str], None]) -> Iterator[Cell]:
@@ -63,10 +90,8 @@ def fly_arena(entries: Sequence[Entry], seeds: int, tell: Callable[[str], None])
         for name, disturbance in DISTURBANCES.items():
             tell(f"{course}, {name}")
             for entry in entries:
-                rms, saturated = fly_cell(
-                    entry, disturbance, eight, range(FIRST_SEED, FIRST_SEED + seeds)
-                )
-                yield Cell(entry.name, course, name, rms, saturated)
+                flown = fly_cell(entry, disturbance, eight, range(FIRST_SEED, FIRST_SEED + seeds))
+                yield Cell(entry.name, course, name, *flown)
 
 
 def tolerated_latency(entry: Entry) -> float:
@@ -74,10 +99,10 @@ def tolerated_latency(entry: Entry) -> float:
     TOLERATED times its error without; up to 100 ms.
     """
     eight = next(iter(courses().values()))
-    still = fly_cell(entry, Disturbance(), eight, (1, 2))[0].max()
+    still = fly_cell(entry, Disturbance(), eight, (1, 2)).rms.max()
     latency = 0.0
     for ms in range(10, 101, 10):
-        rms = fly_cell(entry, Disturbance({"command_latency": 1e-3 * ms}), eight, (1, 2))[0]
+        rms = fly_cell(entry, Disturbance({"command_latency": 1e-3 * ms}), eight, (1, 2)).rms
         if not rms.max() <= TOLERATED * still:
             break
         latency = 1e-3 * ms

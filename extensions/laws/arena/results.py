@@ -25,6 +25,8 @@ class Cell:
     Attributes:
         rms: (seeds,) m, true position minus the reference; NaN for a flight that crashed.
         saturated: mean share of the ticks that saturated the motors.
+        effort: N/s, rms of the rate of a rotor's commanded thrust.
+        tick: s, median time of a tick in machine code on the computer that flew.
     """
 
     entry: str
@@ -32,6 +34,8 @@ class Cell:
     disturbance: str
     rms: Array
     saturated: float
+    effort: float = math.nan
+    tick: float = math.nan
 
     @property
     def failures(self) -> int:
@@ -113,6 +117,11 @@ def standings(cells: Sequence[Cell]) -> list[Standing]:
     return sorted(found, key=lambda one: (-one.near, one.crashed))
 
 
+FIGURES = {"saturated_share": "saturated", "effort_n_per_s": "effort", "processor_tick_s": "tick"}
+"""Figures of a cell by their names in a file, null where none is known. What depends on the
+computer begins with `processor`, as in the rows of campaigns: a repetition differs in it alone."""
+
+
 def as_json(cells: Sequence[Cell]) -> str:
     """Return all flights as JSON: a crash is null."""
     rows = [
@@ -120,16 +129,24 @@ def as_json(cells: Sequence[Cell]) -> str:
             "law": one.entry,
             "course": one.course,
             "disturbance": one.disturbance,
-            "position_rms_m": [None if math.isnan(x) else x for x in one.rms.tolist()],
-            "saturated_share": None if math.isnan(one.saturated) else one.saturated,
+            "position_rms_m": [_or_none(x) for x in one.rms.tolist()],
+            **{key: _or_none(getattr(one, name)) for key, name in FIGURES.items()},
         }
         for one in cells
     ]
     return json.dumps(rows, indent=1)
 
 
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
 def read_cells(path: Path) -> list[Cell]:
-    """Read what `as_json` wrote. Raises StorageError."""
+    """Read what `as_json` wrote; figures that an older file lacks are NaN. Raises StorageError."""
     with os_errors(lambda why: f"{path} cannot be read ({why})"):
         text = path.read_text(encoding="utf-8")
     try:
@@ -138,12 +155,12 @@ def read_cells(path: Path) -> list[Cell]:
                 str(one["law"]),
                 str(one["course"]),
                 str(one["disturbance"]),
-                np.array([math.nan if x is None else x for x in one["position_rms_m"]], float),
-                math.nan if one["saturated_share"] is None else float(one["saturated_share"]),
+                np.array([_or_nan(x) for x in one["position_rms_m"]]),
+                **{name: _or_nan(one.get(key)) for key, name in FIGURES.items()},
             )
             for one in json.loads(text)
         ]
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise StorageError(
             f"{path.name} is no result of the arena ({type(error).__name__}: {error}); write one "
             "with `quadlab arena --out`"

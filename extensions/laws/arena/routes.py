@@ -32,7 +32,8 @@ def add_arena(app: FastAPI, context: VehicleContext) -> None:
     def result(name: str) -> JsonObject:
         """Return the standing of each law, and all errors (m) with their intervals.
 
-        A value that is null is that of flights of which half or more crashed.
+        Effort is in N/s, the time of a tick in s. A value that is null is not known, or that of
+        flights of which half or more crashed.
         """
         path = next((one for one in _stored(place) if one.stem == name), None)
         if path is None:
@@ -67,6 +68,8 @@ def _shown(cell: Cell) -> JsonObject:
             "low": low,
             "high": high,
             "saturated": cell.saturated,
+            "effort": cell.effort,
+            "tick": cell.tick,
             "crashed": cell.failures,
             "flights": len(cell.rms),
         }

@@ -9,9 +9,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
 
 from control.parameters import GEOMETRIC
-from extensions.laws.arena.results import NEAR, Cell, as_json, lines_of, standings
+from extensions.laws.arena.results import FIGURES, NEAR, Cell, as_json, lines_of, standings
 from quadrotor.errors import UsageError, os_errors
 
 BEGIN, END = "<!-- quadlab arena begins -->", "<!-- quadlab arena ends -->"
@@ -58,7 +59,8 @@ def facts_table(cells: Sequence[Cell], facts: Sequence[Facts]) -> list[str]:
     """
     base = next((one.tick for one in facts if one.law == GEOMETRIC), math.nan)
     near = f"within {100 * (NEAR - 1):.0f} %"
-    head = "law", "first", near, f"{near}, at its latency", "crashed", "tolerated latency", "tick"
+    counted = "law", "first", near, f"{near}, at its latency", "crashed"
+    head = *counted, "tolerated latency", "effort", "saturated", "tick"
     lines = [_row(*head, "of the geometric law's"), _row("---", *("--:" for _ in head))]
     ranks = {one.law: one for one in standings(cells)}
     for one in facts:
@@ -67,9 +69,20 @@ def facts_table(cells: Sequence[Cell], facts: Sequence[Facts]) -> list[str]:
         rank, among = ranks[one.law], next(found for found in equal if found.law == one.law)
         counts = f"{rank.first} of {rank.lines}", f"{rank.near} of {rank.lines}"
         share, lost = f"{among.near} of {among.lines}", f"{rank.crashed} of {rank.flights}"
-        cost = f"{1e3 * one.latency:.0f} ms", f"{1e6 * one.tick:.1f} µs", f"{one.tick / base:.2f}"
+        use = _use_of([cell for cell in cells if cell.entry == one.law])
+        latency, tick = f"{1e3 * one.latency:.0f} ms", f"{1e6 * one.tick:.1f} µs"
+        cost = latency, *use, tick, f"{one.tick / base:.2f}"
         lines.append(_row(one.law, *counts, share, lost, *cost))
     return lines
+
+
+def _use_of(cells: Sequence[Cell]) -> tuple[str, str]:
+    """Return the mean effort and saturation of the lines that a law flies."""
+    flown = [one for one in cells if math.isfinite(one.effort)]
+    if not flown:
+        return "–", "–"
+    effort, saturated = fmean(o.effort for o in flown), fmean(o.saturated for o in flown)
+    return f"{effort:.0f} N/s", f"{100 * saturated:.1f} %"
 
 
 def _told(cell: Cell, best: float) -> str:
@@ -87,14 +100,15 @@ def _row(*words: str) -> str:
 
 
 def as_csv(cells: Sequence[Cell]) -> str:
-    """Return a line for each flight; a crash has no error."""
+    """Return a line for each flight, with the figures of its cell; a crash has no error."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("law", "course", "disturbance", "flight", "position_rms_m"))
+    writer.writerow(("law", "course", "disturbance", "flight", "position_rms_m", *FIGURES))
     for one in cells:
+        of_all = [getattr(one, name) for name in FIGURES.values()]
         for k, rms in enumerate(one.rms.tolist()):
-            told = "" if math.isnan(rms) else repr(rms)
-            writer.writerow((one.entry, one.course, one.disturbance, k + 1, told))
+            told = ["" if math.isnan(x) else repr(x) for x in (rms, *of_all)]
+            writer.writerow((one.entry, one.course, one.disturbance, k + 1, *told))
     return text.getvalue()
 
 

@@ -25,7 +25,7 @@ SEARCHES = [path for path in PLANS if path.stem.startswith("tune_")]
 
 
 def errors(law: str, disturbance: str, course: str = "8 in 8 s") -> float:
-    rms, _ = fly_cell(entries()[law], DISTURBANCES[disturbance], courses()[course], SEEDS)
+    rms = fly_cell(entries()[law], DISTURBANCES[disturbance], courses()[course], SEEDS).rms
     return float(np.max(np.where(np.isnan(rms), np.inf, rms)))
 
 
@@ -104,8 +104,10 @@ def test_a_law_is_ranked_among_all_and_among_those_that_tolerate_as_much_latency
     cells += [cell("geometric", "9", 0.0105), cell("quick", "9", math.nan)]
     facts = [table.Facts("geometric", 0.05, 1e-6), table.Facts("quick", 0.03, 2e-6)]
     _, _, slow, quick = table.facts_table(cells, facts)
-    assert slow == ("| geometric | 1 of 2 | 1 of 2 | 2 of 2 | 0 of 4 | 50 ms | 1.0 µs | 1.00 |")
-    assert quick == "| quick | 1 of 2 | 1 of 2 | 1 of 2 | 2 of 4 | 30 ms | 2.0 µs | 2.00 |"
+    assert slow == (
+        "| geometric | 1 of 2 | 1 of 2 | 2 of 2 | 0 of 4 | 50 ms | – | – | 1.0 µs | 1.00 |"
+    )
+    assert quick == "| quick | 1 of 2 | 1 of 2 | 1 of 2 | 2 of 4 | 30 ms | – | – | 2.0 µs | 2.00 |"
 
 
 def test_tables_are_written_between_the_marks_only(tmp_path: Path) -> None:
@@ -117,11 +119,12 @@ def test_tables_are_written_between_the_marks_only(tmp_path: Path) -> None:
 
 def test_flights_are_written_as_csv_and_the_table_as_latex(tmp_path: Path) -> None:
     rms = np.array([0.01, math.nan, 0.03])
-    cells = [Cell("mine_too", "8 in 8 s", "mass + 20 %", rms, 0.25)]
+    cells = [Cell("mine_too", "8 in 8 s", "mass + 20 %", rms, 0.25, effort=12.5)]
     table.write_out(tmp_path / "flights.csv", cells)
     rows = list(csv.DictReader((tmp_path / "flights.csv").open()))
     assert [row["position_rms_m"] for row in rows] == ["0.01", "", "0.03"]
     assert {row["disturbance"] for row in rows} == {"mass + 20 %"}
+    assert {(row["saturated_share"], row["effort_n_per_s"]) for row in rows} == {("0.25", "12.5")}
     table.write_out(tmp_path / "table.tex", cells)
     lines = (tmp_path / "table.tex").read_text().splitlines()
     assert lines[2] == r"course & disturbance & mine\_too \\"

@@ -9,33 +9,32 @@ import pytest
 
 from control import laws
 from control.controller import GeometricController
-from control.laws import CompiledLaw, extended, new_control_parameters, settings_of
+from control.geometric_law import apply_wrench
+from control.laws import CompiledLaw, Own, Records, extended, new_control_parameters, settings_of
 from control.parameters import GEOMETRIC
-from extensions.laws.tests.harm import KINDS
+from extensions.laws.tests.harm import BAD, Harm
+from quadrotor.compiled import direct
 from quadrotor.extension import Extension, Law
 from quadrotor.extensions import Offered, Registry
 from quadrotor.parameter_description import ParameterValue
-from quadrotor.parameters import ParameterStore
+from quadrotor.records import ACTUATORS, new_reference, new_state
+from quadrotor.vehicle_model import VehicleModel
 from tests.support.lab import Lab, refusal
 from tests.support.law_bench import LawBench
+from vehicle.laws import compiled
 from vehicle.laws.laws import Laws
 
 HERE = "extensions.laws.tests"
-HARM = Law(name="harm", target=".harm:LAW", parameters=".harm:HarmParameters")
 LOST = Law(name="lost", target=".nowhere:LAW")
 NAMES = tuple(extended())
 
 
 @pytest.fixture
-def others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Add the laws of these tests to those of the extensions."""
-    ours = Extension(name="ours", summary="", protocol=1, offers=(HARM, LOST))
-    declared = [("ours", HERE, lambda: ours)]
-    from extensions.laws.extension import EXTENSION
-
-    declared.append(("laws", "extensions.laws", lambda: EXTENSION))
-    made = Registry(declared)
-    monkeypatch.setattr(laws, "registry", lambda: made)
+def harm(monkeypatch: pytest.MonkeyPatch) -> Harm:
+    """Return what spoils the answers of laws that are started from now on."""
+    made = Harm()
+    monkeypatch.setattr(compiled, "direct", made.direct)
+    return made
 
 
 @pytest.fixture
@@ -92,38 +91,75 @@ def test_a_law_takes_over_in_flight_with_a_payload_and_hands_back(
     assert "disengaged" not in lab.said
 
 
-@pytest.mark.usefixtures("others")
-@pytest.mark.parametrize("kind", range(5))
-def test_in_the_tick_in_which_a_law_fails_the_built_in_one_already_flies(kind: int) -> None:
+@pytest.mark.parametrize(("way", "why"), BAD.items())
+def test_in_the_tick_in_which_a_law_fails_the_built_in_one_already_flies(
+    harm: Harm, way: str, why: str
+) -> None:
     control = new_control_parameters()
-    store = ParameterStore(control)
-    store.set({"harm.kind": kind, "harm.after": 0.041})
-    law = Laws().start("harm", GeometricController(), control)
+    law = Laws().start("pid_cascade", GeometricController(), control)
     bench = LawBench(law, control)
     bench.ticks(20)
     assert (law.failure, bench.flies_built_in) == ("", False)
+    harm.way = way
     bench.ticks(1)
-    why = {3: "its torque is", 4: "its thrust is"}.get(kind, "which is not finite")
-    assert why in law.failure, KINDS[kind]
+    assert why in law.failure
     assert bench.flies_built_in
 
 
-@pytest.mark.usefixtures("others")
-@pytest.mark.parametrize("kind", range(len(KINDS)))
-def test_a_law_that_does_harm_in_flight_is_out_told_and_survived(
-    fly: Callable[..., Lab], kind: int
+def test_a_law_flies_the_wrench_that_was_checked_and_no_motor_references_of_its_own(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    lab = fly(control__law="harm", control__harm__kind=kind, control__harm__after=2.0)
-    lab.hovering(settling=0.0)
+    def at_full_speed(step: Callable[..., None], *arguments: object) -> Callable[..., None]:
+        code = direct(step, *arguments)
+
+        def spoiled(own: Own, records: Records, flown: bool, airborne: bool, dt: float) -> None:
+            code(own, records, flown, airborne, dt)
+            records[4]["motor_references"] = 255.0
+
+        return spoiled
+
+    monkeypatch.setattr(compiled, "direct", at_full_speed)
+    control, model = new_control_parameters(), VehicleModel().record()
+    law = Laws().start("indi", GeometricController(), control)
+    law.configure(control, model)
+    law.flown = True
+    law.becomes_ready()
+    out, wanted = np.zeros(1, ACTUATORS), np.zeros(1, ACTUATORS)
+    law.step(new_state(), new_reference(), True, 0.002, out)
+    apply_wrench(out["wrench"].copy(), model, wanted)
+    assert law.failure == ""
+    assert out["motor_references"] == pytest.approx(wanted["motor_references"])
+
+
+@pytest.mark.parametrize(
+    ("way", "why"),
+    [
+        ("NaN thrust", "which is not finite"),
+        ("climbs", "its thrust is"),
+        ("creeps", "the position is"),
+        ("spins", "the heading is"),
+    ],
+)
+def test_a_law_that_does_harm_in_flight_is_out_told_and_survived(
+    fly: Callable[..., Lab], harm: Harm, way: str, why: str
+) -> None:
+    lab = fly(control__law="pid_cascade")
+    lab.hovering(settling=1.0)
+    harm.way = way
     lab.wait_until(lambda _: "disengaged" in lab.said, what="the rescue", timeout=15)
     lab.wait(2.0)
+    assert why in lab.said
     assert lab.parameter("control.law") == GEOMETRIC
     assert lab.stack.law.external is None
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.1)
 
 
-@pytest.mark.usefixtures("others")
-def test_a_law_whose_code_is_missing_is_told_on_the_ground(fly: Callable[..., Lab]) -> None:
+def test_a_law_whose_code_is_missing_is_told_on_the_ground(
+    fly: Callable[..., Lab], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours = Extension(name="ours", summary="", protocol=1, offers=(LOST,))
+    made = Registry([("ours", HERE, lambda: ours)])
+    monkeypatch.setattr(laws, "registry", lambda: made)
     lab = fly(control__law="lost")
     lab.advance()
     lab.advance()

@@ -46,7 +46,9 @@ def entry(folder: Path) -> Entry:
 def test_a_new_law_flies_at_once_and_the_same_each_time(folder: Path) -> None:
     """The plain law in Python but for a derivative has about its error."""
     mine, (plain,) = entry(folder), chosen("geometric")
-    errors = [fly_cell(one, DISTURBANCES["nominal"], SHORT, (1,))[0] for one in (mine, mine, plain)]
+    errors = [
+        fly_cell(one, DISTURBANCES["nominal"], SHORT, (1,)).rms for one in (mine, mine, plain)
+    ]
     assert errors[0] == errors[1]
     assert 0.7 * errors[2] < errors[0] < 1.4 * errors[2]
 
@@ -63,7 +65,7 @@ def test_a_law_that_fails_in_flight_crashes_and_tells_why(
 ) -> None:
     (folder / "mine.py").write_text(HOVERING.format(late=late))
     mine = entry(folder)
-    assert np.isnan(fly_cell(mine, DISTURBANCES["nominal"], SHORT, (1,))[0]).all()
+    assert np.isnan(fly_cell(mine, DISTURBANCES["nominal"], SHORT, (1,)).rms).all()
     assert mine.own is not None
     (told,) = mine.own.failures
     assert re.match(why, told)

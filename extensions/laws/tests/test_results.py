@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ FALLEN = math.nan
 
 
 def cell(law: str, course: str, *rms: float) -> Cell:
-    return Cell(law, course, "wind", np.array(rms), 0.1)
+    return Cell(law, course, "wind", np.array(rms), 0.1, effort=20.0, tick=math.nan)
 
 
 CELLS = [
@@ -57,7 +58,12 @@ def test_what_is_written_is_read_and_other_files_are_refused(tmp_path: Path) -> 
             read.disturbance,
         )
         assert np.array_equal(one.rms, read.rms, equal_nan=True)
-    for text in ("{}x", "3", '[{"law": "a"}]', "[" * 100_000):
+        assert (read.saturated, read.effort) == (one.saturated, one.effort)
+        assert math.isnan(read.tick)
+    older = [{"law": "a", "course": "8", "disturbance": "wind", "position_rms_m": [None]}]
+    file.write_text(json.dumps(older))
+    assert math.isnan(read_cells(file)[0].effort)
+    for text in ("{}x", "3", '[{"law": "a"}]', "[3]", "[" * 100_000):
         file.write_text(text)
         with pytest.raises(StorageError, match=r"a\.json is no result of the arena .*--out"):
             read_cells(file)
@@ -84,3 +90,8 @@ def test_the_page_lists_results_and_shows_the_standings(
     page.click("#arena summary")
     look.text("#arena tbody tr:nth-child(1) td:nth-child(3)", "^2 of 2$")
     look.text("#arena figcaption >> nth=0", "^slow mm$")
+    page.select_option('#arena [aria-label="drawing"]', "against effort")
+    look.text("#arena figcaption >> nth=0", r"^slow mm over N/s$")
+    look.text("#arena g title >> nth=0", r"^geometric, wind: 22\.0 mm, 20\.0 N/s$")
+    page.select_option('#arena [aria-label="drawing"]', "against time of a tick")
+    look.text("#arena .courses .empty >> nth=0", "^This result does not have it")
