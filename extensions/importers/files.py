@@ -162,7 +162,7 @@ class Files:
         in_seconds = Fraction(1, round(1.0 / TIME_UNITS[unit])) * Fraction(scale)
         if self._base is None:
             self._base = Fraction(round(first * in_seconds * 10**9), 10**9)
-        steps = stamps - stamps[0]
+        steps: Array = stamps - stamps[0]
         if rest is not None:
             steps += rest - rest[0]
         steps *= TIME_UNITS[unit] * scale
