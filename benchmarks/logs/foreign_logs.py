@@ -120,6 +120,11 @@ def _crazyflie(folder: Path, flight: ForeignFlight) -> Path:
 BLOCK = 3200
 """Rows of a blackbox that are encoded; longer ones repeat them with other stamps in I frames."""
 
+OTHERS = 17
+"""Further fields of a blackbox: with them a frame has 26 bytes, as in the public logs of Betaflight
+3.0 to 3.4 (67 MB, 2.6 million frames).
+"""
+
 
 def _blackbox(folder: Path, flight: ForeignFlight) -> Path:
     us = _us(flight)
@@ -129,7 +134,7 @@ def _blackbox(folder: Path, flight: ForeignFlight) -> Path:
     step = int(us[1] - us[0])
     rows = np.hstack([np.arange(first)[:, None], START_US + step * np.arange(first)[:, None]])
     rows[:, 0] += 1 << 22
-    whole = flight_log(np.hstack([rows, rate, force]).tolist())
+    whole = flight_log(np.hstack([rows, rate, force]).tolist(), OTHERS)
     body = whole.index(b"I" + _seven_bits(int(rows[0, 0])))
     frames = whole[body : -len(END)]
     stems = [b"I" + _seven_bits(int(i)) + _seven_bits(int(t)) for i, t in rows[::32]]

@@ -13,6 +13,7 @@ import numpy as np
 from extensions.importers.flight import ImportedFlight, Imu
 from extensions.importers.frames import axes, bodies
 from extensions.importers.raw import RawFlight, RawImu, RawTrack
+from extensions.importers.rows import turn
 from extensions.importers.tracks import Checked
 from extensions.importers.trajectory import align
 from extensions.importers.units import FORCE_UNITS, RATE_UNITS
@@ -40,13 +41,16 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
     """
     notes = list(raw.notes)
     imu = raw.imu
-    force = imu.specific_force * _force_unit(imu, notes)
+    # In place, because a log may fill half of the memory that an import may take.
+    force, turning = imu.specific_force, imu.angular_velocity
+    force *= _force_unit(imu, notes)
     up = _body(imu, force, notes)
-    force, turning = force @ up.T, imu.angular_velocity @ up.T
+    turn(force, up)
+    turn(turning, up)
     estimate = next((one for one in raw.tracks if one.name == "estimate"), None)
     found = [_checked(imu.seconds, force, turning, one, estimate, notes) for one in raw.tracks]
     scales = [one.rate_scale for one in found if one.rate_scale is not None]
-    rate = turning * _rate_unit(imu, turning, scales, notes)
+    unit = _rate_unit(imu, turning, scales, notes)
     if not raw.tracks:
         notes.append("no truth and no estimate: frames are checked against gravity alone")
     base_ns = raw.base_ns
@@ -58,8 +62,9 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
             notes.append("the log does not know its date: that of its file is taken")
         base_ns += epoch
     at = np.round(imu.seconds * 1e9).astype(np.int64) + base_ns
-    flight = ImportedFlight(vehicle, source, Imu(at, force, rate), notes=notes)
     made = {one.raw.name: one.track(base_ns) for one in found}
+    turning *= unit
+    flight = ImportedFlight(vehicle, source, Imu(at, force, turning), notes=notes)
     flight.truth, flight.estimate = made.get("truth"), made.get("estimate")
     if flight.truth and not flight.truth.attitude_known:
         notes.append(
@@ -105,8 +110,8 @@ def _checked(
 
 def _force_unit(imu: RawImu, notes: list[str]) -> float:
     """Return the specific force's unit, m/s². Raises LogFormatError."""
-    lengths = np.linalg.norm(imu.specific_force, axis=1)
-    median = float(np.median(lengths))
+    force = imu.specific_force
+    median = float(np.sqrt(np.median(np.einsum("ni,ni->n", force, force), overwrite_input=True)))
     fits = [
         name
         for name, unit in FORCE_UNITS.items()
@@ -168,11 +173,11 @@ def _rate_unit(imu: RawImu, turning: Array, scales: list[float], notes: list[str
         finding = f"[imu] angular_velocity is {scales[0]:.4g} times the turning of the attitudes"
         found = next((n for n, unit in RATE_UNITS.items() if 0.75 < scales[0] * unit < 1.33), None)
     else:
-        largest = float(np.percentile(np.abs(turning), 99.9))
-        finding = f"[imu] angular_velocity reaches {largest:.4g}"
-        found = None
-        if stated in (None, "rad/s") and largest > LARGEST_RATE:
-            found = "deg/s"
+        found, finding = None, ""
+        if stated in (None, "rad/s"):
+            largest = max(float(np.percentile(np.abs(one), 99.9)) for one in turning.T)
+            finding = f"[imu] angular_velocity reaches {largest:.4g}"
+            found = "deg/s" if largest > LARGEST_RATE else None
     if stated is None:
         if found is None:
             raise LogFormatError(

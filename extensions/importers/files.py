@@ -19,6 +19,7 @@ from extensions.importers.readers.formats import source_of
 from extensions.importers.readers.joined import JoinedTables
 from extensions.importers.readers.ros_bags import LOGGED
 from extensions.importers.readers.tables import Source
+from extensions.importers.rows import complete, keep
 from extensions.importers.stamps import (
     RATES,
     RATES_OF_IMU,
@@ -101,9 +102,9 @@ class Files:
             word: column_names(asked, known, count, f"{where} {word}")
             for word, (asked, count) in columns.items()
         }
+        noted = len(source.notes)
         if isinstance(source, JoinedTables) and "time" in names:
             self.notes += source.put_in_order(rows.table, names["time"][0])
-        noted = len(source.notes)
         with np.errstate(invalid="ignore"):  # a NaN of any kind
             table = source.read(rows.table, [one for found in names.values() for one in found])
         self.notes += source.notes[noted:]
@@ -117,12 +118,10 @@ class Files:
             stamps = parts.pop("time")[:, 0]
         if is_by_clock:
             stamps = _by_clock(source, stamps, where)
-        known_rows = np.isfinite(stamps) & np.isfinite(table).all(axis=1)
-        if lost := int((~known_rows).sum()):
-            self.notes.append(f"{where}: {lost} of {len(stamps)} rows without numbers left out")
-        possible, notes = measurable(parts, rows, where)
+        known_rows, notes = complete(stamps, table, names, where)
+        possible, more = measurable(parts, rows, where)
         known_rows &= possible
-        self.notes += notes
+        self.notes += notes + more
         unit = "s" if rows.time is None else rows.time_unit
         found, kept = self._rising(stamps, known_rows, rows, section, where, certain=certain)
         self._check_fineness(stamps, known_rows, parts, section, where)
@@ -130,13 +129,14 @@ class Files:
         if (
             rows.time is not None
             and not is_by_clock
-            and np.spacing(np.abs(found).max()) * TIME_UNITS[unit] > FINEST
+            and np.spacing(max(-found[0], found[-1])) * TIME_UNITS[unit] > FINEST
         ):
             rest = source.remainders(rows.table, names["time"][0])
         seconds = self._since_base(
             found, None if rest is None else rest[kept], unit, rows.time_scale
         )
-        return [seconds, *(one[kept] for one in parts.values())]
+        keep(table, kept)
+        return [seconds, *(one[: len(kept)] for one in parts.values())]
 
     @staticmethod
     def _check_table(source: Source, table: str, where: str) -> None:
@@ -162,11 +162,12 @@ class Files:
         in_seconds = Fraction(1, round(1.0 / TIME_UNITS[unit])) * Fraction(scale)
         if self._base is None:
             self._base = Fraction(round(first * in_seconds * 10**9), 10**9)
-        steps = stamps - stamps[0]
+        steps: Array = stamps - stamps[0]
         if rest is not None:
-            steps = steps + (rest - rest[0])
-        found: Array = steps * (TIME_UNITS[unit] * scale)
-        return found + float(first * in_seconds - self._base)
+            steps += rest - rest[0]
+        steps *= TIME_UNITS[unit] * scale
+        steps += float(first * in_seconds - self._base)
+        return steps
 
     @staticmethod
     def _check_fineness(
@@ -179,7 +180,8 @@ class Files:
         """Raise LogFormatError where many rows with other values have the stamp of the row before,
         as rounded stamps have.
         """
-        again = np.flatnonzero(np.diff(stamps[known]) == 0.0)
+        stamps = stamps if known.all() else stamps[known]
+        again = np.flatnonzero(stamps[1:] == stamps[:-1])
         if section == "battery" or len(again) <= COARSE * known.sum():
             return
         rows = np.concatenate([one[known] for one in parts.values()], axis=1)
@@ -232,18 +234,21 @@ class Files:
         fewest = 1 if section == "battery" else FEWEST
         rows = np.flatnonzero(known)
         self._check_count(len(rows), fewest, where)
-        fitting, strays = without_strays(stamps[known], rows + 1, where)
-        rows = rows[fitting]
-        stamps, notes = continued(stamps[rows], rows + 1, where)
+        stamps = stamps[rows]
+        rows += 1
+        fitting, strays = without_strays(stamps, rows, where)
+        if strays:
+            stamps, rows = stamps[fitting], rows[fitting]
+        stamps, notes = continued(stamps, rows, where)
         chosen = self._flight_in(stamps * TIME_UNITS[unit], section, asked, where)
         stamps, rows = stamps[chosen], rows[chosen]
         self._check_count(len(rows), fewest, where)
         self.notes += strays + notes
-        seconds = stamps * TIME_UNITS[unit]
+        seconds = stamps
         if len(rows) > 1:
             rates = RATES_OF_IMU if section == "imu" else RATES
-            seconds = judged_seconds(stamps, unit, rows + 1, rates, where, certain=certain)
-        kept = np.concatenate([[True], np.diff(seconds) > 0.0])
+            seconds = judged_seconds(stamps, unit, rows, rates, where, certain=certain)
+        kept = np.concatenate([[True], seconds[1:] > seconds[:-1]])
         if same := int((~kept).sum()):
             self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
         if kept.sum() < fewest:
@@ -251,7 +256,8 @@ class Files:
                 f"{where}: {kept.sum()} different stamps in {len(seconds)} rows: have they too few "
                 "digits?" + " --stamps log takes the times of logging" * (asked.time == "stamp")
             )
-        return stamps[kept], rows[kept]
+        rows -= 1
+        return (stamps, rows) if kept.all() else (stamps[kept], rows[kept])
 
     def _flight_in(
         self, seconds: Array, section: str, asked: Rows, where: str

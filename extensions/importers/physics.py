@@ -17,6 +17,7 @@ MOST = {
     "angular_velocity": (200.0, RATE_UNITS),  # rad/s, 11,500 deg/s
     "position": (1e8, LENGTH_UNITS),  # m; as coordinates of a map
     "velocity": (1e4, LENGTH_UNITS),  # m/s
+    "quaternion": (1e3, {"": 1.0}),  # of any scale but none
     "euler": (1e3, {"deg": 1.0}),  # turns may be counted
     "voltage": (1e3, {"V": 1.0}),
 }
@@ -43,7 +44,7 @@ def measurable(
         most, units = MOST[word]
         stated = getattr(rows, f"{'position' if word == 'velocity' else word}_unit", None)
         unit = stated if isinstance(stated, float) else units.get(str(stated), min(units.values()))
-        beyond = (np.abs(values) > most / unit).any(axis=1)
+        beyond = ((values > most / unit) | (values < -most / unit)).any(axis=1)
         if not (count := int(beyond.sum())):
             continue
         k = int(np.argmax(beyond))

@@ -6,6 +6,8 @@ that began anew at its largest number is continued, with a note.
 
 from __future__ import annotations
 
+import itertools
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +32,7 @@ LONGEST_STRAY = 3
 """Largest number of stray stamps in a row."""
 STRAYS = 0.01
 """Largest share of stray stamps that is left out."""
+IS_RIGHT = "is time the right column?"
 YEAR = 365.25 * 86400.0
 
 
@@ -65,65 +68,65 @@ def judged_seconds(
     """
     seconds = stamps * TIME_UNITS[unit]
     steps = np.diff(seconds)
-    others = [one for one in TIME_UNITS if one != unit and not certain]
-    fitting = [one for one in others if fits(stamps * TIME_UNITS[one], rates)]
-    hint = f'write time_unit = "{fitting[0]}", which fits' if fitting else ""
-    is_right = "is time the right column?"
     if back := np.flatnonzero(steps < 0.0).tolist():
         k = back[0]
         raise LogFormatError(
             f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
-            f"{seconds[k + 1]:.6f} s in row {rows[k + 1]}; {is_right}"
+            f"{seconds[k + 1]:.6f} s in row {rows[k + 1]}; {IS_RIGHT}"
         )
-    middle = float(np.median(seconds))
+    hint = partial(_hint, stamps, "" if certain else unit, rates)
+    middle = float(seconds[len(seconds) // 2])
     if not EARLIEST <= middle <= LAST_DATE:
         raise LogFormatError(
             f"{where}: the stamps are about {middle:.3g} s in the {unit} of the mapping, "
-            f"{'before 1970' if middle < 0 else 'beyond any date (2106)'}: {hint or is_right}"
+            f"{'before 1970' if middle < 0 else 'beyond any date (2106)'}: {hint() or IS_RIGHT}"
         )
     k = int(np.argmax(steps))
     if steps[k] > LONGEST_GAP:
+        why = hint()
         raise LogFormatError(
             f"{where}: row {rows[k + 1]} is {_duration(steps[k])} after row {rows[k]}; if one of "
-            "the two has a wrong stamp, leave it out" + f"; or {hint}" * bool(hint)
+            "the two has a wrong stamp, leave it out" + f"; or {why}" * bool(why)
         )
     rate = _rate(steps)
     if rate > rates.largest:
         raise LogFormatError(
             f"{where}: {rate:.6g} rows a second in the {unit} of the mapping, more than any "
-            f"instrument has: {hint or is_right}"
+            f"instrument has: {hint() or IS_RIGHT}"
         )
-    if rate < rates.likely[0] / SLOWER and fitting:
+    if rate < rates.likely[0] / SLOWER and (why := hint()):
         raise LogFormatError(
-            f"{where}: {rate:.3g} rows a second in the {unit} of the mapping, too few: {hint}"
+            f"{where}: {rate:.3g} rows a second in the {unit} of the mapping, too few: {why}"
         )
     return seconds
 
 
 def continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[Array, list[str]]:
-    """Return stamps without the steps back of a counter that began anew, and notes."""
+    """Return stamps without the steps back of a counter that began anew, and notes. Other steps
+    back are left for the judgement of all.
+    """
     steps = np.diff(stamps)
     back = np.flatnonzero(steps < 0.0)
-    ahead = steps[steps > 0.0]
-    if not len(back) or not len(ahead):
+    if not len(back) or not (median := _usual(steps)):
         return stamps, []
-    median = float(np.median(ahead))
-    for bits in COUNTER_BITS:
-        for scale in (1.0, *TIME_UNITS.values()):
-            period = 2.0**bits * scale
-            over = steps[back] + period
-            least = -period / 2.0 if stamps.min() < 0.0 else 0.0  # of a signed counter
-            inside = least <= stamps.min() and stamps.max() < least + period
-            if inside and (over > 0.0).all() and (over <= AT_WRAP * median).all():
-                found = stamps.copy()
-                for k in back:
-                    found[k + 1 :] += period
-                first = rows[back[0] + 1]
-                return found, [
-                    f"{where}: the stamps are a counter of {bits} bits, which begins anew in row "
-                    f"{first}: continued there"
-                ]
-    return stamps, []
+    wraps, counter = back[:0], (0, 0.0)
+    for bits, scale in itertools.product(COUNTER_BITS, (1.0, *TIME_UNITS.values())):
+        period = 2.0**bits * scale
+        over = steps[back] + period
+        least = -period / 2.0 if stamps.min() < 0.0 else 0.0  # of a signed counter
+        inside = least <= stamps.min() and stamps.max() < least + period
+        fitting = back[(over > 0.0) & (over <= AT_WRAP * median)]
+        if inside and len(fitting) > len(wraps):
+            wraps, counter = fitting, (bits, period)
+    if not len(wraps):
+        return stamps, []
+    found = stamps.copy()
+    for k in wraps:
+        found[k + 1 :] += counter[1]
+    return found, [
+        f"{where}: the stamps are a counter of {counter[0]} bits, which begins anew in row "
+        f"{rows[wraps[0] + 1]}: continued there"
+    ]
 
 
 def without_strays(
@@ -136,7 +139,7 @@ def without_strays(
     """
     kept = np.ones(len(stamps), bool)
     steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    usual = _usual(steps)
     odd = np.flatnonzero((steps < 0.0) | (steps > AT_WRAP * usual))
     if len(odd) > STRAYS * len(stamps) + 2:
         return kept, []
@@ -156,6 +159,13 @@ def without_strays(
     ]
 
 
+def _hint(stamps: Array, unit: str, rates: Rates) -> str:
+    """Return which unit fits other than `unit`; empty if none does, or `unit` is."""
+    others = [one for one in TIME_UNITS if unit and one != unit]
+    found = next((one for one in others if fits(stamps * TIME_UNITS[one], rates)), "")
+    return found and f'write time_unit = "{found}", which fits'
+
+
 def fits(seconds: Array, rates: Rates) -> bool:
     """Return whether stamps in s can be those of a flight."""
     steps = np.diff(seconds)
@@ -170,8 +180,14 @@ def fits(seconds: Array, rates: Rates) -> bool:
 
 def _rate(steps: Array) -> float:
     """Return the usual rate in Hz of rows with different stamps; 0 where there are none."""
+    usual = _usual(steps)
+    return 1.0 / max(usual, 1e-12) if usual else 0.0
+
+
+def _usual(steps: Array) -> float:
+    """Return the median of the steps ahead; 0 where there are none."""
     ahead = steps[steps > 0.0]
-    return 1.0 / max(float(np.median(ahead)), 1e-12) if len(ahead) else 0.0
+    return float(np.median(ahead, overwrite_input=True)) if len(ahead) else 0.0
 
 
 def _duration(seconds: float) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 
 Bytes = npt.NDArray[np.uint8]
 Numbers = npt.NDArray[np.int64]
@@ -26,10 +27,11 @@ PREDICTORS = range(12)
 """Places in `setting`: columns of iteration, time and motor 0 (-1: none), of how many iterations
 which are logged, and the numbers that predictors need."""
 (AT, WHOLE_TO, SEARCHES, STARTED, LAST_I, DAMAGED, ENDED, LAST_ITERATION, LAST_TIME,
- FIRST_ITERATION, FIRST_TIME) = range(11)  # fmt: skip
+ FIRST_ITERATION, FIRST_TIME, COUNT) = range(12)  # fmt: skip
 """Places in `state`: bytes read, and those of whole frames; whether an I frame is searched after a
-damage, whether there was one; the row of the last one; damages; whether the log's end was found."""
-STATES = 11
+damage, whether there was one; the row of the last one, -1 before; damages; whether the log's end
+was found; iteration and time of the last and the first frame; rows written."""
+STATES = 12
 INTRA, INTER, EVENT = b"IPE"
 LETTERS, OTHERS, END = tuple(b"IPSGHE"), tuple(b"SGH"), tuple(b"End of log")
 MASK = (1 << 32) - 1
@@ -330,46 +332,49 @@ def _kept(now: Numbers, count: int, setting: Numbers, state: Numbers) -> int:
 @compiled(nogil=True)
 def decode(
     data: Bytes,
+    stop: int,
     fields: Numbers,
     others: Numbers,
     setting: Numbers,
     state: Numbers,
     past: Numbers,
-    rows: npt.NDArray[np.int32],
-) -> int:
-    """Write the I and P frames of a log to `rows` until these are full; return their number.
+    columns: Numbers,
+    rows: Array,
+) -> None:
+    """Write fields of the I and P frames of a piece of a log to `rows`, until these are full.
 
     Args:
-        data: the log behind its header.
+        data: the piece, behind the log's header.
+        stop: where the next piece begins at the latest; up to it all frames are whole.
         fields: (5, K): signed, predictor and encoding of I, of P frames.
         others: (3, L): encodings of S, G and H frames, NOTHING behind the last one.
         setting, state: as the constants name their places; the state is changed.
         past: (3, L), L of at least K and 8: the last two frames, and space; changed.
-        rows: (N, K).
+        columns: (M,): the fields to write.
+        rows: (N, M), of all pieces.
     """
-    count = 0
-    state[LAST_I] = -1
-    cursor = np.zeros(2, np.int64)
-    width = fields.shape[1]
-    now, spare = np.zeros(width, np.int64), np.zeros(others.shape[1], np.int64)
-    while state[AT] < len(data) and count < len(rows) and not state[ENDED]:
-        letter = data[state[AT]]
+    count, now = state[COUNT], np.zeros(fields.shape[1], np.int64)
+    cursor, spare = np.zeros(2, np.int64), np.zeros(others.shape[1], np.int64)
+    while state[AT] < stop and count < len(rows) and not state[ENDED]:
+        letter, good = data[state[AT]], False
         cursor[0], cursor[1] = state[AT] + 1, 0
-        good = False
         if letter == INTRA or (letter == INTER and not state[SEARCHES]):
             good = _main_frame(data, cursor, fields, setting, state, past, now=now)
             if good and letter == INTRA:
                 count = _kept(now, count, setting, state)
                 state[LAST_I], state[STARTED], state[SEARCHES] = count, 1, 0
-                past[1, :width] = now
+                past[1, : len(now)] = now
             if good and state[STARTED]:
                 if letter == INTER:
                     past[1] = past[0]
-                past[0, :width] = now
-                rows[count] = now
+                past[0, : len(now)] = now
+                for k in range(len(columns)):
+                    rows[count, k] = now[columns[k]]
                 count += 1
-                state[LAST_ITERATION] = now[setting[ITERATION]]
-                state[LAST_TIME] = now[setting[TIME]]
+                state[LAST_ITERATION], state[LAST_TIME] = (
+                    now[setting[ITERATION]],
+                    now[setting[TIME]],
+                )
         elif letter == EVENT:
             _event(data, cursor, state)
             good = state[ENDED] != 0 or (
@@ -383,8 +388,7 @@ def decode(
         if good:
             state[AT] = state[WHOLE_TO] = cursor[0]
         else:
-            if not state[SEARCHES]:
-                state[DAMAGED] += 1
-                state[SEARCHES] = 1
+            state[DAMAGED] += 1 - state[SEARCHES]
+            state[SEARCHES] = 1
             state[AT] += 1
-    return count
+    state[COUNT] = count

@@ -9,11 +9,13 @@ numbers. The last 4 bytes are a CRC-32 of everything before.
 from __future__ import annotations
 
 import struct
+from array import array
 from collections import defaultdict
 from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from extensions.importers.readers.tables import FileTables
 from quadrotor.errors import LogFormatError
@@ -41,7 +43,7 @@ class CrazyflieTables(FileTables):
             ) from None
         whole = len(data) > 9 and crc32(data[:-4]) == int.from_bytes(data[-4:], "little")
         end = len(data) - 4 if whole else len(data)
-        places: dict[int, list[int]] = defaultdict(list)
+        places: dict[int, array[int]] = defaultdict(lambda: array("q"))
         sizes = {number: kind.itemsize for number, (_, kind) in kinds.items()}
         at = start
         while at < end:
@@ -57,7 +59,9 @@ class CrazyflieTables(FileTables):
             self.torn = f"there is no event at byte {at} of {len(data)}"
         raw = np.frombuffer(data, np.uint8)
         self._rows = {
-            kinds[number][0]: raw[np.array(found)[:, None] + np.arange(sizes[number])]
+            kinds[number][0]: sliding_window_view(raw, sizes[number])[
+                np.frombuffer(found, np.int64)
+            ]
             .view(kinds[number][1])
             .reshape(-1)
             for number, found in places.items()
@@ -71,8 +75,10 @@ class CrazyflieTables(FileTables):
 
     def read(self, table: str, names: list[str]) -> Array:
         rows = self._rows[table]
-        found = [rows[one].astype(np.float64) * (self._unit if one == TIME else 1) for one in names]
-        return np.stack(found, axis=1)
+        found = np.stack([rows[one] for one in names], axis=1, dtype=np.float64)
+        if TIME in names:
+            found[:, names.index(TIME)] *= self._unit
+        return found
 
 
 def _kinds(data: bytes) -> tuple[dict[int, tuple[str, np.dtype[np.void]]], int, float]:

@@ -18,12 +18,19 @@ class JoinedTables(FileTables):
     def __init__(self, sources: Sequence[Source]) -> None:
         super().__init__(sources[0].path)
         self._sources = list(sources)
-        self.epoch_ns, self.units = sources[0].epoch_ns, sources[0].units
-        self.torn = next((f"{one.path.name}: {one.torn}" for one in sources if one.torn), "")
+        self.units = sources[0].units
         self.events = [event for one in sources for event in one.events]
-        self.notes = [note for one in sources for note in one.notes]
         for one in sources:
             self.unreadable |= one.unreadable
+        self._update()
+
+    def _update(self) -> None:
+        """Take over what the files know about themselves, some of it only when they are read."""
+        first, found = self._sources[0], self._sources
+        self.epoch_ns = first.epoch_ns
+        self.torn = next((f"{one.path.name}: {one.torn}" for one in found if one.torn), "")
+        for note in (note for one in found for note in one.notes):
+            self.note(note)
 
     def tables(self) -> list[str]:
         return list(dict.fromkeys(name for one in self._sources for name in one.tables()))
@@ -33,7 +40,9 @@ class JoinedTables(FileTables):
         return [name for name in first if all(name in one for one in others)]
 
     def read(self, table: str, names: list[str]) -> Array:
-        return np.concatenate([one.read(table, names) for one in self._having(table)])
+        found = np.concatenate([one.read(table, names) for one in self._having(table)])
+        self._update()
+        return found
 
     def remainders(self, table: str, name: str) -> Array | None:
         found = [one.remainders(table, name) for one in self._having(table)]

@@ -42,7 +42,9 @@ class Source(Protocol):
     def columns(self, table: str) -> list[str]: ...
 
     def read(self, table: str, names: list[str]) -> Array:
-        """Return (N, len(names)), NaN where a number is missing. Raises LogFormatError."""
+        """Return (N, len(names)), NaN where a number is missing; the caller may change it. What is
+        wrong with the rows may be known, and noted, only now. Raises LogFormatError.
+        """
         ...
 
     def remainders(self, table: str, name: str) -> Array | None:
@@ -83,6 +85,11 @@ class FileTables:
     def opened(cls, path: Path, _: Collection[str]) -> FileTables:
         """Return the file; all its tables can be read. Raises LogFormatError or StorageError."""
         return cls(path)
+
+    def note(self, text: str) -> None:
+        """Add a note, once however often a table is read."""
+        if text not in self.notes:
+            self.notes.append(text)
 
     def tables(self) -> list[str]:
         return [""]

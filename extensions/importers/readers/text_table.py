@@ -38,7 +38,8 @@ MARKS = {
 """Encodings by the byte order mark; a longer mark before one with which it begins."""
 NAME_LINES = 8
 """Largest number of lines over which names in quotation marks extend."""
-UNIT = re.compile(r"(?P<name>.*\S)(?P<space>\s*)[\[(](?P<unit>[^\])]*)[\])]")
+BRACKETS = "[](){}<>"  # around a unit
+UNIT = re.compile(r"(?P<name>.*\S)(?P<space>\s*)[\[({<](?P<unit>[^\])}>]*)[\])}>]")
 """A column's name with its unit behind it, in brackets."""
 
 
@@ -104,7 +105,7 @@ class TextTable(FileTables):
                         dates.add(name)
         self.units |= dict.fromkeys(dates, "s")
         if cells.zoneless:
-            self.notes.append(f"{self.path.name}: its dates have no zone: they are taken as UTC")
+            self.note(f"{self.path.name}: its dates have no zone: they are taken as UTC")
         return np.frombuffer(values, dtype=np.float64).reshape(-1, len(wanted))
 
     def remainders(self, table: str, name: str) -> Array:
@@ -274,15 +275,21 @@ def _is_of_numbers(row: Sequence[str], *, only: bool) -> bool:
 
 
 def _is_unit(text: str) -> bool:
-    return is_missing(text) or unit_of(text.strip("[]()")) is not None
+    return is_missing(text) or unit_of(text.strip(BRACKETS)) is not None
+
+
+def _repeats(row: Sequence[str]) -> bool:
+    """Return whether a word is there twice, as in a row of units, also of unknown ones."""
+    return len(set(filter(None, row))) < len(list(filter(None, row)))
 
 
 def _names(head: Head) -> tuple[list[str], dict[str, str]]:
     """Return the names of the columns, and their units as far as the header tells them."""
     fitting = head.names
     units = [""] * head.width
-    if len(fitting) == 2 and all(map(_is_unit, fitting[-1])):
-        units = [one.strip("[]()") for one in fitting.pop()]
+    are_units = all(map(_is_unit, fitting[-1])) if fitting else False
+    if len(fitting) == 2 and (are_units or _repeats(fitting[1]) > _repeats(fitting[0])):
+        units = [one.strip(BRACKETS) for one in fitting.pop()]
     if not fitting:
         return [str(k) for k in range(head.width)], {}
     names = list(fitting[-1])

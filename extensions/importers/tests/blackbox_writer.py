@@ -64,9 +64,14 @@ def header(
     return out
 
 
-def flight_log(rows: Sequence[Sequence[int]], **lines: Any) -> bytes:
-    """Return a log of rows of FLIGHT, whose first column counts from 0: an I frame and 31 P."""
-    out = header(FLIGHT, [(0, 1), (0, 1), *[(0, 0)] * 6], **lines)
+def flight_log(rows: Sequence[Sequence[int]], others: int = 0, **lines: Any) -> bytes:
+    """Return a log of rows of FLIGHT, whose first column counts from 0: an I frame and 31 P.
+
+    Args:
+        others: number of further fields, 0 throughout, a byte each.
+    """
+    names = [*FLIGHT, *(f"axisP[{k}]" for k in range(others))]
+    out = header(names, [(0, 1), (0, 1), *[(0, 0)] * (len(names) - 2)], **lines)
     for k, row in enumerate(rows):
         if k % 32 == 0:
             out += b"I" + unsigned(row[0]) + unsigned(row[1]) + b"".join(map(signed, row[2:]))
@@ -75,4 +80,5 @@ def flight_log(rows: Sequence[Sequence[int]], **lines: Any) -> bytes:
             before = rows[k - 2] if k % 32 > 1 else last
             out += b"P" + signed(row[1] - 2 * last[1] + before[1])
             out += b"".join(signed(x - y) for x, y in zip(row[2:], last[2:], strict=True))
+        out += bytes(others)
     return out + END

@@ -248,3 +248,36 @@ def test_logs_are_found_across_the_pieces_that_are_searched(
     tables = opened(tmp_path, 3 * one, "3")
     assert tables.flights == ["1", "2", "3"]
     assert len(tables.read("3", ["time"])) == 100
+
+
+def test_a_log_is_decoded_in_pieces_as_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = flight_log(ROWS[:500])
+    damaged = whole[: len(whole) // 2] + whole[len(whole) // 2 + 9 :]
+    for number, data in enumerate((whole, damaged, whole[:-40])):
+        (tmp_path / str(number)).mkdir()
+        log = opened(tmp_path / str(number), data)
+        at_once, notes, torn = numbers(log), log.notes, log.torn
+        with monkeypatch.context() as small:
+            small.setattr("extensions.importers.readers.blackbox.PIECE", 600)
+            small.setattr("extensions.importers.readers.blackbox.LONGEST_FRAME", 200)
+            log = opened(tmp_path / str(number), data)
+            assert numbers(log).tolist() == at_once.tolist()
+            assert (log.notes, log.torn) == (notes, torn)
+
+
+def test_a_log_of_more_frames_than_memory_is_for_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("extensions.importers.readers.blackbox.MOST_VALUES", 100 * len(FLIGHT))
+    assert len(numbers(opened(tmp_path, flight_log(ROWS[:100])))) == 100
+    with pytest.raises(LogFormatError, match="log 1 has more than 100 frames"):
+        numbers(opened(tmp_path, flight_log(ROWS[:101])))
+
+
+def test_the_end_of_one_of_several_parts_is_missed(tmp_path: Path) -> None:
+    for name, rows in (("a", ROWS[:100]), ("b", ROWS[128:300])):
+        (tmp_path / f"{name}.bbl").write_bytes(flight_log(rows)[:-30])
+    with pytest.raises(LogFormatError, match=r"a\.bbl: it ends within a frame"):
+        read_flight(tmp_path / "a.bbl", more=[tmp_path / "b.bbl"])

@@ -16,7 +16,12 @@ from extensions.importers.importing import read_flight
 from extensions.importers.readers.cells import Cells
 from extensions.importers.readers.formats import format_of
 from extensions.importers.tests.bag_writer import write_bag
-from extensions.importers.tests.foreign_flight import make_flight
+from extensions.importers.tests.foreign_flight import (
+    columns_of,
+    make_flight,
+    write_csv,
+    write_mapping,
+)
 from quadlab.__main__ import main
 from quadrotor.errors import LogFormatError
 from quadrotor.extension import Importer
@@ -265,3 +270,33 @@ def test_a_format_is_recognised_by_a_pattern_after_all_beginnings(tmp_path: Path
 def test_dates_of_other_forms_are_refused_with_the_form_that_is_read(text: str) -> None:
     with pytest.raises(ValueError, match="another form than is read: write it like 2026-"):
         Cells().number(text)
+
+
+@pytest.mark.parametrize(
+    "units", ["{s},{rad/s},{rad/s},{rad/s},{m/s2},{m/s2},{m/s2}", "sec.,r,r,r,x,x,x"]
+)
+def test_a_row_of_units_in_braces_or_of_unknown_ones_names_no_columns(
+    tmp_path: Path, units: str
+) -> None:
+    names, *rows = lines_of([f"{one:.3f}" for one in SECONDS]).splitlines(keepends=True)
+    found = imported(tmp_path, "".join([names, units + "\n", *rows]))
+    assert len(found.imu.stamps_ns) == 200
+
+
+def test_a_column_without_any_number_is_named(tmp_path: Path) -> None:
+    names, *rows = lines_of([f"{one:.3f}" for one in SECONDS]).splitlines(keepends=True)
+    cells = [one.split(",") for one in rows]
+    text = names + "".join(",".join([*one[:2], "", *one[3:]]) for one in cells)
+    with pytest.raises(LogFormatError, match=r"there is no number in wy$"):
+        imported(tmp_path, text)
+
+
+def test_an_attitude_beyond_any_scale_is_left_out(tmp_path: Path) -> None:
+    columns = columns_of(make_flight(seconds=3.0))
+    columns["qx"][100] = 1e200
+    write_mapping(tmp_path / "m.toml", 'angular_velocity_unit = "rad/s"')
+    path = write_csv(tmp_path / "flight.csv", columns)
+    found = read_flight(path, str(tmp_path / "m.toml"))
+    assert found.truth is not None
+    assert len(found.truth.stamps_ns) == len(columns["t"]) - 1
+    assert any("quaternion: 1 of 300 rows" in note and "row 101" in note for note in found.notes)

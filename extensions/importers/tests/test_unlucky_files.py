@@ -483,6 +483,15 @@ def test_a_step_back_is_a_counter_only_where_it_has_all_values() -> None:
         assert len(notes) == 1
 
 
+def test_a_counter_is_continued_beside_a_real_step_back() -> None:
+    wrapped = np.mod(2.0**32 - 1500.0 + 10.0 * np.arange(300.0), 2.0**32)
+    wrapped[200:] -= 400.0
+    found, [note] = continued(wrapped, np.arange(1, 301), "f")
+    assert "begins anew in row 151" in note
+    assert np.flatnonzero(np.diff(found) != 10.0).tolist() == [199]
+    assert np.diff(found)[199] == -390.0
+
+
 def test_a_numpy_file_whose_head_ends_within_brackets_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "flight.npy"
     np.save(path, np.zeros((3, 2)))
