@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +49,7 @@ class Beacons:
     def __init__(self, ids: npt.ArrayLike, positions_w: npt.ArrayLike) -> None:
         of_all = _checked_ids(ids)
         places = _checked_positions(positions_w, of_all)
-        arrays: tuple[npt.NDArray[Any], ...] = (of_all, places, *_plane(places))
+        arrays: tuple[npt.NDArray[np.generic], ...] = (of_all, places, *_plane(places))
         for name, array in zip(("ids", "positions_w", "center_w", "normal_w"), arrays, strict=True):
             array.flags.writeable = False
             object.__setattr__(self, name, array)

@@ -289,7 +289,7 @@ def field_at(data: Bytes, places: Places, offset: int, dtype: str) -> npt.NDArra
     kind = np.dtype(dtype)
     if len(places) == 0:
         return np.zeros(0, kind)
-    stands: npt.NDArray[Any] = np.ndarray(
+    stands: npt.NDArray[np.generic] = np.ndarray(
         (len(data) - kind.itemsize + 1,), kind, data.data, strides=(1,)
     )
     return stands[places + offset]

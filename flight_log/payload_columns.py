@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,7 @@ from flight_log.payload_layout import PayloadLayout, SchemaLayouts
 from quadrotor.errors import LogFormatError
 from vehicle_link.messages import definition, ros_name
 
-Column = npt.NDArray[Any]
+Column = npt.NDArray[np.generic]
 MOST_LAYOUTS = 100
 """Number of layouts kept of each size of a payload; beyond them the oldest is given up."""
 

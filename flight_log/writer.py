@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -42,7 +42,7 @@ class Batch(NamedTuple):
 
     topic: str
     type_name: str
-    payloads: npt.NDArray[Any]  # (N,), an item's bytes are the payload in CDR
+    payloads: npt.NDArray[np.generic]  # (N,), an item's bytes are the payload in CDR
     log_ns: npt.NDArray[np.int64]  # (N,), ns of reception
     publish_ns: npt.NDArray[np.int64]  # (N,), ns, the source's stamp
 

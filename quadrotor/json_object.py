@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -10,4 +10,4 @@ if TYPE_CHECKING:
     Json = None | bool | int | float | str | Sequence["Json"] | Mapping[str, "Json"]
     JsonObject = Mapping[str, Json]
 else:  # FastAPI needs a type that it can describe
-    JsonObject = dict[str, Any]
+    JsonObject = dict[str, object]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import Engine, event
 
@@ -73,6 +72,6 @@ class DatabaseFile:
             return None
         return found.st_dev, found.st_ino
 
-    def _look(self, *_: Any) -> None:
+    def _look(self, *_: object) -> None:
         if gone := self._gone():
             raise StorageError(gone)

@@ -6,7 +6,6 @@ A rotor's turns per second follow from its thrust by the propeller's static coef
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -77,7 +76,7 @@ def density_of(rate: float, values: Array) -> dict[str, list[float]]:
 
 def spectrogram_of(
     rate: float, values: Array, first: float, turns: Sequence[tuple[Array, Array]], most: int
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return a signal's density over time and frequency, as `density_of` does: `times` (T,) in s,
     `frequency` (M,) in Hz, `density` (T, M), and `rotors`, their frequencies (4, T).
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from typing import Any
 
 from console.evaluation.result import PASSED
 from console.experiment_running import state as phases
@@ -43,7 +42,7 @@ class ExperimentStatusPublisher:
     def say(self, level: int, line: str) -> None:
         self._outbox.say(level, line)
 
-    def set(self, **fields: Any) -> None:
+    def set(self, **fields: object) -> None:
         """Set fields of the state, and publish it when they have changed."""
         with self.lock:
             changed = any(getattr(self.state, name) != value for name, value in fields.items())

@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -59,7 +58,7 @@ class Judgement:
     source: str = ""
     metrics: dict[str, float] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
-    options: dict[str, Any] = field(default_factory=dict)
+    options: dict[str, object] = field(default_factory=dict)
     flight: dict[str, float] = field(default_factory=dict)
     windows: Spans = field(default_factory=list)
     proposal: CalibrationRecord | None = None
@@ -254,7 +253,7 @@ def _proposed(log: RunLog, out: Judgement, experiment: object) -> None:
         out.source = f"{out.source}; no calibration: {error}"
 
 
-def _numbers(values: Any) -> dict[str, float]:
+def _numbers(values: object) -> dict[str, float]:
     if not isinstance(values, Mapping):
         return {}
     return {

@@ -34,7 +34,7 @@ def read_result(log: Path) -> dict[str, Any]:
     """
     path = report_folder(log) / RESULT
     try:
-        result: dict[str, Any] = json.loads(path.read_text())
+        result: dict[str, object] = json.loads(path.read_text())
     except FileNotFoundError:
         raise StorageError(
             f"run {log.stem} has no report: no experiment was judged on it"
@@ -53,7 +53,7 @@ def report_file(log: Path, name: str) -> Path:
     return path
 
 
-def write_result(log: Path, content: dict[str, Any]) -> None:
+def write_result(log: Path, content: dict[str, object]) -> None:
     """Write the result atomically; the folder must exist. Raises OSError."""
     with replacing(report_folder(log) / RESULT) as path:
         path.write_text(json.dumps(content, indent=1))

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any
 
 from console.catalogue.catalogue import Catalogue, run_name
 from console.catalogue.completeness import Completeness, store_completeness
@@ -188,7 +187,7 @@ class RunManager:
 
     def _attachments(self) -> dict[str, bytes]:
         values, revision, problem = self._vehicle_parameters.snapshot()
-        content: dict[str, Any] = {
+        content: dict[str, object] = {
             "vehicle": values,
             "vehicle_revision": revision,
             "station": self._store.values(),

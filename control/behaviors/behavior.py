@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, ClassVar, Self, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -95,7 +95,7 @@ class Behavior:
     name: ClassVar[BehaviorName]
     arguments: ClassVar[type[Parameters]] = NoArguments
 
-    def __init__(self, context: Context, arguments: Any) -> None:
+    def __init__(self, context: Context, arguments: object) -> None:
         """Start from the present reference.
 
         Raises RefusedError when the arguments lead to a forbidden place.

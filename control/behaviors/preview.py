@@ -9,7 +9,6 @@ import os
 import select
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import Any
 
 from control.behaviors.demands import Preview
 from quadrotor.errors import QuadlabError
@@ -54,7 +53,7 @@ def preview(
     return Preview([(x, y, z) for x, y, z in path.tolist()], trajectory.duration, speed, refusal)
 
 
-def previews(orders: int, report: Callable[[Any], None]) -> None:
+def previews(orders: int, report: Callable[[object], None]) -> None:
     """Report {"preview": …} or {"error": [class, text]} for each line of JSON with the arguments of
     `preview` that arrives on this file descriptor, until it is closed or silent for IDLE.
     """

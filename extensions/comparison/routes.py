@@ -58,7 +58,7 @@ def as_json(message: EstimatorComparison) -> dict[str, Any]:
     }
 
 
-def _estimator(one: EstimatorResult) -> dict[str, Any]:
+def _estimator(one: EstimatorResult) -> dict[str, object]:
     """Return an estimator's figures in a fixed order, because names would be most of the bytes.
 
     They are the position error now, its rms and maximum over the last 10 s, the rms of the attitude

@@ -7,7 +7,7 @@ their operation in `op`; binary messages begin with one byte that names it.
 from __future__ import annotations
 
 import struct
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
@@ -108,7 +108,7 @@ def answer_frame(call: Call, payload: bytes) -> bytes:
     return _CALL.pack(3, call.service, call.id, len(encoding)) + encoding + payload
 
 
-def text(op: str, **fields: Any) -> str:
+def text(op: str, **fields: object) -> str:
     """Return a text message of this operation; fields that are None are left out."""
     given = {name: value for name, value in fields.items() if value is not None}
     return _encode({"op": op, **given}).decode()

@@ -8,7 +8,7 @@ import uuid
 from collections.abc import Coroutine
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import urlencode, urlsplit
 
 from fastapi import FastAPI, Request, WebSocket
@@ -171,7 +171,7 @@ class _Conversation:
         else:
             self._client.tell(protocol.answer_frame(call, payload))
 
-    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+    def _begin(self, work: Coroutine[object, object, None]) -> None:
         """Run a request in parallel. Raises ValueError if too many are in progress."""
         if len(self._tasks) >= AT_ONCE:
             work.close()

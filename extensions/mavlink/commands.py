@@ -92,7 +92,7 @@ def wanted_of(message: MAVLink_message, origin: Origin) -> Wanted | None:
     return None
 
 
-def behavior(name: str, **arguments: Any) -> Wanted:
+def behavior(name: str, **arguments: object) -> Wanted:
     """Return the request of a behavior."""
     return "start_behavior", {"name": name, "arguments": arguments}
 

@@ -13,7 +13,6 @@ import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from extensions.mavlink.dialect import MAVLink_message
 from extensions.mavlink.peer import BYTES_A_SECOND, GONE, SYSTEM, Address, Peer
@@ -91,7 +90,7 @@ class Link:
         self._unsigned = unsigned
         self._key = hashlib.sha256(passphrase.encode()).digest() if passphrase else b""
         self._say, self._has_left = say, has_left
-        self._timestamps: dict[Any, int] = {}  # of signatures, by stream
+        self._timestamps: dict[object, int] = {}  # of signatures, by stream
         self._peers: dict[tuple[int, Address], Peer] = {}
         self._sockets: list[socket.socket] = []
         self._doors: list[socket.socket] = []  # those that accept connections

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from extensions.mavlink.dialect import MAVLink_message, mavlink
 from extensions.mavlink.frames import Vector
@@ -34,7 +33,7 @@ class MissionFlight:
         who: str,
         steps: Sequence[Step],
         vehicle: Vehicle,
-        ask: Callable[[str, dict[str, Any], Callable[[str], None]], None],
+        ask: Callable[[str, dict[str, object], Callable[[str], None]], None],
         tell: Callable[[MAVLink_message], None],
         say: Callable[[str], None],
     ) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from control.behaviors.way_points import COUNT_MAX
 from extensions.mavlink.commands import world_point
@@ -31,7 +30,7 @@ class Step:
     """One behavior of a mission; `points` are its way-points in the world, by item."""
 
     behavior: str
-    arguments: dict[str, Any]
+    arguments: dict[str, object]
     points: dict[int, Vector]
 
 

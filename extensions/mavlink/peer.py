@@ -6,7 +6,6 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any
 
 from extensions.mavlink.dialect import MAVLink_message, mavlink
 from quadrotor.errors import StorageError
@@ -73,7 +72,7 @@ class Peer:
             signing.timestamp = int((time.time() - SIGNING_EPOCH) * TENS_OF_MICROSECONDS)
         self.system, self.heard = 0, time.monotonic() if self.is_stream else -GONE
         self.due: dict[int, float] = {}
-        self.shown: Any = None
+        self.shown: object = None
         self.period: dict[int, float] = {}
         self.waiting: dict[str, Iterator[MAVLink_message]] = {}
         self._budget, self._filled = float(BYTES_A_SECOND), time.monotonic()

@@ -12,7 +12,6 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from extensions.replay.build import build_replay
 from extensions.replay.reader import Replay
@@ -85,7 +84,7 @@ def _run(replay: Replay, name: str, derived: Sequence[str]) -> str:
         _text(replay.window(kept[k : k + TOGETHER], 0.0, duration, POINTS))
         for k in range(0, len(kept), TOGETHER)
     ]
-    description: dict[str, Any] = {
+    description: dict[str, object] = {
         **described,
         "state": "ready",
         "id": name,

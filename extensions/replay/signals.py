@@ -7,7 +7,6 @@ computed from several columns has a derived column, `@` and its name, computed w
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from typing import Any
 
 from flight_log.run import Series
 from web.signals import NAMED_SOURCES
@@ -22,7 +21,7 @@ A value has the source, the names of its columns in this log, and the signal's p
 
 def signals_of(
     columns: Mapping[str, Collection[str]], members: Mapping[str, str]
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[dict[str, object]]:
     """Yield the signals of a log in the form for the page, with their column and its factor.
 
     `known` ones have a label and a unit, the others their path.

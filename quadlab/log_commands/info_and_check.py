@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
 from quadlab.option_types import Flag
@@ -76,7 +76,7 @@ def _share(finding: Finding) -> str:
     return f" ({100 * share:.0f} % of the evidence)" if 0.0 < share < 0.995 else ""
 
 
-def _described(found: LogSummary) -> dict[str, Any]:
+def _described(found: LogSummary) -> dict[str, object]:
     """Return the summary for JSON; times in s and ns, rates in Hz."""
     topics = {
         name: {

@@ -8,7 +8,7 @@ enforces this on board and denies without an answer, so a vehicle serves `whoami
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from vehicle_link.topics.table import TOPICS
 
@@ -40,7 +40,7 @@ _DOWN = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
 _UP = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
 
 
-def access_control() -> dict[str, Any]:
+def access_control() -> dict[str, object]:
     """Return the vehicle's access control for Zenoh; other certificates have no rights."""
     topics = [row.name for row in TOPICS.values() if row.sender == "vehicle"]
     open_to_all = [*(f"*/*/{name}/**" for name in (*topics, *READ_ONLY_SERVICES)), _TOKENS]
@@ -64,7 +64,7 @@ def access_control() -> dict[str, Any]:
 
 def _rule(
     name: str, messages: tuple[str, ...], flows: tuple[str, ...], keys: list[str]
-) -> dict[str, Any]:
+) -> dict[str, object]:
     return {
         "id": name,
         "permission": "allow",

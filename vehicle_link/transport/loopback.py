@@ -6,7 +6,7 @@ import json
 import os
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError
 from vehicle_link.addresses import LOOPBACK
@@ -41,7 +41,7 @@ def loopback_session(loopback_port: int, timeout: float = 5.0) -> zenoh.Session:
     """
     os.environ.setdefault("ZENOH_RUNTIME", ONE_RECEIVER)
     connect = {"endpoints": [f"tcp/{LOOPBACK}:{loopback_port}"], **RETRY}
-    config: dict[str, Any] = {
+    config: dict[str, object] = {
         "mode": "client",
         "connect": {**connect, "timeout_ms": round(1000 * timeout), "exit_on_failure": True},
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
@@ -56,7 +56,7 @@ def loopback_session(loopback_port: int, timeout: float = 5.0) -> zenoh.Session:
         ) from error
 
 
-def open_session(config: dict[str, Any], place: str) -> zenoh.Session:
+def open_session(config: dict[str, object], place: str) -> zenoh.Session:
     import zenoh
 
     try:

@@ -129,7 +129,7 @@ def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") 
     of an end of the radio link.
     """
     attempt = round(1e3 * OPEN_S)
-    link: dict[str, Any] = {
+    link: dict[str, object] = {
         "tx": {
             "lease": 1500,
             "keep_alive": 8,

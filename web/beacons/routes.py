@@ -7,7 +7,7 @@ like that of every parameter: station and vehicle check it, and refuse it with a
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 from fastapi import FastAPI, Query, Request
@@ -103,13 +103,13 @@ def add_beacons(app: FastAPI, context: VehicleContext) -> None:
     def tell_view() -> None:
         context.hub.publish({"type": "beacon_view", **view()})
 
-    def view() -> dict[str, Any]:
+    def view() -> dict[str, object]:
         return {"view": asdict(shown.view), "legend": shown.legend()}
 
     shown.on_legend = tell_view
 
     @app.get("/api/beacons")
-    async def beacons() -> dict[str, Any]:
+    async def beacons() -> dict[str, object]:
         """Return the confirmed layout, all presets, the shared view and the gains.
 
         The layout is null until it has been read. The view has its legend; `gains` are the presets
@@ -143,7 +143,7 @@ def add_beacons(app: FastAPI, context: VehicleContext) -> None:
         name: Annotated[
             str, Query(max_length=100, description="name of the CSV file in refusals")
         ] = "file",
-    ) -> dict[str, Any]:
+    ) -> dict[str, object]:
         """Set a new layout, all or nothing.
 
         The answer is 422 if the body is not a layout (for a CSV file with line and column), and 409
@@ -156,7 +156,7 @@ def add_beacons(app: FastAPI, context: VehicleContext) -> None:
         return {"layout": confirmed, "beacons": rows_of(parse_layout(confirmed))}
 
     @app.put("/api/beacons/view")
-    async def show(body: ViewBody, _: Operator) -> dict[str, Any]:
+    async def show(body: ViewBody, _: Operator) -> dict[str, object]:
         """Change how the 3D view shows beacons and estimates.
 
         The view is shared by all pages, which are notified. `legend` is the scale of the bound map,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
-from typing import Any, Literal
+from typing import Literal
 
 from fastapi import FastAPI, HTTPException
 
@@ -49,7 +49,7 @@ class Control:
         """Return whether this person has control or could take it by a command."""
         return self.holder in ("", label)
 
-    def summary(self) -> dict[str, Any] | None:
+    def summary(self) -> dict[str, object] | None:
         """Return who has control, for the page; None while the station does not report it."""
         status = self._live.current("control")
         if status is None:

@@ -81,7 +81,7 @@ class TrajectoryMonitor:
         self._started = (arguments, seen[1].duration if seen and seen[0] == arguments else None)
         self._began_ns = None
 
-    def summary(self) -> dict[str, Any] | None:
+    def summary(self) -> dict[str, object] | None:
         """Return the progress of the trajectory in flight, None without one that was started here.
 
         Its duration is None where its path was not computed for a preview.
@@ -128,7 +128,7 @@ class TrajectoryMonitor:
 
 def add_trajectories(app: FastAPI, monitor: TrajectoryMonitor) -> None:
     @app.post("/api/trajectories/preview")
-    async def show_preview(body: PreviewBody, _: Operator) -> dict[str, Any]:
+    async def show_preview(body: PreviewBody, _: Operator) -> dict[str, object]:
         """Draw a trajectory of follow_trajectory in the 3D view, and return its duration (s),
         its largest speed (m/s), and why the vehicle would refuse it, "" where it can fly it.
         """

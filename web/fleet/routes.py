@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from typing import Any
 
 from fastapi import FastAPI, WebSocket
 
@@ -23,12 +22,12 @@ PLOT_PERIOD = 0.1  # s between positions
 
 def add_fleet(app: FastAPI, fleet: Fleet) -> None:
     @app.get("/api/fleet")
-    async def vehicles() -> list[dict[str, Any]]:
+    async def vehicles() -> list[dict[str, object]]:
         """Return the state of each vehicle; ages in s, null = never."""
         return fleet.summary()
 
     @app.post("/api/fleet/land")
-    async def land(body: CommandBody, session: Asker) -> dict[str, Any]:
+    async def land(body: CommandBody, session: Asker) -> dict[str, object]:
         """Send an emergency landing to all vehicles whose motors are not known to be off.
 
         Any role may. The answer is sent once each vehicle has accepted or refused it.
@@ -49,7 +48,7 @@ async def _talk(socket: WebSocket, fleet: Fleet, *, plots: bool) -> None:
         loop = asyncio.get_running_loop()
         due = 0.0
         while True:
-            message: dict[str, Any] = {"positions": fleet.positions()} if plots else {}
+            message: dict[str, object] = {"positions": fleet.positions()} if plots else {}
             if loop.time() >= due:
                 due = loop.time() + PERIOD
                 message["vehicles"] = fleet.summary()

@@ -19,7 +19,6 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -111,7 +110,7 @@ def topic_of(name: str) -> str:
     return PLACES[expression_of(name).inputs[0] if is_expression(name) else name].topic
 
 
-def described_expression(text: str) -> dict[str, Any]:
+def described_expression(text: str) -> dict[str, object]:
     """Return the live derived signal of a text for the page. Raises OutOfBoundsError."""
     expression = expression_of(text)
     return expression.described(topic_of(expression.name))

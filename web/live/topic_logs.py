@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -85,7 +84,7 @@ class TickLog:
         places = np.flatnonzero(periods > LOST)
         return {begin + k + 1: round(periods[k]) - 1 for k in places.tolist()}
 
-    def values(self, name: str, first: int, last: int) -> npt.NDArray[Any]:
+    def values(self, name: str, first: int, last: int) -> npt.NDArray[np.generic]:
         """Return a column, named `TOPIC/COLUMN`, of the ticks `first` to `last` - 1."""
         topic, _, path = name.partition("/")
         records = self.records(topic, first, last)
@@ -118,7 +117,7 @@ class TickTopic:
     def time(self) -> Array:
         return self.log.time
 
-    def values(self, name: str, first: int, last: int) -> npt.NDArray[Any]:
+    def values(self, name: str, first: int, last: int) -> npt.NDArray[np.generic]:
         return self.log.values(f"{self._topic}/{name}", first, last)
 
 
@@ -167,7 +166,7 @@ class MessageLog:
         holes = np.flatnonzero(np.diff(self.time[begin:last]) > self._deadline)
         return dict.fromkeys((begin + 1 + holes).tolist(), 0)
 
-    def values(self, name: str, first: int, last: int) -> npt.NDArray[Any]:
+    def values(self, name: str, first: int, last: int) -> npt.NDArray[np.generic]:
         """Return a column of the messages `first` to `last` - 1."""
         member, _, path = name.rpartition("/")
         places = [f"estimators[{k}]." for k in range(MOST_MEMBERS)] if member else []

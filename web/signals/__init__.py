@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Set
 from dataclasses import asdict
 from functools import cache
-from typing import Any
 
 import msgspec
 
@@ -69,7 +68,7 @@ def topics_for(wanted: Set[str]) -> frozenset[str]:
     return its | topics_for(inputs) if inputs else its
 
 
-def describe() -> dict[str, Any]:
+def describe() -> dict[str, object]:
     """Return what the page needs to list and label the signals."""
     return {
         "signals": [asdict(signal) for signal in SIGNALS],

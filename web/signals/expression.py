@@ -11,7 +11,6 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -47,7 +46,7 @@ class Expression:
         """Return a function that computes the signal from its first sample on."""
         return self._root.start()
 
-    def described(self, topic: str) -> dict[str, Any]:
+    def described(self, topic: str) -> dict[str, object]:
         """Return the fields that the page needs; `topic` is the one whose times it has."""
         group = {"label": self.label, "unit": self.unit, "group": "derived", "topic": topic}
         return {"name": self.name, **group}
@@ -77,8 +76,8 @@ def parse(text: str, units: Mapping[str, str]) -> Expression:
 
 
 def answers(
-    texts: Iterable[str], describe: Callable[[str], dict[str, Any]]
-) -> list[dict[str, Any]]:
+    texts: Iterable[str], describe: Callable[[str], dict[str, object]]
+) -> list[dict[str, object]]:
     """Return what `describe` returns for each text, or what is wrong with it as `problem`."""
     found = []
     for text in texts:

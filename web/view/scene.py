@@ -11,7 +11,7 @@ import asyncio
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -122,7 +122,7 @@ class Scene:
         """Return whether a path that may be flown next is shown."""
         return bool(self._plan.visible)
 
-    def show_parameters(self, value: Callable[[str], Any]) -> None:
+    def show_parameters(self, value: Callable[[str], object]) -> None:
         """Show the flight volume and the keep-out boxes of these parameters."""
         if (box := flight_volume(value)) is not None:
             self.set_volume(box)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -143,7 +143,7 @@ def _values(search: Search, one: TrialRow) -> str:
     return ", ".join(f"{search.aggregate} {name} {value:.5g}" for name, value in named)
 
 
-def facts(found: SearchOutcome) -> dict[str, Any]:
+def facts(found: SearchOutcome) -> dict[str, object]:
     """Return the outcome of a search as JSON has it."""
     return {
         "aims": found.search.aims,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from quadrotor.errors import LogFormatError, QuadlabError
 from quadrotor.records import Array
 
-Column = npt.NDArray[Any]  # (N,), numbers as a file has them
+Column = npt.NDArray[np.generic]  # (N,), numbers as a file has them
 MAX_VALUES = 16_000_000
 """Largest number of values read from a table, 128 MB: half an hour of an IMU at 1000 Hz."""
 

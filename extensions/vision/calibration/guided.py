@@ -10,7 +10,7 @@ import base64
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from extensions.vision.tags.camera_calibration import CameraCalibration
 from extensions.vision.tags.charuco import Board
@@ -56,7 +56,7 @@ def guided(
 
 
 def calibrate_guided(
-    camera: int | str, board: Board, pace: float, report: Callable[[Any], None]
+    camera: int | str, board: Board, pace: float, report: Callable[[object], None]
 ) -> CameraCalibration:
     """Return a camera's intrinsics when the guide has enough, or at SIGTERM from what it has.
 

@@ -52,7 +52,7 @@ class Intrinsics:
         (fx, _, cx), (_, fy, cy), _ = self.matrix.tolist()
         return np.column_stack([fx * u + cx, fy * v + cy])
 
-    def save(self, path: Path, about: Mapping[str, Any] | None = None) -> None:
+    def save(self, path: Path, about: Mapping[str, object] | None = None) -> None:
         """Write the intrinsics to a file, and how they were found, which ROS's readers skip. Raises
         StorageError.
         """

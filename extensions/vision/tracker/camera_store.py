@@ -90,7 +90,7 @@ class CameraStore:
         return [_described(one) for one in (path, *earlier) if one.exists()]
 
 
-def _described(path: Path) -> dict[str, Any]:
+def _described(path: Path) -> dict[str, object]:
     try:
         lens, about = load_intrinsics(path), read_yaml(path, NEEDED).get(ABOUT)
     except QuadlabError as error:
