@@ -23,8 +23,8 @@ TURN, PUSH = (1.0, 3.0), (0.3, 0.75)
 """Least and largest limits in rad/s² and m/s² beside what the motors were commanded."""
 USUAL = 5.0
 """Multiple of a flight's usual changes that is the limit between those: gusts make them larger."""
-SIDEWAYS = 0.4
-"""Least horizontal force over the mass, in m/s²: gusts of the rough world reach 0.33."""
+LEAST = 0.55
+"""Least force over the mass, in m/s²: gusts of the rough world reach 0.53."""
 ALONE = (0.5, 1.2)
 """Least and largest limit in m/s² of what the poses alone show."""
 PRECISE = 0.3
@@ -138,7 +138,7 @@ def _forces(motion: Motion, pushed: Array, spans: Spans) -> Iterator[Finding]:
         worst = int(np.argmax(np.where(inside, both, 0.0)))
         x, y, z = excess[worst, 0]
         is_up = abs(z) > np.hypot(x, y)
-        if not is_up and both[worst] < SIDEWAYS:
+        if both[worst] < LEAST:
             continue
         yield _finding(
             kind="thrust_off" if is_up else "outside_force",
