@@ -63,7 +63,7 @@ def _torques(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[F
     given = [np.interp(time - lag, actuators.time, actuators.values(one)) for one in TORQUE_B]
     turned = integrated(time, np.stack(given, axis=1) / inertia)
     # Where the board holds the angles itself, its torques are not in the log.
-    known = stretches(actuators.time, actuators.rows(TORQUE_B).any(axis=1))
+    known = stretches(actuators.time, np.linalg.norm(actuators.rows(TORQUE_B), axis=1) > 0.0)
     starts = _starts([(max(a, c), min(b, d)) for a, b in spans for c, d in known])
     rows = [_change(time, rates, turned, start) for start in starts]
     excess = np.array([row if row is not None else np.zeros(3) for row in rows]).reshape(-1, 3)
