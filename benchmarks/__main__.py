@@ -90,7 +90,7 @@ FOLDERS = {
     ),
     "link": ("link", "hostile_bytes"),
     "logs": ("killed_logs", "logs", "imports", "fuzz_logs", "fuzz_imports"),
-    "safety": ("laboratory_faults", "hostile_doors", "foreign_page"),
+    "safety": ("laboratory_faults", "emergencies", "hostile_doors", "foreign_page"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
 """The module of each benchmark, by its name."""

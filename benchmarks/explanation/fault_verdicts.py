@@ -58,6 +58,7 @@ _PUSH, _TURN, _MOVED = {"outside_force", "thrust_off"}, {"outside_torque"}, {"tr
 _STRONG = {"outside_torque", "motor_strong"}
 MORE: dict[str, set[str]] = {
     "imu.gaps": {"ended_in_flight"},
+    "imu.misalignment": {"gyroscope_off"},
     "motors.fade": _STRONG,
     "motors.flicker": _STRONG,
     "simulator.corrupted_bytes": {"imu_gaps"},
@@ -67,7 +68,7 @@ MORE: dict[str, set[str]] = {
     "simulator.thrust_efficiency": {"thrust_off"},
     "tracker.attitude_noise": {"tracker_noisy"},
     "tracker.position_noise": {"tracker_noisy"},
-    "tracker.handedness": _MOVED,
+    "tracker.handedness": {*_MOVED, "tracker_moved"},
     "tracker.scale": _MOVED,
     "tracker.swapped_bodies": _MOVED,
     "tracker.tilt": _MOVED,

@@ -21,9 +21,11 @@ from extensions.explanation.blocks import (
     rms_of,
     tracker_of,
 )
-from flight_log.fields import FORCE, POSITION, THRUSTS, axes
+from flight_log.fields import FORCE, POSITION, RATE, THRUSTS, axes
 from quadrotor.constants import MOTORS
 
+YAWING = np.array([1.0, -1.0, 1.0, -1.0])
+"""Signs of the torque about z by the motors' thrusts."""
 WEAK_MOTOR = 0.06
 """Limit of the thrust commanded of one motor relative to the others, minus 1."""
 VIBRATION, VIBRATION_FROM = 2.5, 15.0
@@ -42,12 +44,13 @@ NEIGHBOURS = 9
 """Number of poses, in an odd window about each, most of which are no outliers."""
 
 
-def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+def weak_motor(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
     """Find a motor that is commanded more thrust than each of the others, or less."""
     if not has(topics, "actuators", *THRUSTS):
         return
     series = topics["actuators"]
-    time, mean = blocks(series.time, series.rows(THRUSTS), spans, means)
+    yaw = _thrust_of_yaw(topics, parameters)[:, None] * YAWING
+    time, mean = blocks(series.time, series.rows(THRUSTS) - yaw, spans, means)
     for k, motor in enumerate(MOTORS):
         others = np.delete(mean, k, axis=1)
         usual = np.median(others, axis=1)
@@ -55,9 +58,8 @@ def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
         excess = mean[:, k] / usual - 1.0
         spread = np.abs(others / usual[:, None] - 1.0).max(axis=1, initial=0.0)
         only = np.where(np.abs(excess) > 2.0 * spread, excess, 0.0)  # a shifted mass loads two
-        # A turn of the 8 about z with a shifted mass looks like a stronger motor for 4 s.
-        for kind, size, least in (("motor_weak", only, 2), ("motor_strong", -only, 3)):
-            for start, end in longest(time, size, WEAK_MOTOR, least):
+        for kind, size in (("motor_weak", only), ("motor_strong", -only)):
+            for start, end in longest(time, size, WEAK_MOTOR, 2):
                 worst = float(np.median(size[(time >= start) & (time < end)]))
                 is_weak = kind == "motor_weak"
                 gives = abs(1.0 - 1.0 / (1.0 + (worst if is_weak else -worst)))
@@ -76,6 +78,19 @@ def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
                     time=time + BLOCK / 2,
                     values=100 * excess,
                 )
+
+
+def _thrust_of_yaw(topics: Topics, parameters: Parameters) -> Array:
+    """Return the thrust (N) of each motor that changes the rate about z, at the actuators' times;
+    0 where it is not known.
+    """
+    time = topics["actuators"].time
+    inertia, ratio = (number(parameters, f"model.{k}", 0.0) for k in ("inertia_zz", "torque_ratio"))
+    if ratio == 0.0 or len(time) < 2 or not has(topics, "imu", RATE[2]):
+        return np.zeros(len(time))
+    imu = topics["imu"]
+    found: Array = np.gradient(np.interp(time, imu.time, imu.values(RATE[2])), time)
+    return found * inertia / (4.0 * ratio)
 
 
 def vibrating(topics: Topics, spans: Spans) -> tuple[Array, Array]:

@@ -28,6 +28,8 @@ WINDOW, STEP = 6.0, 2.0
 """Length of a window and time between two, in s."""
 LEAST_POSES = 40
 """Number of poses in a window below which nothing is fitted."""
+PARTS = 5
+"""Number of parts of a window in which the gyroscope is compared."""
 LEAST_SHARE = 0.8
 """Share of a window's IMU samples that must be there."""
 STEADY = 0.05
@@ -42,14 +44,16 @@ class Fit:
 
     Attributes:
         acceleration_w: acceleration in m/s² that the source does not have, (3,), world axes.
-        acceleration_b: the same in body axes.
+        ending_w, ending_b: the same at the window's end, where it is larger if it grows; world
+            and body axes.
         delay, scale: in s, and as a share; 0 by the motors.
         drag: in 1/s beyond the model's; 0 by the IMU.
         rms: in m, of the poses against the fit.
     """
 
     acceleration_w: Array
-    acceleration_b: Array
+    ending_w: Array
+    ending_b: Array
     delay: float
     scale: float
     drag: float
@@ -176,12 +180,11 @@ class Motion:
             spread = 1.48 * float(np.median(off[keep]))
             keep = off <= OUTLYING * max(spread, 1e-6)
         rms = float(np.sqrt((off[keep] ** 2).mean() / 3.0))
-        middle = 0.5 * (t[0] + t[-1])
-        lacking = own_found[2] + middle * own_found[3]
-        R_wb = self.R_wb[samples][:: max(1, len(time) // 50)]
+        lacking, ending = (own_found[2] + at * own_found[3] for at in (0.5 * (t[0] + t[-1]), t[-1]))
         return Fit(
             acceleration_w=lacking,
-            acceleration_b=np.einsum("nij,i->nj", R_wb, lacking).mean(axis=0),
+            ending_w=ending,
+            ending_b=self.R_wb[samples.stop - 1].T @ ending,
             delay=0.0 if with_drag else float(found[0]),
             scale=0.0 if with_drag else float(found[1]),
             drag=float(found[0]) - self._drag if with_drag else 0.0,
@@ -189,17 +192,22 @@ class Motion:
         )
 
     def _turning(self, poses: slice, samples: slice) -> Array:
-        """Return how much faster (rad/s) the gyroscope turned than the poses, median of steps."""
+        """Return how much faster (rad/s) the gyroscope turned than the poses, at the window's
+        end: a line through the medians of its parts.
+        """
         attitudes, times = self._attitudes[poses], self.times[poses]
         step = max(1, len(times) // 12)
-        one, two = attitudes[:-step:step], attitudes[step::step]
-        lasted = (times[step::step] - times[:-step:step])[:, None]
+        one, two = attitudes[:-step], attitudes[step:]
+        lasted = (times[step:] - times[:-step])[:, None]
+        middle = attitudes[step // 2 :][: len(one)]
         vectors_w = rotation_vectors_between(one, two)
-        middle = attitudes[step // 2 :: step][: len(one)]
         vectors_b = np.einsum("nji,nj->ni", matrices_of(middle), vectors_w)
-        angle = integrated(self.time[samples], self.rates[samples])
-        read = np.diff(_at(times[::step], self.time[samples], angle), axis=0)[: len(one)]
-        found: Array = np.median((read - vectors_b) / lasted, axis=0)
+        angle = _at(times, self.time[samples], integrated(self.time[samples], self.rates[samples]))
+        excess = (angle[step:] - angle[:-step] - vectors_b) / lasted
+        parts = np.array([np.median(part, axis=0) for part in np.array_split(excess, PARTS)])
+        at = np.linspace(-1.0, 1.0, 2 * PARTS + 1)[1::2]
+        line = parts.mean(axis=0) + (at @ parts) / (at @ at)
+        found: Array = np.clip(line, parts.min(axis=0), parts.max(axis=0))  # a step is none
         return found
 
 

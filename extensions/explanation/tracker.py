@@ -67,7 +67,7 @@ def tracker_moved(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
             end=end,
             claim=f"All poses were {metres:.2f} m and {degrees:.0f}° away from the estimate for "
             f"{end - start:.1f} s.",
-            alike=("a changed origin or axes", "another body of this name", "a wrong estimate"),
+            alike=("another origin, axes or handedness", "another body", "a wrong estimate"),
             signals=tuple(f"tracker_pose/{name}" for name in TRACKED),
             label="distance of the poses over its limit",
             unit="",

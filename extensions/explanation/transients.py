@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics
+from console.evaluation.findings import Array, Finding, Parameters, Spans, Topics, stretches
 from extensions.explanation.blocks import SETTLING, has, longest, number, tilts
 from extensions.explanation.residuals import Motion, integrated, motion_of
 from flight_log.fields import RATE, TORQUE_B, TRACKED, axes
@@ -23,8 +23,8 @@ TURN, PUSH = (1.0, 3.0), (0.3, 0.75)
 """Least and largest limits in rad/s² and m/s² beside what the motors were commanded."""
 USUAL = 5.0
 """Multiple of a flight's usual changes that is the limit between those: gusts make them larger."""
-SIDEWAYS = 0.4
-"""Least horizontal force over the mass, in m/s²: gusts of the rough world reach 0.33."""
+LEAST = 0.55
+"""Least force over the mass, in m/s²: gusts of the rough world reach 0.53."""
 ALONE = (0.5, 1.2)
 """Least and largest limit in m/s² of what the poses alone show."""
 PRECISE = 0.3
@@ -42,8 +42,9 @@ def transients(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator
     longer = []
     for start, end in spans:  # what turned a vehicle over acts in its last moment
         fall = over[(over > end) & (over < end + SETTLING)]
-        last = float(fall[0]) if len(fall) else end + 0.25 * SETTLING
-        longer.append((start - 0.5 * SETTLING, last))
+        settling = min(SETTLING, 0.25 * (end - start))  # of a flight of some seconds, less
+        last = float(fall[0]) if len(fall) else end + 0.25 * settling
+        longer.append((start - 0.5 * settling, last))
     yield from _torques(topics, parameters, longer)
     motion = motion_of(topics, parameters)
     if motion is not None and motion.pushed is not None:
@@ -51,10 +52,9 @@ def transients(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator
 
 
 def _torques(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
-    names = [f"model.inertia_{axis}" for axis in ("xx", "yy", "zz")]
     if not has(topics, "imu", *RATE) or not has(topics, "actuators", *TORQUE_B):
         return
-    inertia = np.array([number(parameters, name, 0.0) for name in names])
+    inertia = np.array([number(parameters, f"model.inertia_{a}", 0.0) for a in ("xx", "yy", "zz")])
     lag = number(parameters, "model.motor_time_constant", 0.0)
     if not (inertia > 0.0).all():
         return
@@ -62,7 +62,9 @@ def _torques(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[F
     time, rates = imu.time, imu.rows(RATE).astype(np.float64)
     given = [np.interp(time - lag, actuators.time, actuators.values(one)) for one in TORQUE_B]
     turned = integrated(time, np.stack(given, axis=1) / inertia)
-    starts = _starts(spans)
+    # Where the board holds the angles itself, its torques are not in the log.
+    known = stretches(actuators.time, np.linalg.norm(actuators.rows(TORQUE_B), axis=1) > 0.0)
+    starts = _starts([(max(a, c), min(b, d)) for a, b in spans for c, d in known])
     rows = [_change(time, rates, turned, start) for start in starts]
     excess = np.array([row if row is not None else np.zeros(3) for row in rows]).reshape(-1, 3)
     excess -= np.median(excess, axis=0, keepdims=True) if len(excess) else 0.0  # what always acts
@@ -136,7 +138,7 @@ def _forces(motion: Motion, pushed: Array, spans: Spans) -> Iterator[Finding]:
         worst = int(np.argmax(np.where(inside, both, 0.0)))
         x, y, z = excess[worst, 0]
         is_up = abs(z) > np.hypot(x, y)
-        if not is_up and both[worst] < SIDEWAYS:
+        if both[worst] < LEAST:
             continue
         yield _finding(
             kind="thrust_off" if is_up else "outside_force",
@@ -189,8 +191,7 @@ def _velocity(motion: Motion, at: float) -> Array:
 
 
 def _starts(spans: Spans) -> Array:
-    each = [np.arange(start, end - LENGTH, STEP) for start, end in spans]
-    return np.concatenate(each) if each else np.zeros(0)
+    return np.concatenate([[], *(np.arange(start, end - LENGTH, STEP) for start, end in spans)])
 
 
 def _finding(

@@ -25,6 +25,7 @@ IN_REAL_TIME = {
     "foreign_page",
     "hostile_doors",
     "laboratory_faults",
+    "emergencies",
     "late_ticks",
     "link",
     "live_page",

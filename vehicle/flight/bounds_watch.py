@@ -50,12 +50,16 @@ class BoundsWatch:
         self._since: dict[str, int] = {}
         self._told: set[str] = set()
 
-    def step(self, now_ns: int, airborne: bool) -> None:
-        """Look, if it is time; called once a tick."""
+    def step(self, now_ns: int, is_controlled: bool) -> None:
+        """Look, if it is time; called once a tick.
+
+        Args:
+            is_controlled: whether the law flies the vehicle; otherwise its values are old.
+        """
         if now_ns < self._next_ns:
             return
         self._next_ns = now_ns + EVERY_NS
-        reached = [one for one in self._bounds(airborne) if one[1] >= NEARLY * one[2] > 0.0]
+        reached = [one for one in self._bounds(is_controlled) if one[1] >= NEARLY * one[2] > 0.0]
         self._since = {name: self._since.get(name, now_ns) for name, _, _ in reached}
         held = {name for name, since in self._since.items() if now_ns - since > HELD_NS}
         for name, _, bound in reached:
@@ -70,7 +74,7 @@ class BoundsWatch:
         self._told = held
         self.flags = int(Flag.AT_BOUND) if held else 0
 
-    def _bounds(self, airborne: bool) -> Iterator[Bound]:
+    def _bounds(self, is_controlled: bool) -> Iterator[Bound]:
         p, tick = self._parameters, self._tick
         for sensor in ("gyroscope", "accelerometer"):
             bias = _largest(tick.estimate[f"{sensor}_bias_b"])
@@ -79,14 +83,14 @@ class BoundsWatch:
                 bias,
                 getattr(p.estimation, f"{sensor}_bias_limit"),
             )
-        if not airborne:
+        if not is_controlled:
             return
         controller, limits, taken = self._law.controller, p.control.limits, p.control.disturbance
         position, attitude = (_largest(one) for one in controller.integrals)
         yield "control.limits.position_integral_max", position, limits.position_integral_max
         yield "control.limits.attitude_integral_max", attitude, limits.attitude_integral_max
-        yaw_torque = abs(float(tick.wrench[3]))
-        yield "control.limits.yaw_torque_max", yaw_torque, limits.yaw_torque_max
+        yield "control.limits.yaw_torque_max", abs(float(tick.wrench[3])), limits.yaw_torque_max
+        yield "control.limits.tilt_max", limits.tilt_max * controller.tilt_limited, limits.tilt_max
         off = controller.disturbance
         if taken.force:
             yield "control.disturbance.force_max", _largest(off["force_w"]), taken.force_max

@@ -137,7 +137,7 @@ class FlightStack:
             command = self._make_command() if modes.mode in FLYING else None
         else:
             command = self._fly(dt, airborne)
-        self._bounds.step(tick.stamp_ns, airborne)
+        self._bounds.step(tick.stamp_ns, airborne and modes.control_mode is DIRECT)
         self._changes.check_oscillation(airborne, dt)
         self._status_writer.write(sample, pose_age)
         return command

@@ -23,6 +23,7 @@ from quadrotor.records import Array
 from quadrotor.rotations import rotation_exp
 
 FROM = 15.0  # s
+LATE = 28.0  # s, 5 s before the end
 
 
 def later(time: Array, value: float) -> Array:
@@ -47,6 +48,14 @@ def accelerometer(flight: Flight) -> None:
 def turned_sensor(flight: Flight) -> None:
     turned = flight.felt @ rotation_exp(np.radians([0.0, 4.0, 0.0]))
     flight.felt[flight.time >= FROM] = turned[flight.time >= FROM]
+
+
+def drifting_accelerometer(flight: Flight) -> None:
+    flight.felt[:, 1] += 0.1 * (flight.time - LATE).clip(0.0)
+
+
+def drifting_gyroscope(flight: Flight) -> None:
+    flight.rates[:, 0] += np.radians(0.3) * (flight.time - LATE).clip(0.0)
 
 
 def gyroscope(flight: Flight) -> None:
@@ -114,6 +123,8 @@ CAUSES: dict[str, tuple[Callable[[Flight], object], str, float, float]] = {
     "accelerometer": (accelerometer, "accelerometer_off", 0.6, 0.05),
     "turned sensor": (turned_sensor, "accelerometer_off", 4.0, 0.5),
     "gyroscope": (gyroscope, "gyroscope_off", 3.0, 0.3),
+    "drifting accelerometer": (drifting_accelerometer, "accelerometer_off", 0.35, 0.15),
+    "drifting gyroscope": (drifting_gyroscope, "gyroscope_off", 1.0, 0.4),
     "tilted tracker": (tilted_tracker, "tracker_tilted", 3.0, 0.3),
     "scaled tracker": (scaled_tracker, "tracker_scale", 8.0, 0.7),
     "late stamps": (late_stamps, "tracker_stamps", 40.0, 4.0),

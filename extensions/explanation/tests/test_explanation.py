@@ -14,6 +14,7 @@ from flight_log.fields import (
     FORCE,
     MARKED,
     POSITION,
+    RATE,
     REFERENCE,
     THRUSTS,
     TRACKED,
@@ -280,6 +281,20 @@ def test_poses_whose_delay_ends_a_flight_within_some_seconds_are_named() -> None
         }
     )
     assert found.kind == "tracker_late"
+
+
+def test_a_stronger_motor_is_named_in_a_flight_that_yaws_to_and_fro() -> None:
+    # 10 s from side to side; the torque is taken from two motors and given to the other two.
+    turn, inertia, ratio = 2.0 * np.pi / 20.0, 0.025, 0.016
+    rate = -2.0 * np.sin(turn * TIMES[500])
+    yaw = -2.0 * turn * np.cos(turn * TIMES[500]) * inertia / (4.0 * ratio)
+    strong = during(500, 15.0, 40.0, 0.9, 1.0)
+    thrusts = {f"thrusts[{k}]": THRUST + yaw * (1.0, -1.0)[k % 2] for k in range(4)}
+    thrusts["thrusts[2]"] *= strong
+    known = {"model.inertia_zz": inertia, "model.torque_ratio": ratio}
+    topics = flight(actuators=thrusts, imu={RATE[2]: rate})
+    [found] = [one for one in explain(topics, known) if not one.follows]
+    assert (found.kind, "The rear motor needed 10 % less" in found.claim) == ("motor_strong", True)
 
 
 def test_two_flights_in_a_log_are_not_one_finding() -> None:

@@ -72,7 +72,27 @@ def test_what_acts_for_a_moment_is_named_with_its_figure(
     assert any(abs(one - figure) <= near for one in numbers(found.claim)), found.claim
 
 
-@pytest.mark.parametrize("wrong", [lambda flight, during: None, little_torque, misread])
+def held_by_the_board(flight: Flight, during: Rows) -> None:
+    swing = 1.0 - np.cos(2.0 * np.pi * (flight.time[during] - AT) / LASTS)
+    flight.rates[during, 0] += 0.3 * swing
+    flight.torque[during] = 0.0  # of the board's own nothing is known
+
+
+def standing_until_it_takes_off(flight: Flight, _: Rows) -> None:
+    flight.airborne = (flight.time > 18.0) & (flight.time < 22.0)
+    flight.torque[(flight.time > 17.6) & (flight.time < 18.2), 1] -= 0.08
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda flight, during: None,
+        little_torque,
+        misread,
+        held_by_the_board,
+        standing_until_it_takes_off,
+    ],
+)
 def test_no_force_is_claimed_that_one_witness_alone_shows(wrong: Wrong) -> None:
     kinds = [one.kind for one in explained(wrong)]
     assert not {"outside_torque", "outside_force", "thrust_off"} & set(kinds)

@@ -46,3 +46,18 @@ def test_bounds_of_the_law_and_of_the_mass_are_told_in_flight(settings: dict[str
     assert at_bound(lab)
     bounded = next(name for name in settings if name.endswith("_max"))
     assert [text for text in lab.texts() if f"{bounded} = {settings[bounded]:g} has held" in text]
+
+
+def test_a_tilt_that_its_limit_holds_is_told_until_the_law_no_longer_flies() -> None:
+    lab = EstimatorLab()
+    lab.change({"control.limits.tilt_max": 5.0})
+    lab.hovering()
+    lab.change({"simulator.push_x": 1.5})  # 6.7° would stand against it
+    lab.wait(0.8)
+    assert not at_bound(lab)
+    lab.wait(0.7)
+    assert at_bound(lab)
+    assert [text for text in lab.texts() if "control.limits.tilt_max = 5 has held" in text]
+    lab.start("near_hovering")  # the board holds the angles, and the law's values are old
+    lab.wait(0.1)
+    assert not at_bound(lab)

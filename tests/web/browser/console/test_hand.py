@@ -64,7 +64,7 @@ def test_a_target_is_flown_to_by_its_button_alone_and_not_where_it_cannot(
     assert len(station.requests) == 1
 
 
-def test_a_finger_on_a_pad_is_the_stick_and_its_lift_the_brake(
+def test_a_finger_on_a_pad_is_the_stick_and_its_lift_or_cancelling_the_brake(
     phone: Any, station: Any, flying: Any, until: Any
 ) -> None:
     station.said = HOVERS | {"behavior": "velocity"}
@@ -86,6 +86,10 @@ def test_a_finger_on_a_pad_is_the_stick_and_its_lift_the_brake(
     assert 0.2 < forward < 0.6
     assert (left, up, yaw) == (-1.0, 0.0, 0.0)
     touch("touchEnd")
+    until(lambda: (phone.wait_for_timeout(20), station.sticks[-1] == ((0.0,) * 4, False))[1])
+    touch("touchStart", (x, y))
+    until(lambda: (phone.wait_for_timeout(20), station.sticks[-1] == ((0.0,) * 4, True))[1])
+    touch("touchCancel")  # by the system: a call, a gesture
     until(lambda: (phone.wait_for_timeout(20), station.sticks[-1] == ((0.0,) * 4, False))[1])
     phone.tap("#touch button:has-text('Close')")
 
