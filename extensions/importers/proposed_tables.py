@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,15 +51,23 @@ def read_table(source: Source, name: str) -> Table | None:
     """Return the columns of a table that has enough rows; those of one name twice are left out."""
     known = source.columns(name)
     names = [one for one in known if known.count(one) == 1][:MOST_COLUMNS]
-    columns = {}
-    for one in names:
-        with (
-            suppress(LogFormatError),
-            np.errstate(invalid="ignore"),
-        ):  # words, or numbers with separators of thousands
-            columns[one] = source.read(name, [one])[:, 0]
+    with np.errstate(invalid="ignore"):
+        columns = _columns(source, name, names)
     rows = len(next(iter(columns.values()), ()))
     return Table(name, columns, source.units) if rows >= FEWEST else None
+
+
+def _columns(source: Source, table: str, names: list[str]) -> dict[str, Array]:
+    """Return the columns that are numbers, (N,) each: all at once, as some files are decoded at
+    each reading, or each by itself where some are words, or numbers with separators of thousands.
+    """
+    try:
+        return dict(zip(names, source.read(table, names).T, strict=True)) if names else {}
+    except LogFormatError:
+        if len(names) == 1:
+            return {}
+        parts = (_columns(source, table, [one]) for one in names)
+        return {name: values for part in parts for name, values in part.items()}
 
 
 def find(table: Table) -> None:
