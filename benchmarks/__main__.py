@@ -118,11 +118,18 @@ OWN_OPTIONS = {
         "hostile_doors",
         "hostile_flights",
         "hostile_plugins",
+        "law_rescues",
     ),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
     "only": ("hostile_plugins",),
-    "flights": ("fault_verdicts", "hostile_flights", "hostile_plugins", "tracking_faults"),
+    "flights": (
+        "fault_verdicts",
+        "hostile_flights",
+        "hostile_plugins",
+        "law_rescues",
+        "tracking_faults",
+    ),
 }
 """Options that only some benchmarks have, with the names of these."""
 
@@ -157,7 +164,7 @@ def main() -> int:
     parser.add_argument(
         "--flights",
         type=int,
-        help="of fault_verdicts, hostile_flights, or a kind of hostile_plugins",
+        help="of fault_verdicts, hostile_flights, or a kind of hostile_plugins and law_rescues",
     )
     parser.add_argument("--only", help="of hostile_plugins: law, estimator, behavior or sensor")
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
