@@ -141,7 +141,7 @@ class ExternalLaw(External):
 
 
 HEADING_MAX = 60.0
-"""Largest heading from the reference, °, above the step of yaw that a step test may make. A law
+"""Largest angle of the heading from its reference, °; a step test of yaw may make 46°. A law
 that spins the vehicle up breaks no other bound until the gyroscopes are at the end of their range.
 """
 ANSWER = np.dtype([("time", "<f8"), ("wrench", "<f8", 4)])
