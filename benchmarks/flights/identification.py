@@ -70,6 +70,7 @@ def run(size: Size = Size.FULL) -> Report:
     )
     _mass(report, seeds, size)
     _inertia(report, seeds, size)
+    _rough_inertia(report, size)
     _accelerometer(report, seeds, size)
     _gyroscope(report, seeds)
     _motor(report, size)
@@ -152,6 +153,35 @@ def _inertia(report: Report, seeds: range, size: Size) -> None:
                 Target(f"inertia {axis}, {excitation}, {state}: error, %", 100.0 * error, 3.0)
                 for axis, error in zip(AXES, errors, strict=True)
             ]
+
+
+def _rough_inertia(report: Report, size: Size) -> None:
+    """Fly doublets at random and chosen ones on the rough vehicle; compare time and deviation."""
+    rough: dict[str, ParameterValue] = {f"simulator.{key}": value for key, value in ROUGH.items()}
+    cases: dict[str, dict[str, ParameterValue]] = {
+        "inertia": {},
+        "inertia_optimal": {"experiment.seconds": 10.0},
+    }
+    times, spreads = [], []
+    for name, options in cases.items():
+        flown = [fly(name, rough | options, seed=k + 1) for k in range(size.of(8, 4, 2))]
+        found = np.array([[one.value(f"model.inertia_{axis}") for axis in AXES] for one in flown])
+        spreads.append(found.std(axis=0, ddof=1) / found.mean(axis=0))
+        times.append(np.mean([one.result.metrics["excited_s"] for one in flown]))
+        report.rows.append(
+            Row(
+                f"{name}, rough, {times[-1]:.1f} s",
+                {
+                    "found": " / ".join(f"± {100.0 * one:.2g}" for one in spreads[-1]),
+                    "unit": "%",
+                    "after, s": _worst(flown, "within_3_percent_s")["within_3_percent_s"],
+                },
+            )
+        )
+    report.notes.append(
+        f"inertia_optimal takes {times[1] / times[0]:.2f} of the time of inertia, with "
+        f"{(spreads[1] / spreads[0]).max():.2f} of its deviation about the worst axis"
+    )
 
 
 def _payload(report: Report, seeds: range, size: Size) -> None:

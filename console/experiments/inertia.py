@@ -55,20 +55,16 @@ class InertiaOptions(Parameters):
     """of all amplitudes over the usual ones"""
 
 
-class InertiaExperiment(CalibrationFlight):
-    """Take-off, doublets about three axes in turns, landing; estimated from every tick."""
-
-    name = "inertia"
+class ExcitedFlight(CalibrationFlight):
+    """Take-off, excitations of the axes in hover, landing; estimated from every tick."""
 
     def __init__(self, vehicle: str = "quad1") -> None:
-        self.parameters = InertiaOptions()
         super().__init__(vehicle)
         self._place: tuple[float, float, float] | None = None
 
-    @property
-    def planned(self) -> float:
-        """Return the approximate planned time in s."""
-        return 20.0 + sum(_duration(one) + REST for one in self.excitations())
+    def excitations(self) -> list[dict[str, ParameterValue]]:
+        """Return the arguments of each `excite` in order."""
+        raise NotImplementedError
 
     def abort(self, view: VehicleView) -> str:
         """Return why the experiment has to end, as text."""
@@ -81,32 +77,10 @@ class InertiaExperiment(CalibrationFlight):
             return f"{-away[2]:.1f} m below where it hovered, {NEAR_GROUND:g} m are allowed"
         return ""
 
-    def excitations(self) -> list[dict[str, ParameterValue]]:
-        """Return the arguments of each `excite` in order; the same seed gives the same."""
-        p = self.parameters
-        random = np.random.default_rng(p.seed)
-        out: list[dict[str, ParameterValue]] = []
-        for k in range(3 * p.rounds):
-            axis = AXES[k % 3]
-            move, turn, time = SHAPES.get(p.excitation, (0.0, 0.0, 0.0))
-            if p.excitation == "random":
-                move, turn, time = (float(random.uniform(*span)) for span in RANDOM)
-                move, turn = np.copysign((move, turn), random.uniform(-1.0, 1.0)).tolist()
-            out.append(
-                {
-                    "axis": axis,
-                    "shape": "doublet",
-                    "amplitude": round(p.size * (turn if axis == "yaw" else move), 3),
-                    "duration": round(time, 1),
-                    "repeats": REPEATS,
-                }
-            )
-        return out
-
     # ------------------------------------------------------------------ flight
-    def fly(self, client: Client) -> None:
-        """Fly. Raises RefusedError with the vehicle's reason when it refuses, or ends an excitation
-        by itself.
+    def fly_at(self, client: Client, height: float) -> None:
+        """Excite the axes at a height (m). Raises RefusedError with the vehicle's reason when it
+        refuses, or ends an excitation by itself.
         """
         self._place = None
         wait_ready(client)
@@ -115,7 +89,7 @@ class InertiaExperiment(CalibrationFlight):
         client.tell(Progress("Keep clear: it takes off on its own", 1, len(steps) + 2))
         arm(client)
         try:
-            take_off(client, self.parameters.height)
+            take_off(client, height)
             client.wait(2.0)
             x, y, z = client.view().position_w.tolist()
             self._place = (x, y, z)
@@ -176,9 +150,49 @@ class InertiaExperiment(CalibrationFlight):
         return read_inertia(log, self._vehicle)
 
 
+class InertiaExperiment(ExcitedFlight):
+    """Doublets about three axes in turns, of fixed or of random size."""
+
+    name = "inertia"
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        super().__init__(vehicle)
+        self.parameters = InertiaOptions()
+
+    @property
+    def planned(self) -> float:
+        """Return the approximate planned time in s."""
+        return 20.0 + sum(_duration(one) + REST for one in self.excitations())
+
+    def fly(self, client: Client) -> None:
+        self.fly_at(client, self.parameters.height)
+
+    def excitations(self) -> list[dict[str, ParameterValue]]:
+        """Return the arguments of each `excite` in order; the same seed gives the same."""
+        p = self.parameters
+        random = np.random.default_rng(p.seed)
+        out: list[dict[str, ParameterValue]] = []
+        for k in range(3 * p.rounds):
+            axis = AXES[k % 3]
+            move, turn, time = SHAPES.get(p.excitation, (0.0, 0.0, 0.0))
+            if p.excitation == "random":
+                move, turn, time = (float(random.uniform(*span)) for span in RANDOM)
+                move, turn = np.copysign((move, turn), random.uniform(-1.0, 1.0)).tolist()
+            out.append(
+                {
+                    "axis": axis,
+                    "shape": "doublet",
+                    "amplitude": round(p.size * (turn if axis == "yaw" else move), 3),
+                    "duration": round(time, 1),
+                    "repeats": REPEATS,
+                }
+            )
+        return out
+
+
 def _duration(arguments: dict[str, ParameterValue]) -> float:
     """Return the duration of one excitation, s."""
-    return LEAD + REPEATS * LEVELS * float(arguments["duration"])
+    return LEAD + int(arguments["repeats"]) * LEVELS * float(arguments["duration"])
 
 
 def _words(arguments: dict[str, ParameterValue]) -> str:

@@ -16,6 +16,11 @@ EXTENSION = Extension(
     "forces that the model leaves unexplained, from recorded flights",
     protocol=1,
     offers=(
+        Experiment(
+            name="inertia_optimal",
+            target=".optimal_inertia.experiment:OptimalInertia",
+            calibration="inertia",
+        ),
         Experiment(name="drag", target=".drag.experiment:DragExperiment", calibration="drag"),
         Experiment(
             name="vibration",

@@ -22,6 +22,7 @@ MAKERS: dict[str, Maker] = {
     "figure_eight": figure_eight,
     "bearings": bearings,
     "inertia": inertia,
+    "inertia_optimal": inertia,
     "accelerometer": residuals,
     "gyroscope": gyroscope,
 }

@@ -25,6 +25,11 @@ export const CALIBRATIONS = {
     gives: "the inertia about three axes, from a flight",
     needs: "free room to fly; it shakes about each axis",
   },
+  inertia_optimal: {
+    label: "Inertia, in less time",
+    gives: "the same from the doublets that promise the most for the vehicle's gains and limits",
+    needs: "free room to fly; larger movements than for the inertia",
+  },
   drag: {
     label: "Drag",
     gives: "the drag of the whole vehicle and the height at which it acts, from a flight",

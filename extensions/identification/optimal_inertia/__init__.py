@@ -1,0 +1,1 @@
+"""The inertia from the excitations that promise the most information in the time given."""
