@@ -30,7 +30,7 @@ GUESS = 0.03
 ERROR_MAX = 0.03
 """Largest error, as a share of the truth."""
 SPREAD_MAX = 0.02
-"""Largest standard deviation in the last third, as a share of the estimate."""
+"""Largest standard deviation in the last third of an excitation, as a share of the estimate."""
 TORQUE_MIN = 0.003
 """Filtered torque about an axis, in N m rms, below which noise is as large."""
 LATE = 1.0
@@ -53,6 +53,7 @@ class InertiaFlight:
     Attributes:
         time: (N,) s, vehicle clock.
         inertia_b: (N, 3) kg m².
+        learnt_b: (N, 3) s of excitation about each axis until then.
         torque_b: (3,) N m, the largest rms of the filtered torque about each axis.
         missing: share of the ticks that are not in the log.
         truth_b: (3,) kg m²; NaN when unknown.
@@ -60,6 +61,7 @@ class InertiaFlight:
 
     time: Array
     inertia_b: Array
+    learnt_b: Array
     torque_b: Array
     missing: float
     truth_b: Array
@@ -74,8 +76,11 @@ class InertiaFlight:
 
     @property
     def spread_b(self) -> Array:
-        """Return the standard deviation (3,) over the last third, as a share of the estimate."""
-        spread: Array = self.inertia_b[-(len(self.time) // 3 or 1) :].std(axis=0) / self.found_b
+        """Return the standard deviation (3,) over the last third of the excitation about each axis
+        and what follows, as a share of the estimate.
+        """
+        late = self.learnt_b >= 2.0 / 3.0 * self.learnt_b[-1]
+        spread: Array = self.inertia_b.std(axis=0, where=late) / self.found_b
         return spread
 
     @property
@@ -220,7 +225,7 @@ def estimate_inertia(
     drag_b = np.zeros((len(steps), 3))
     if forces_b is not None:
         drag_b = drag_torques(steps, rates_b, thrusts, forces_b, **model)
-    moments, found, next_at = [], [], 0.0
+    moments, found, learnt, next_at = [], [], [], 0.0
     torque_b = np.zeros(3)
     forgotten = FORGOTTEN * model["motor_time_constant"]
     learns_at = time[0] + forgotten
@@ -233,13 +238,16 @@ def estimate_inertia(
             next_at = time[k + 1] + EACH
             moments.append(time[k + 1])
             found.append(estimator.inertia_b)
+            learnt.append(estimator.learnt_b)
             torque_b = np.maximum(torque_b, estimator.torque_b)
     moments.append(time[-1])
     found.append(estimator.inertia_b)
+    learnt.append(estimator.learnt_b)
     lost = float(np.sum(np.maximum(np.rint(steps / period) - 1.0, 0.0)))
     return InertiaFlight(
         np.array(moments),
         np.array(found),
+        learnt_b=np.array(learnt),
         torque_b=torque_b,
         missing=lost / (lost + len(time)),
         truth_b=_truth_b(parameters),

@@ -224,6 +224,11 @@ class InertiaEstimator:
         return deviation
 
     @property
+    def learnt_b(self) -> Array:
+        """Return the time (3,) in s since the start, in which each axis was excited."""
+        return np.array(self._memory["learnt_b"][0])
+
+    @property
     def torque_b(self) -> Array:
         """Return the recent root mean square (3,) in N m of the filtered torque: the strength of
         the excitation.
