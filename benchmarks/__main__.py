@@ -90,6 +90,7 @@ FOLDERS = {
     ),
     "link": ("link", "hostile_bytes"),
     "logs": ("killed_logs", "logs", "imports", "fuzz_logs", "fuzz_imports"),
+    "peers": ("second_plant",),
     "safety": ("laboratory_faults", "emergencies", "hostile_doors", "foreign_page"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
