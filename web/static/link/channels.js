@@ -27,10 +27,8 @@ export class Channels extends EventTarget {
     this.closed = null; // when the events broke off
     this.began = performance.now();
     this.known = ""; // the newest judgement
-    /** @type {number | null} */
-    this.beaten = null; // ms, the newest beat
-    /** @type {number | null} */
-    this.timely = null; // ms, the newest that was not late
+    this.beaten = this.began; // ms, the newest beat
+    this.timely = this.began; // ms, the newest that was not late
     this.isSilent = false; // no ticks, as frames say: without frames nothing is said of the vehicle
     events.addEventListener("close", () => {
       this.closed ??= performance.now();
@@ -45,11 +43,11 @@ export class Channels extends EventTarget {
   // Called every 0.1 s. After a late beat what arrived in the meantime is yet to be read.
   beat() {
     const now = performance.now();
-    if (this.beaten === null || now - this.beaten < BEAT) this.timely = now;
+    if (now - this.beaten < BEAT) this.timely = now;
     this.beaten = now;
   }
   get isHeldUp() {
-    const silent = this.timely === null ? 0 : performance.now() - this.timely;
+    const silent = performance.now() - this.timely;
     return silent > BEAT && silent < PATIENCE;
   }
 
