@@ -158,6 +158,10 @@ class Publisher:
         if self._due("pressure", newest):
             self._send("pressure", encode_pressures(last, self._vehicle)[0], newest)
 
+    def answered(self) -> None:
+        """Publish a status with the next ticks, for whoever waits to see what a command did."""
+        self._status_key = ()
+
     @property
     def next_packet_s(self) -> float:
         """Return the s from the last read until the next telemetry packet's ticks exist."""
