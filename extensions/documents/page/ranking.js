@@ -1,6 +1,8 @@
 // Which of many texts a person means by a few words.
 
-const IDLE = new Set("a an and are by do does for how i in is it my of on or the to what where with".split(" "));
+const IDLE = new Set(
+  "a an and are by do does for how i in is it my of on or the to what where with".split(" "),
+);
 
 // Those that have every word, the best of each kind first: at most `each` of a kind, in the order of the kinds.
 /**
