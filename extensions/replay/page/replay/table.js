@@ -2,26 +2,12 @@
 
 import { element, setText } from "/static/core/dom.js";
 import { fixed, seconds, words } from "/static/core/format.js";
+import { ROWS } from "/static/console/state_table.js";
 
-const xyz = (prefix) => ["x", "y", "z"].map((axis) => `${prefix}.${axis}`);
-/** @type {[label: string, signals: string[], digits: number][]} */
-const ROWS = [
-  ["position", xyz("state.position"), 3],
-  ["velocity", xyz("state.velocity"), 3],
-  ["roll pitch yaw", ["state.roll", "state.pitch", "state.yaw"], 2],
-  ["body rate", xyz("state.rate"), 1],
-  ["reference", xyz("reference.position"), 3],
-  ["tracking error", xyz("error.position"), 1],
-  ["truth", xyz("truth.position"), 3],
-  ["torque", xyz("torque"), 3],
-  ["thrust", ["thrust"], 2],
-  ["mass", ["mass"], 3],
-  ["thrust scaling", ["scaling"], 2],
-  ["position vs truth", ["truth.position_error"], 1],
-  ["velocity vs truth", ["truth.velocity_error"], 3],
+const OWN = /** @type {typeof ROWS} */ ([
   ["battery", ["battery.voltage"], 2],
   ["link age", ["link.age"], 0],
-];
+]);
 const STALE = { battery: 3, link: 1.5, mass: 0.3 }; // s
 const DEFAULT_STALE = 0.3;
 
@@ -30,7 +16,7 @@ export class ReplayTable {
 
   constructor(place) {
     this.place = place;
-    this.names = ROWS.flatMap(([, names]) => names);
+    this.names = [...ROWS, ...OWN].flatMap(([, names]) => names);
   }
 
   setRuns(runs) {
@@ -44,7 +30,7 @@ export class ReplayTable {
       ),
     );
     this.rows = [];
-    for (const [label, names, digits] of ROWS) {
+    for (const [label, names, digits] of [...ROWS, ...OWN]) {
       if (!names.some((name) => runs.some((run) => run.signals.has(name)))) continue;
       runs.forEach((run, k) => {
         const cells = [0, 1, 2].map(() => element("td")),
