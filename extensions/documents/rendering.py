@@ -22,7 +22,7 @@ from quadrotor.checkout import ROOT
 DOCS = ROOT / "docs"
 HOME = "index.md"
 _BLOCK = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
-_WORD = re.compile(r"[^\W\d_]{3,}")
+_WORD = re.compile(r"[^\W\d_]{3,}|\b\d\b")
 _HEADING = re.compile(r"^#{1,6} .*", re.MULTILINE)
 
 

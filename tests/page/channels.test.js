@@ -62,3 +62,20 @@ test("ticks that cease are told with the frame that says so", () => {
   for (const state of [0.01, 0.19, 0.21, 0.3, undefined, 0.02]) telemetry.dispatchEvent(Object.assign(new Event("frame"), { detail: { age: { state } } }));
   assert.deepEqual(told, [true, false]);
 });
+
+test("a page that was held up does not judge before it has read what arrived", () => {
+  const { channels } = heard({ state: 2, status: 2, link_status: 2, station_status: 2 });
+  const beatAfter = (ms) => {
+    channels.timely -= ms;
+    channels.beaten -= ms;
+    const before = channels.cause;
+    channels.beat();
+    return [before, channels.cause];
+  };
+  channels.beat();
+  assert.deepEqual(beatAfter(1000), ["", ""]); // nothing of this page has run since
+  assert.deepEqual(beatAfter(100), ["", "station"]); // it has, and there is nothing
+  channels.known = "";
+  assert.deepEqual(beatAfter(2000), ["", ""]);
+  assert.deepEqual(beatAfter(2000), ["station", "station"]); // always slow, it judges nevertheless
+});

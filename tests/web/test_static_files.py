@@ -14,6 +14,7 @@ from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
 from starlette.routing import Mount
 
+from quadrotor.checkout import ROOT
 from web import static_files, theme, uplot
 from web.static_files import CachedFiles
 
@@ -148,3 +149,12 @@ def test_a_browser_keeps_uplot_under_its_version_and_gets_it_compressed() -> Non
     assert int(packed.headers["content-length"]) < 0.5 * int(whole.headers["content-length"])
     assert "immutable" in packed.headers["cache-control"]
     assert "cache-control" not in whole.headers, "of another version"
+
+
+@pytest.mark.parametrize(
+    "path", [*ROOT.glob("web/static/*/*.html"), *ROOT.glob("extensions/*/page/*/*.html")], ids=str
+)
+def test_a_page_has_one_main_part_and_a_heading(path: Path) -> None:
+    text = path.read_text()
+    assert text.count("<main") == 1, "else a screen reader finds no way past the head"
+    assert text.count("<h1") == (path.stem != "report"), "that of a report is its script's"

@@ -136,6 +136,7 @@ class Comms:
         if isinstance(message, mailbox.Reply):
             self._flight.deliver(message)
             self._parameters.deliver(message)
+            self._publisher.answered()
             if self._parameters.complete:
                 self._log.start()  # not earlier: its files begin with the parameters
                 self._inbound.set_layout(str(self._parameters.values()["beacons.layout"]))

@@ -132,8 +132,7 @@ class Publisher:
         self._packet_size = telemetry.SAMPLES_A_PACKET
         self.tick_rate = NOMINAL_RATE
         """The rate in Hz, as the loop measured it last."""
-        self._packet = 0
-        self._heartbeat = 0
+        self._packet = self._heartbeat = 0
         self._due_ns: dict[str, int] = {}
         self._probe_ns: dict[str, int] = {}
         self._status_key: tuple[int, ...] = ()
@@ -153,10 +152,13 @@ class Publisher:
             self._send("status", self._status(last), newest)
         if self._due("estimator", newest):
             self._send("estimator", encode_estimators(last, self._estimator())[0], newest)
-        if self._due("battery", newest):
-            self._send("battery", encode_batteries(last, self._vehicle)[0], newest)
-        if self._due("pressure", newest):
-            self._send("pressure", encode_pressures(last, self._vehicle)[0], newest)
+        for topic, encode in (("battery", encode_batteries), ("pressure", encode_pressures)):
+            if self._due(topic, newest):
+                self._send(topic, encode(last, self._vehicle)[0], newest)
+
+    def answered(self) -> None:
+        """Publish a status with the next ticks, for whoever waits to see what a command did."""
+        self._status_key = ()
 
     @property
     def next_packet_s(self) -> float:
@@ -183,8 +185,7 @@ class Publisher:
         self._send("events", payload, event.stamp_ns, always=True)
 
     def parameter_change(self, change: ParameterChange) -> None:
-        change = msgspec.structs.replace(change, instance=self._instance)
-        payload = encode_change(change)
+        payload = encode_change(msgspec.structs.replace(change, instance=self._instance))
         self._send("parameter_changes", payload, change.stamp_ns, always=True)
 
     def reading(self, judged: Record) -> None:

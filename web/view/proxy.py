@@ -58,14 +58,14 @@ if(new URLSearchParams(location.search).has("plain")){{
 const{{prototype:canvas}}=HTMLCanvasElement,make=canvas.getContext
 canvas.getContext=function(kind,of){{
 return make.call(this,kind,{{...of,antialias:false}})}}}}</script>
-<style>{TOKENS}html,body,canvas[data-engine]{{background:var(--ground)!important}}
+<style>{TOKENS}html,body,div:has([data-dock-root]),canvas[data-engine]{{background:var(--ground)!important}}
 [data-floating-window],.mantine-Paper-root[style*="position: fixed"]{{display:none!important}}
 .mantine-Notifications-root{{inset:44px auto auto 12px!important;max-width:min(340px,100%)}}
 .mantine-Notification-root{{background:var(--raised)!important;border:1px solid!important}}
 .mantine-Notification-root *{{color:var(--text)!important}}
 @media(max-width:700px){{.mantine-Notification-description{{display:none}}}}</style>
 """
-"""Script and style added to viser's client.
+"""Script and style added to viser's client, before all of its own: it is dark from its first frame.
 
 The client reconnects only while its document has the focus, which an iframe does not have. It may
 not learn the renderer's name, so that the page alone tells of software rendering. Its control panel
@@ -142,7 +142,7 @@ def client_html() -> bytes:
     """Return viser's single-file client with the additions, about 0.8 MB."""
     path = distribution("viser").locate_file("viser/client/build/index.html")
     html = Path(str(path)).read_text(encoding="utf-8")
-    return html.replace("</head>", _INJECTION + "</head>", 1).encode()
+    return html.replace("<head>", "<head>" + _INJECTION, 1).encode()
 
 
 async def pump(socket: WebSocket, server: ViewServer, session: Session) -> None:

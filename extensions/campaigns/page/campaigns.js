@@ -18,6 +18,8 @@ export function show(place) {
 class Campaigns {
   chosen = "";
   open = -1;
+  looks = 0; // not answered yet
+  reads = 0;
   shown = null; // name, index of the row whose command is shown, what was drawn last
 
   constructor(place) {
@@ -77,12 +79,13 @@ class Campaigns {
     );
     place.append(all);
     setInterval(() => {
-      if (all.open && !document.hidden) this.look();
+      if (all.open && !document.hidden && !this.looks) this.look();
     }, LOOK);
   }
 
   // Reads the list, and the chosen campaign if it has grown.
   async look() {
+    this.looks++;
     await attempt(this.reason, async () => {
       const { campaigns, folder } = await get("/api/campaigns");
       this.empty.hidden = campaigns.length > 0;
@@ -92,11 +95,9 @@ class Campaigns {
       this.comparison.offer(this.chosen, campaigns);
       const now = campaigns.find(({ name }) => name === this.chosen);
       const state = now && `${now.name} ${now.rows}`;
-      if (state && state !== this.state) {
-        this.state = state;
-        await this.read();
-      }
+      if (state && state !== this.state && (await this.read())) this.state = state;
     });
+    this.looks--;
   }
 
   entry({ name, experiment, rows, flights, running, over, problem }) {
@@ -116,12 +117,14 @@ class Campaigns {
     return element("li", {}, button, element("div", { className: "progress" }, bar));
   }
 
+  // Returns whether it was answered. Only the newest answer is drawn, whatever order they come in.
   async read() {
-    await attempt(this.reason, async () => {
+    const turn = ++this.reads;
+    return await attempt(this.reason, async () => {
       const query = new URLSearchParams({ metric: this.metric.value, x: this.x.value, y: this.y.value });
       const wanted = this.chosen,
         found = await get(`/api/campaigns/${encodeURIComponent(wanted)}?${query}`);
-      if (wanted === this.chosen) this.draw(found);
+      if (wanted === this.chosen && turn === this.reads) this.draw(found);
     });
   }
 

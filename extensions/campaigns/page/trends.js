@@ -22,6 +22,8 @@ export function show(place) {
 }
 
 class Trends {
+  reads = 0;
+
   constructor(place) {
     const choice = (label) => element("select", { ariaLabel: label, onchange: () => this.read() });
     this.metric = choice("figure");
@@ -45,11 +47,13 @@ class Trends {
 
   async read() {
     if (!this.all.open) return;
+    const turn = ++this.reads;
     await attempt(this.reason, async () => {
       const wanted = query($("search").value, $("tag").value, $("of-vehicle").value);
       if (this.metric.value) wanted.set("metric", this.metric.value);
       wanted.set("by", this.by.value || "all");
-      this.show(await get(`/api/trends?${wanted}`));
+      const found = await get(`/api/trends?${wanted}`);
+      if (turn === this.reads) this.show(found); // answers may come in another order
     });
   }
 

@@ -1,5 +1,9 @@
 // Which of many texts a person means by a few words.
 
+const IDLE = new Set(
+  "a an and are by do does for how i in is it my of on or the to what where with".split(" "),
+);
+
 // Those that have every word, the best of each kind first: at most `each` of a kind, in the order of the kinds.
 /**
  * @template {{ kind: string, text: string, note?: string, words?: string }} T
@@ -7,7 +11,9 @@
  * @returns {T[]}
  */
 export function ranked(all, words, each) {
-  const wanted = words.toLowerCase().split(/\s+/);
+  const asked = words.toLowerCase().split(/\s+/),
+    meant = asked.filter((word) => !IDLE.has(word)),
+    wanted = meant.length ? meant : asked;
   /** @type {Map<string, [number, T][]>} */
   const kinds = new Map();
   for (const one of all) {

@@ -361,6 +361,16 @@ def test_saturation_that_comes_and_goes_is_no_change(sender: Sender) -> None:
     assert sender.radio.count("status") <= 11
 
 
+def test_a_status_follows_the_answer_to_a_command_at_once(sender: Sender) -> None:
+    sender.run(1.02)  # a status was due 0.02 s ago
+    before = sender.radio.count("status")
+    sender.run(0.02)
+    assert sender.radio.count("status") == before
+    sender.publisher.answered()
+    sender.run(0.02)
+    assert sender.radio.count("status") == before + 1
+
+
 def test_status_speaks_words(sender: Sender) -> None:
     sender.publisher.ticks(
         sender.ticks(1, behavior=BehaviorName.FLY_TO, flags=Flag.NO_POSE | Flag.LINK_LOST)

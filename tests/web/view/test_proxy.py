@@ -100,9 +100,10 @@ def test_what_is_no_message_ends_the_connection(upstream: Any, frame: bytes | No
 
 def test_the_client_page_is_told_that_it_has_the_focus() -> None:
     html = pump.client_html()
-    head = html[: html.index(b"</head>")]
+    head = html[: html.index(b"<title>")]
     assert b"document.hasFocus=()=>true" in head
     assert b"releasePointerCapture" in head, "else a finger's tap is no click on the ground"
+    assert b"background:var(--ground)" in head, "else a dark page shows a white view at first"
     assert len(html) > 500_000
 
 

@@ -9,7 +9,7 @@ import { icon } from "../icons/icons.js";
 const KEPT = "quadlab.values";
 const xyz = (prefix) => ["x", "y", "z"].map((axis) => `${prefix}.${axis}`);
 /** @type {[label: string, signals: string[], digits: number][]} */
-const ROWS = [
+export const ROWS = [
   ["position", xyz("state.position"), 3],
   ["velocity", xyz("state.velocity"), 3],
   ["roll pitch yaw", ["state.roll", "state.pitch", "state.yaw"], 2],

@@ -10,6 +10,8 @@ const STATUS = 1,
 const GONE = 1.5; // s of the station's silence that no busy computer explains
 const TIMEOUT = 0.4; // s until the vehicle reacts, while safety.link_timeout is not known
 const NEVER = 4; // s from the page's start until a vehicle that was never heard is worth a word
+const BEAT = 300; // ms between two beats of a page that was held up
+const PATIENCE = 3000; // ms of such beats alone, after which it judges nevertheless
 const SURE = 1.2; // s of silence until it is known that station and link are not the reason
 
 // Fires `change` when ticks cease or come again, or contact does: with the frame that says so, long before the next
@@ -24,7 +26,9 @@ export class Channels extends EventTarget {
     /** @type {number | null} */
     this.closed = null; // when the events broke off
     this.began = performance.now();
-    this.known = ""; // the cause before they did
+    this.known = ""; // the newest judgement
+    this.beaten = this.began; // ms, the newest beat
+    this.timely = this.began; // ms, the newest that was not late
     this.isSilent = false; // no ticks, as frames say: without frames nothing is said of the vehicle
     events.addEventListener("close", () => {
       this.closed ??= performance.now();
@@ -34,6 +38,17 @@ export class Channels extends EventTarget {
     });
     // the table wants it always
     telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => this.hear(detail.age.state));
+  }
+
+  // Called every 0.1 s. After a late beat what arrived in the meantime is yet to be read.
+  beat() {
+    const now = performance.now();
+    if (now - this.beaten < BEAT) this.timely = now;
+    this.beaten = now;
+  }
+  get isHeldUp() {
+    const silent = performance.now() - this.timely;
+    return silent > BEAT && silent < PATIENCE;
   }
 
   // A page that was held up judged before it read what had arrived: the frame says at once that there is contact.
@@ -62,6 +77,7 @@ export class Channels extends EventTarget {
       { link, status } = events.summary,
       isGood = link?.state === "good";
     if (this.away) return this.away > SERVER ? "page" : this.known;
+    if (this.isHeldUp) return this.known;
     const isHeard =
       ages.age("state") < (this.gains.value("safety.link_timeout") ?? TIMEOUT) ||
       (ages.age("status") < STATUS && isGood);

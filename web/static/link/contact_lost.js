@@ -42,7 +42,11 @@ export class Contact {
       const height = detail.value["state.position.z"];
       if (Number.isFinite(height)) this.height = height;
     });
-    setInterval(() => this.draw(), TICK);
+    channels.addEventListener("change", () => this.draw());
+    setInterval(() => {
+      channels.beat();
+      this.draw();
+    }, TICK);
   }
 
   safety(name) {

@@ -1,23 +1,13 @@
-// The state at the play-head: vectors in x, y, z columns; of a second run below each value.
+// The state at the play-head: one quantity a row, vectors in x, y, z columns; of a second run below each value.
 
 import { element, setText } from "/static/core/dom.js";
 import { fixed, seconds, words } from "/static/core/format.js";
+import { ROWS } from "/static/console/state_table.js";
 
-const xyz = (prefix) => ["x", "y", "z"].map((axis) => `${prefix}.${axis}`);
-/** @type {[string, string[], number[], string?][]} */
-const ROWS = [
-  ["position", xyz("state.position"), [3, 3, 3]],
-  ["velocity", xyz("state.velocity"), [3, 3, 3]],
-  ["roll pitch yaw", ["state.roll", "state.pitch", "state.yaw"], [2, 2, 2]],
-  ["body rate", xyz("state.rate"), [1, 1, 1]],
-  ["reference", xyz("reference.position"), [3, 3, 3]],
-  ["tracking error", xyz("error.position"), [1, 1, 1]],
-  ["truth", xyz("truth.position"), [3, 3, 3]],
-  ["torque", xyz("torque"), [3, 3, 3]],
-  ["thrust, λ, mass", ["thrust", "scaling", "mass"], [2, 2, 3], "N, –, kg"],
-  ["error to truth", ["truth.position_error", "truth.velocity_error"], [1, 3], "mm, m/s"],
-  ["battery, link age", ["battery.voltage", "link.age"], [2, 0], "V, ms"],
-];
+const OWN = /** @type {typeof ROWS} */ ([
+  ["battery", ["battery.voltage"], 2],
+  ["link age", ["link.age"], 0],
+]);
 const STALE = { battery: 3, link: 1.5, mass: 0.3 }; // s
 const DEFAULT_STALE = 0.3;
 
@@ -26,7 +16,7 @@ export class ReplayTable {
 
   constructor(place) {
     this.place = place;
-    this.names = ROWS.flatMap(([, names]) => names);
+    this.names = [...ROWS, ...OWN].flatMap(([, names]) => names);
   }
 
   setRuns(runs) {
@@ -40,7 +30,7 @@ export class ReplayTable {
       ),
     );
     this.rows = [];
-    for (const [label, names, digits, unit] of ROWS) {
+    for (const [label, names, digits] of [...ROWS, ...OWN]) {
       if (!names.some((name) => runs.some((run) => run.signals.has(name)))) continue;
       runs.forEach((run, k) => {
         const cells = [0, 1, 2].map(() => element("td")),
@@ -50,11 +40,11 @@ export class ReplayTable {
           { className: k ? "second" : "" },
           element("td", {}, k ? "" : label),
           ...cells,
-          element("td", { className: "unit" }, k ? "" : (unit ?? signals.get(names[0])?.unit ?? "")),
+          element("td", { className: "unit" }, k ? "" : (signals.get(names[0])?.unit ?? "")),
           age,
         );
         body.append(line);
-        this.rows.push({ run, names, digits, cells, age, line });
+        this.rows.push({ run, names, digits, cells: cells.slice(-names.length), age, line }); // one number: below z
       });
     }
     const head = element(
@@ -84,7 +74,7 @@ export class ReplayTable {
         old = found[names[0]]?.[1];
       const isStale = !(old <= (STALE[names[0].split(".")[0]] ?? DEFAULT_STALE));
       line.classList.toggle("stale", isStale);
-      names.forEach((name, i) => setText(cells[i], fixed(found[name]?.[0], digits[i])));
+      names.forEach((name, i) => setText(cells[i], fixed(found[name]?.[0], digits)));
       setText(
         age,
         old === null || old === undefined ? "–" : isStale ? seconds(old) : `${Math.round(old * 1e3)} ms`,
