@@ -89,7 +89,7 @@ FOLDERS = {
         "view_rate",
     ),
     "link": ("link", "hostile_bytes"),
-    "logs": ("killed_logs", "logs", "imports", "fuzz_logs", "fuzz_imports"),
+    "logs": ("killed_logs", "logs", "large_log", "imports", "fuzz_logs", "fuzz_imports"),
     "safety": ("laboratory_faults", "emergencies", "hostile_doors", "foreign_page"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
@@ -108,6 +108,7 @@ IN_CHROMIUM = (
 """Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs", "fuzz_imports", "firmware", "campaign_size"),
+    "gigabytes": ("large_log",),
     "hours": ("oscillation", "tracker_integrity"),
     "seed": (
         "fuzz_logs",
@@ -158,6 +159,7 @@ def main() -> int:
         type=float,
         help="of oscillation, tracker_integrity: flown without a cause for an alarm",
     )
+    parser.add_argument("--gigabytes", type=float, help="of large_log: size of the log")
     parser.add_argument(
         "--seed", type=int, help="number of the first mutated log or flight, or stream"
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from mcap.opcode import Opcode
 
+from extensions.importers.readers.progress import tell
 from extensions.importers.readers.ros_bags import LOGGED
 from extensions.importers.readers.tables import FileTables, narrow, seconds_of
 from flight_log.format import UNREADABLE, parsed
@@ -47,6 +48,7 @@ class McapTables(FileTables):
         parts: dict[str, list[Columns]] = {}
         wanted, values = set(wanted), 0
         for batch in reader:
+            tell(batch.share)
             for columns in batch.columns:
                 kept = parts.setdefault(columns.topic, [])
                 if columns.topic in wanted:
