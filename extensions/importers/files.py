@@ -235,7 +235,8 @@ class Files:
         fewest = 1 if section == "battery" else FEWEST
         rows = np.flatnonzero(known)
         self._check_count(len(rows), fewest, where)
-        stamps = stamps[rows]
+        if len(rows) < len(stamps):  # a copy of a large table's may be more than there is room for
+            stamps = stamps[rows]
         rows += 1
         fitting, strays = without_strays(stamps, rows, where)
         if strays:

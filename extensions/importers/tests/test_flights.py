@@ -235,7 +235,7 @@ def test_angles_by_their_names_are_proposed(tmp_path: Path) -> None:
     assert (truth["euler_order"], truth["euler_unit"]) == ("ZYX", "deg")
     found = read_flight(path, str(tmp_path / "mapping.toml")).truth
     assert found is not None
-    error = found.states["quaternion_wb"] - FLIGHT.quaternion[: len(found.states)]
+    error = found.states["quaternion_wb"] - FLIGHT.quaternion[: len(found.stamps_ns)]
     assert np.abs(error).max() < 0.02
 
 
