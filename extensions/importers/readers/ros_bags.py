@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,6 +52,12 @@ class BagTables(FileTables):
         ):
             self._topics = sorted(bag.topics)
             chosen = [one for one in bag.connections if one.topic in wanted]
+            counts: Counter[tuple[str, str]] = Counter()
+            for one in chosen:
+                counts[one.topic, one.msgtype] += one.msgcount
+            usual, notes = usual_types(counts, path.name)
+            self.notes += notes
+            chosen = [one for one in chosen if one.msgtype == usual[one.topic]]
             schemas = {one.msgtype: _described(bag, one.msgtype, path) for one in chosen}
             for one, logged_ns, data in bag.messages(chosen) if chosen else ():  # none means all
                 if one.topic not in self._rows:
@@ -70,6 +77,25 @@ class BagTables(FileTables):
 
     def remainders(self, table: str, name: str) -> Array | None:
         return self._rows[table].column(name)[1]
+
+
+def usual_types(
+    counts: Mapping[tuple[str, str], int], name: str
+) -> tuple[dict[str, str], list[str]]:
+    """Return the type that most messages of each topic have, and a note on each with others.
+
+    Args:
+        counts: of messages by topic and type.
+        name: of the file.
+    """
+    found: dict[str, str] = {}
+    for (topic, kind), _ in sorted(counts.items(), key=lambda one: -one[1]):
+        found.setdefault(topic, kind)
+    return found, [
+        f"{name}: {count} messages of {topic} are of {kind}, most of it of {found[topic]}: left out"
+        for (topic, kind), count in counts.items()
+        if kind != found[topic]
+    ]
 
 
 def _described(bag: AnyReader, kind: str, path: Path) -> Schema:

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
 from extensions.importers.importing import read_flight
 from extensions.importers.mapping import load_mapping
 from extensions.importers.readers import ros_bags
+from extensions.importers.readers.mcap_tables import McapTables
 from extensions.importers.readers.ros_bags import BagTables
 from quadrotor.errors import UsageError
 
@@ -54,6 +56,35 @@ def test_messages_with_texts_and_arrays_of_any_length_are_read(
     rows = rows[:, [columns.index(one) for one in named]]
     rows[:, 0] += 7e-9 * rows[:, 0]
     np.testing.assert_allclose(found, rows, rtol=1e-15)
+
+
+def test_of_a_topic_with_two_types_the_usual_one_is_read(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kinds = {"std_msgs/msg/Float64": 2.5, "std_msgs/msg/Int32": 7}
+    with rosbag1.Writer(tmp_path / "two.bag") as writer:
+        for count, (kind, value) in zip((30, 3), kinds.items(), strict=True):
+            link = writer.add_connection("/level", kind, typestore=store)
+            data = store.serialize_ros1(store.types[kind](value), kind)
+            for k in range(count):
+                writer.write(link, 1000 + k, data)
+    schemas = {kind: f"{kind.rpartition('/')[2].lower()} data" for kind in kinds}
+    with (tmp_path / "two.mcap").open("wb") as file:
+        mcap = Writer(file)
+        mcap.start("ros2", "another")
+        for count, (kind, text) in zip((30, 3), schemas.items(), strict=True):
+            schema = mcap.register_schema(kind, "ros2msg", text.encode())
+            channel = mcap.register_channel("/level", "cdr", schema)
+            body = np.array(kinds[kind], "<f8" if count == 30 else "<i4").tobytes()
+            for k in range(count):
+                mcap.add_message(channel, 1000 + k, b"\0\1\0\0" + body, 1000 + k)
+        mcap.finish()
+    for table in (
+        BagTables(tmp_path / "two.bag", {"/level"}),
+        McapTables(tmp_path / "two.mcap", {"/level"}),
+    ):
+        assert (table.read("/level", ["data"])[:, 0] == np.full(30, 2.5)).all()
+        [note] = table.notes
+        assert "3 messages of /level are of std_msgs/msg/Int32" in note
 
 
 def test_topics_have_the_stamps_that_are_asked_for(tmp_path: Path) -> None:

@@ -465,6 +465,18 @@ def test_a_ulog_without_imu_or_cut_off_is_refused(tmp_path: Path) -> None:
         read_flight(path)
 
 
+def test_a_ulog_whose_logger_lost_time_and_logged_a_topic_again_is_read_whole(
+    tmp_path: Path,
+) -> None:
+    topics = topics_of(FLIGHT)
+    whole = topics.pop("sensor_combined")
+    half = len(whole) // 2
+    topics |= {"sensor_combined": whole[:half], "sensor_combined again": whole[half:]}
+    found = read_flight(write_ulog(tmp_path / "log.ulg", topics, dropouts_ms=(30, 120)))
+    assert len(found.imu.stamps_ns) == len(whole)
+    assert any("lost 0.15 s in 2 drop-outs, the longest of 0.12 s" in one for one in found.notes)
+
+
 def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
     tmp_path: Path,
 ) -> None:
