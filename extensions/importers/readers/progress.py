@@ -1,4 +1,4 @@
-"""How much of a file has been read, told to whoever waits for it."""
+"""The share of a file that has been read, told to whoever waits for it."""
 
 from __future__ import annotations
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Collection, Mapping
+from contextlib import closing, suppress
 from pathlib import Path
+from sqlite3 import DatabaseError, connect
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,10 +46,8 @@ class BagTables(FileTables):
         super().__init__(path)
         self._rows: dict[str, _Rows] = {}
         self._topics: list[str] = []
-        files = sorted(one.name for one in path.glob("*.db3")) if path.is_dir() else []
-        hint = f"; try {files[0]} in it alone" if files else ""
         with (
-            foreign_reader(path, "bag", hint),
+            foreign_reader(path, "bag", lambda: _what_to_try(path)),
             AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag,
         ):
             self._topics = sorted(bag.topics)
@@ -77,6 +77,20 @@ class BagTables(FileTables):
 
     def remainders(self, table: str, name: str) -> Array | None:
         return self._rows[table].column(name)[1]
+
+
+def _what_to_try(bag: Path) -> str:
+    """Return what to try with the databases of a bag; empty if it has none."""
+    databases = sorted(bag.glob("*.db3")) if bag.is_dir() else []
+    for one in databases:
+        with (
+            suppress(DatabaseError),
+            closing(connect(f"{one.absolute().as_uri()}?mode=ro", uri=True)) as opened,
+        ):
+            for _ in opened.execute("SELECT data FROM messages"):
+                pass
+            return f"; try {one.name} in it alone"
+    return f"; sqlite3 {databases[0].name} .recover may save what it has" if databases else ""
 
 
 def usual_types(

@@ -20,6 +20,7 @@ DATED = "vehicle_gps_position"
 """The topic whose `time_utc_usec` gives the date."""
 EARLIEST_US = 10**15
 """Microseconds since the epoch (2001); a receiver without a date reports less."""
+Table = dict[str, npt.NDArray[Any]]
 ERROR, WARNING, INFO = 40, 30, 20  # levels of rcl_interfaces/Log
 
 
@@ -61,7 +62,7 @@ class UlogTables(FileTables):
             log = ULog(file, topics, disable_str_exceptions=True)
             if file.short_at is not None:
                 self.torn = f"it ends within a message at byte {file.short_at}"
-        self._data: dict[str, dict[str, npt.NDArray[Any]]] = {}
+        self._data: dict[str, Table] = {}
         for one in log.data_list:
             name = f"{one.name}#{one.multi_id}" if one.multi_id else one.name
             known = self._data.get(name)  # of a logger that began to log the topic again
@@ -96,9 +97,7 @@ class UlogTables(FileTables):
         return beyond_float(self._data[table][name])
 
 
-def _joined(
-    one: dict[str, npt.NDArray[Any]], other: dict[str, npt.NDArray[Any]]
-) -> dict[str, npt.NDArray[Any]]:
+def _joined(one: Table, other: Table) -> Table:
     """Return the rows of two tables with the same columns, in the order of their stamps."""
     whole = {name: np.concatenate([one[name], other[name]]) for name in one}
     order = np.argsort(whole["timestamp"], kind="stable")

@@ -16,7 +16,9 @@ from extensions.importers.mapping import load_mapping
 from extensions.importers.readers import ros_bags
 from extensions.importers.readers.mcap_tables import McapTables
 from extensions.importers.readers.ros_bags import BagTables
-from quadrotor.errors import UsageError
+from extensions.importers.tests.bag_writer import write_bag
+from extensions.importers.tests.foreign_flight import make_flight
+from quadrotor.errors import LogFormatError, UsageError
 
 EPOCH_NS = 1_700_000_000_000_000_000
 KIND = "sensor_msgs/msg/JointState"
@@ -85,6 +87,17 @@ def test_of_a_topic_with_two_types_the_usual_one_is_read(tmp_path: Path) -> None
         assert (table.read("/level", ["data"])[:, 0] == np.full(30, 2.5)).all()
         [note] = table.notes
         assert "3 messages of /level are of std_msgs/msg/Int32" in note
+
+
+def test_a_damaged_bag_advises_only_what_can_work(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", make_flight(seconds=1.0), 2)
+    data = (bag / "bag.db3").read_bytes()
+    (bag / "bag.db3").write_bytes(data[: len(data) // 2])
+    with pytest.raises(LogFormatError, match=r"malformed; sqlite3 bag.db3 .recover may save"):
+        BagTables(bag, {"/imu"})
+    (bag / "other.db3").write_bytes(data)
+    with pytest.raises(LogFormatError, match=r"malformed; try other.db3 in it alone"):
+        BagTables(bag, {"/imu"})
 
 
 def test_topics_have_the_stamps_that_are_asked_for(tmp_path: Path) -> None:
