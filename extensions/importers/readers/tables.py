@@ -65,7 +65,7 @@ def foreign_reader(path: Path, what: str, hint: Callable[[], str] = str) -> Iter
     except (MemoryError, QuadlabError):
         raise
     except Exception as error:
-        why = str(error) or type(error).__name__
+        why = str(error).replace(f"{path.parent}/", "") or type(error).__name__
         raise LogFormatError(f"{path.name} is not a complete {what}: {why:.120}{hint()}") from error
 
 
