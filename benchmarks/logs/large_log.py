@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 import tempfile
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, BinaryIO, cast
 
 import numpy as np
 from mcap.records import Channel, Schema
@@ -98,7 +98,9 @@ def write_large(folder: Path, size: float) -> Path:
     picture = bytes(store.serialize_cdr(image, kind))
     with (folder / "large.mcap").open("wb") as file:
         # A chunk ends behind each picture, which is larger than a chunk should be.
-        writer = Writer(Sparse(file), compression=CompressionType.NONE, enable_crcs=False)
+        writer = Writer(
+            cast("IO[bytes]", Sparse(file)), compression=CompressionType.NONE, enable_crcs=False
+        )
         writer.start("ros2", "benchmark")
         text, _ = store.generate_msgdef(kind, ros_version=2)
         camera = writer.register_channel(

@@ -164,7 +164,7 @@ class TlogTables:
         if wrong:
             self.notes.append(f"{self.path.name}: {wrong} packets with a wrong checksum left out")
         restarts = self._restarts(read, system == vehicle)
-        while read:  # so that the messages of one kind alone are there twice
+        while read:  # so that only those of one kind are held twice
             messages = read.pop()
             self._keep(messages, system[messages.numbers], vehicle, restarts)
 

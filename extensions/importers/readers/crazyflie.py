@@ -73,7 +73,8 @@ class CrazyflieTables(FileTables):
         return [name for name in self._kinds[table].names or () if name != "id"]
 
     def read(self, table: str, names: list[str]) -> Array:
-        places, fields = self._places[table], self._kinds[table].fields or {}
+        places, fields = self._places[table], self._kinds[table].fields
+        assert fields is not None
         data = np.frombuffer(self._data, np.uint8)
         found = np.empty((len(places), len(names)))
         for k, name in enumerate(names):

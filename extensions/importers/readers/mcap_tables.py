@@ -52,6 +52,7 @@ class McapTables(FileTables):
             tell(batch.share)
             for columns in batch.columns:
                 kept = parts.setdefault(columns.topic, [])
+                columns.type_name = columns.type_name.replace("/msg/", "/")  # both are written
                 if columns.topic in wanted:
                     columns.numbers = {k: narrow(one) for k, one in columns.numbers.items()}
                     values += sum(len(one) for one in columns.numbers.values() if one.strides[0])

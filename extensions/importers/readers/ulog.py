@@ -65,8 +65,8 @@ class UlogTables(FileTables):
         self._data: dict[str, Table] = {}
         for one in log.data_list:
             name = f"{one.name}#{one.multi_id}" if one.multi_id else one.name
-            known = self._data.get(name)  # of a logger that began to log the topic again
-            self._data[name] = _joined(known, one.data) if known else one.data
+            before = self._data.get(name)  # of a logger that began to log the topic again
+            self._data[name] = _joined(before, one.data) if before else one.data
         if log.dropouts:
             lost = [1e-3 * one.duration for one in log.dropouts]
             self.note(
