@@ -89,7 +89,7 @@ FOLDERS = {
         "view_rate",
     ),
     "link": ("link", "hostile_bytes"),
-    "logs": ("killed_logs", "logs", "imports", "fuzz_logs", "fuzz_imports"),
+    "logs": ("killed_logs", "logs", "large_log", "imports", "fuzz_logs", "fuzz_imports"),
     "peers": ("second_plant",),
     "safety": ("laboratory_faults", "emergencies", "hostile_doors", "foreign_page"),
 }
@@ -109,6 +109,7 @@ IN_CHROMIUM = (
 """Benchmarks that measure nothing without Chromium."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs", "fuzz_imports", "firmware", "campaign_size"),
+    "gigabytes": ("large_log",),
     "hours": ("oscillation", "tracker_integrity"),
     "seed": (
         "fuzz_logs",
@@ -159,6 +160,7 @@ def main() -> int:
         type=float,
         help="of oscillation, tracker_integrity: flown without a cause for an alarm",
     )
+    parser.add_argument("--gigabytes", type=float, help="of large_log: size of the log")
     parser.add_argument(
         "--seed", type=int, help="number of the first mutated log or flight, or stream"
     )

@@ -13,7 +13,7 @@ import numpy as np
 from extensions.importers.flight import ImportedFlight, Imu
 from extensions.importers.frames import axes, bodies
 from extensions.importers.raw import RawFlight, RawImu, RawTrack
-from extensions.importers.rows import turn
+from extensions.importers.rows import nanoseconds, turn
 from extensions.importers.tracks import Checked
 from extensions.importers.trajectory import align
 from extensions.importers.units import FORCE_UNITS, RATE_UNITS
@@ -61,7 +61,7 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
             epoch = modified_ns - round(ended * 1e9) - base_ns
             notes.append("the log does not know its date: that of its file is taken")
         base_ns += epoch
-    at = np.round(imu.seconds * 1e9).astype(np.int64) + base_ns
+    at = nanoseconds(imu.seconds, base_ns)
     made = {one.raw.name: one.track(base_ns) for one in found}
     turning *= unit
     flight = ImportedFlight(vehicle, source, Imu(at, force, turning), notes=notes)
@@ -75,7 +75,7 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
         align(flight.truth, flight.estimate, raw.sweeps, notes)
     if raw.battery:
         seconds, voltage = raw.battery
-        flight.battery = np.round(seconds * 1e9).astype(np.int64) + base_ns, voltage
+        flight.battery = nanoseconds(seconds, base_ns), voltage
     if raw.sweeps is not None:
         flight.sweeps = raw.sweeps
         flight.sweeps["stamp_ns"] += base_ns

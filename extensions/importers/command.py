@@ -68,9 +68,10 @@ class Import:
 
         if self.file[0].exists() and is_exported(self.file[0]):
             return self._restore(self.file[0])
-        numbers = self._numbers()
         imported = kept = 0
+        numbers: list[int | None] = [None]
         try:
+            numbers = self._numbers()
             known = self._known() if len(numbers) > 1 else {}
             for number in numbers:
                 if run := known.get(self._source(number)):
@@ -80,7 +81,9 @@ class Import:
                     imported += self._import(number, len(numbers))
         except KeyboardInterrupt:
             done = f"imported {imported} of {len(numbers)}; the same command imports the others"
-            print(f"quadlab: interrupted; {done if imported else 'imported none'}", file=sys.stderr)
+            if not imported:
+                done = "imported none and left nothing behind; the same command begins anew"
+            print(f"quadlab: interrupted; {done}", file=sys.stderr)
             raise
         if len(numbers) > 1:
             print(f"{imported + kept} of {len(numbers)} flights are imported")
@@ -144,14 +147,21 @@ class Import:
 
     def _numbers(self) -> list[int | None]:
         """Return the numbers of the flights to import. Raises UsageError."""
-        from extensions.importers.importing import flights_of
+        from extensions.importers.importing import flights_of, shown
 
         if self.flight is None:
             return [None]
         if len(self.file) > 1:
             raise UsageError("--flight is for one file; several files are parts of one flight")
         if self.flight == ALL:
-            count = flights_of(self.file[0], self.mapping, table=self.table, stamps=self.stamps)
+            with progress_of(f"looking for flights in {shown(self.file[0])}") as progress:
+                count = flights_of(
+                    self.file[0],
+                    self.mapping,
+                    table=self.table,
+                    stamps=self.stamps,
+                    progress=progress,
+                )
             return list(range(1, count + 1))
         if not self.flight.isdecimal() or not int(self.flight):
             raise UsageError(f"--flight {self.flight}: a number from 1, or all, is needed")

@@ -17,6 +17,7 @@ from extensions.importers.mapping import CLOCK, CLOCK_TOPIC, Columns, Mapping, R
 from extensions.importers.physics import measurable
 from extensions.importers.readers.formats import source_of
 from extensions.importers.readers.joined import JoinedTables
+from extensions.importers.readers.progress import each
 from extensions.importers.readers.ros_bags import LOGGED
 from extensions.importers.readers.tables import Source
 from extensions.importers.rows import complete, keep
@@ -80,7 +81,7 @@ class Files:
             if rows.file and not path.exists():
                 raise StorageError(f"{path}, which the mapping names, is not a file")
             paths = [path] if rows.file else self._paths
-            found = [self._stack.enter_context(source_of(one, self._wanted)) for one in paths]
+            found = [self._stack.enter_context(source_of(one, self._wanted)) for one in each(paths)]
             source = self._opened[path] = found[0] if len(found) == 1 else JoinedTables(found)
             self.notes += source.notes
         return self._opened[path]
@@ -234,7 +235,8 @@ class Files:
         fewest = 1 if section == "battery" else FEWEST
         rows = np.flatnonzero(known)
         self._check_count(len(rows), fewest, where)
-        stamps = stamps[rows]
+        if len(rows) < len(stamps):  # a copy of a large table's may be more than there is room for
+            stamps = stamps[rows]
         rows += 1
         fitting, strays = without_strays(stamps, rows, where)
         if strays:

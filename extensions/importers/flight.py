@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from quadrotor.records import Array, Record, Stamps
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.records import STATE, Array, Record, Stamps
 
 
 @dataclass
@@ -24,8 +27,15 @@ class Track:
 
     name: str  # section of the mapping
     stamps_ns: Stamps  # (N,), rising
-    states: Record  # (N,) STATE
+    states: dict[str, Array]  # (N, K) by the fields of STATE, as a record of them takes more memory
     attitude_known: bool
+
+    def record(self, rows: npt.NDArray[np.intp]) -> Record:
+        """Return the states of some rows, (M,) STATE."""
+        found = np.zeros(len(rows), STATE)
+        for name, values in self.states.items():
+            found[name] = values[rows]
+        return found
 
 
 @dataclass

@@ -63,6 +63,13 @@ class Flights:
                     f"{where} has {len(parts)} flights ({told}): --flight 1 imports the first, "
                     "--flight all imports each as a run"
                 )
+            alone = len(seconds) - len(seconds[parts[0]])
+            if len(parts) == 1 and alone and not len(apart):
+                self._limit_to(seconds[parts[0]])
+                return parts[0], [
+                    f"{where}: {alone} rows left out that are {GAP:.0f} s or more away from all "
+                    "others"
+                ]
             gap = f"{where}: a gap of {np.diff(seconds).max():.1f} s; " if len(parts) > 1 else ""
             return slice(None), [f"{gap}--flight all imports the parts as runs ({told})"] * bool(
                 gap
@@ -79,8 +86,12 @@ class Flights:
         )
         self._start = int(np.searchsorted(starts, chosen.start, "right"))
         self._starts = len(starts) + 1
-        self._span = (float(seconds[chosen][0]) - MARGIN, float(seconds[chosen][-1]) + MARGIN)
+        self._limit_to(seconds[chosen])
         return chosen, []
+
+    def _limit_to(self, seconds: Array) -> None:
+        """Limit tracks on the IMU's clock to the times of the flight."""
+        self._span = (float(seconds[0]) - MARGIN, float(seconds[-1]) + MARGIN)
 
     def of_track(self, seconds: Array, where: str, *, same_clock: bool) -> Places:
         """Return the rows of another table that belong to the flight, as numbers of rows.
@@ -91,9 +102,7 @@ class Flights:
         Raises LogFormatError.
         """
         rows = np.arange(len(seconds))
-        if self._number is None:
-            return rows
-        starts = _begins_anew(seconds)
+        starts = _begins_anew(seconds) if self._number is not None else rows[:0]
         if len(starts) and len(starts) + 1 != self._starts:
             raise LogFormatError(
                 f"{where}: its clock begins anew {len(starts)} times, that of [imu] "

@@ -18,6 +18,7 @@ from extensions.importers.flight import ImportedFlight
 from extensions.importers.mapping import Mapping, load_mapping, names
 from extensions.importers.raw import read_raw
 from extensions.importers.readers.formats import format_of
+from extensions.importers.readers.progress import told
 from extensions.importers.run_writer import write_run
 from flight_log.run_folder import STATION
 from quadrotor.errors import LogFormatError, StorageError, UsageError, os_errors
@@ -28,6 +29,8 @@ DEFAULTS = {"mcap": "rosbag", "dataflash": "ardupilot", "tlog": "mavlink"}
 SOURCE = "import_source"
 """The entry of a run's metadata by which a repeated import knows it."""
 EXAMPLE = "--mapping NAME_OR_FILE"
+READ = 0.6
+"""Share of an import after which the file is read, and not checked yet."""
 
 
 def read_flight(
@@ -62,8 +65,9 @@ def read_flight(
         found = _with_truth(found, truth, chosen)
     if flight is not None:
         found, flight = _of_flight(path, found, flight)
-    raw = read_raw([path, *more], found, torn=torn, flight=flight)
-    progress(0.6)
+    with told(lambda share: progress(READ * share)):
+        raw = read_raw([path, *more], found, torn=torn, flight=flight)
+    progress(READ)
     vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
     modified_ns = path.stat().st_mtime_ns
     named = f"{kind}, mapping {Path(chosen).name}" + (f", stamps {stamps}" if stamps else "")
@@ -74,11 +78,16 @@ def read_flight(
 
 
 def flights_of(
-    path: Path, mapping: str | None = None, *, table: str | None = None, stamps: str | None = None
+    path: Path,
+    mapping: str | None = None,
+    *,
+    table: str | None = None,
+    stamps: str | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> int:
     """Return how many flights a file has. Raises as `read_flight`."""
     _, found, _ = _chosen(path, mapping, (), table, stamps)
-    with Files([path], found, torn=True, flight=1) as files:
+    with told(progress), Files([path], found, torn=True, flight=1) as files:
         if tables := files.source(found.imu).flights:
             return len(tables)
         files.read(found.imu, "imu", {"specific_force": (found.imu.specific_force, 3)})

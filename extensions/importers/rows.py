@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import LogFormatError
-from quadrotor.records import Array
+from quadrotor.records import Array, Stamps
 
 BLOCK = 1 << 16
 """Rows that are moved at once."""
@@ -40,6 +40,14 @@ def keep(table: Array, rows: npt.NDArray[np.int64]) -> None:
     for start in range(0, len(rows), BLOCK):
         some = rows[start : start + BLOCK]
         table[start : start + len(some)] = table[some]
+
+
+def nanoseconds(seconds: Array, base_ns: int) -> Stamps:
+    """Return times in s since a base as stamps, (N,)."""
+    rounded = seconds * 1e9
+    found: Stamps = np.round(rounded, out=rounded).astype(np.int64)
+    found += base_ns
+    return found
 
 
 def turn(vectors: Array, matrix: Array) -> None:

@@ -56,7 +56,7 @@ def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
     for topic, track in (("state", flight.estimate), ("truth", flight.truth)):
         if track is not None and len(rows := _rows(track.stamps_ns, start, end)):
             stamps = track.stamps_ns[rows]
-            made = odometry_messages(stamps, track.states[rows], name)
+            made = odometry_messages(stamps, track.record(rows), name)
             yield _batch(flight, topic, made, stamps)
     if flight.truth is not None:
         rows = _rows(flight.truth.stamps_ns, start, end)

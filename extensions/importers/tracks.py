@@ -22,12 +22,13 @@ from extensions.importers.attitude_fit import FITS, GRAVITY, angle_between, fit_
 from extensions.importers.flight import Track
 from extensions.importers.frames import axes, quaternion_of
 from extensions.importers.raw import RawTrack, ordered
+from extensions.importers.rows import nanoseconds, turn
 from extensions.importers.track_clock import SURE, TrackClock
 from extensions.importers.trajectory import averaged, away_from_gaps, derivative
 from extensions.importers.units import LENGTH_UNITS, RATE_UNITS
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.plain_rotations import matrices_of, product_of
-from quadrotor.records import STATE, Array
+from quadrotor.records import Array
 
 CALM = 0.15
 """m/s² rms below which acceleration is too small to judge by."""
@@ -92,21 +93,25 @@ class Checked:
             self._fit_position_alone()
 
     def track(self, base_ns: int) -> Track:
-        """Return the track in our frames; `base_ns` is when the IMU began."""
-        raw = self.raw
-        states = np.zeros(len(raw.seconds), STATE)
-        states["position_w"] = self._unit * raw.position @ self._world.T
-        if raw.velocity is not None:
-            states["velocity_w"] = self._unit * raw.velocity @ self._world.T
+        """Return the track in our frames, in the memory of the raw one, which is of no use any
+        more; `base_ns` is when the IMU began.
+        """
+        raw, count = self.raw, len(self.raw.seconds)
+        turn(raw.position, self._unit * self._world)
+        if raw.velocity is None:
+            velocity = derivative(raw.seconds, raw.position)
         else:
-            states["velocity_w"] = derivative(raw.seconds, states["position_w"])
+            velocity = raw.velocity
+            turn(velocity, self._unit * self._world)
+        states = {"position_w": raw.position, "velocity_w": velocity}
         if raw.quaternion is None:
-            states["quaternion_wb"] = states["angular_velocity_b"] = math.nan
+            states["quaternion_wb"] = np.broadcast_to(math.nan, (count, 4))
+            states["angular_velocity_b"] = np.broadcast_to(math.nan, (count, 3))
         else:
             turned = product_of(quaternion_of(self._world), self._attitudes())
             states["quaternion_wb"] = turned
             states["angular_velocity_b"] = angular_velocity(raw.seconds, turned)
-        stamps = np.round(self._clock.at * 1e9).astype(np.int64) + base_ns
+        stamps = nanoseconds(self._clock.at, base_ns)
         return Track(raw.name, stamps, states, raw.quaternion is not None)
 
     def _attitudes(self) -> Array:

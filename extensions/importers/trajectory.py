@@ -59,15 +59,18 @@ def away_from_gaps(grid: Array, at: Array) -> npt.NDArray[np.bool_]:
 
 
 def derivative(seconds: Array, values: Array) -> Array:
-    """Return the derivative of columns from cubics fitted to the neighbours, (N, 3)."""
+    """Return the derivative of columns from cubics fitted to the neighbours, (N, K)."""
     step = max(float(np.median(np.diff(seconds))), 1e-3)
     half = max(3, round(WINDOW / step))
     grid = np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
-    even = interpolated(grid, seconds, values)
-    even = np.pad(even, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
     weights = np.linalg.pinv(np.vander(np.arange(-half, half + 1) * step, 4, increasing=True))[1]
-    slopes = np.stack([np.convolve(one, weights[::-1], mode="valid") for one in even.T], axis=1)
-    return interpolated(seconds, grid, slopes)
+    found = np.empty(values.shape)
+    for k, column in enumerate(values.T):  # one at a time: a flight may have millions of rows
+        even = np.interp(grid, seconds, column)
+        even = np.pad(even, half, mode="reflect", reflect_type="odd")
+        slopes = np.convolve(even, weights[::-1], mode="valid")
+        found[:, k] = np.interp(seconds, grid, slopes)
+    return found
 
 
 def world_turn(own: Array, true: Array) -> Array:

@@ -164,7 +164,8 @@ class TlogTables:
         if wrong:
             self.notes.append(f"{self.path.name}: {wrong} packets with a wrong checksum left out")
         restarts = self._restarts(read, system == vehicle)
-        for messages in read:
+        while read:  # so that only those of one kind are held twice
+            messages = read.pop()
             self._keep(messages, system[messages.numbers], vehicle, restarts)
 
     def _keep(
@@ -181,7 +182,8 @@ class TlogTables:
             name = f"{kind.name}#{number}" if number else kind.name
             name = f"{of}/{name}" if of != vehicle else name + f"@{begun}" * (begun > 1)
             self._columns[name] = [*kind.fields, LOGGED]
-            self._rows[name] = messages.chosen((keys == key).all(axis=1))
+            alike = (keys == key).all(axis=1)
+            self._rows[name] = messages if alike.all() else messages.chosen(alike)
 
     def _restarts(self, read: Iterable[Messages], of_vehicle: npt.NDArray[np.bool_]) -> Places:
         """Return the packets with which the vehicle's clock begins anew; note the date."""

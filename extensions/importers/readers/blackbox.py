@@ -18,6 +18,7 @@ import numpy as np
 from extensions.importers.flights import FEWEST
 from extensions.importers.readers import blackbox_frames as frames
 from extensions.importers.readers.blackbox_header import Log, degrees, described, one_g, smallest
+from extensions.importers.readers.progress import tell
 from extensions.importers.readers.tables import FileTables
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
@@ -126,6 +127,7 @@ class BlackboxTables(FileTables):
         at = whole = log.begin
         with self.path.open("rb") as file:
             while at < log.end and not state[frames.ENDED]:
+                tell((at - log.begin) / (log.end - log.begin))
                 data = _piece(file, at, min(PIECE, log.end - at))
                 stop = len(data) - (LONGEST_FRAME if at + len(data) < log.end else 0)
                 state[frames.AT], state[frames.WHOLE_TO] = 0, whole - at

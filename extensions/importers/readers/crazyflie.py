@@ -11,13 +11,14 @@ from __future__ import annotations
 import struct
 from array import array
 from collections import defaultdict
+from mmap import ACCESS_READ, MADV_DONTNEED, mmap
 from pathlib import Path
 from zlib import crc32
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from extensions.importers.readers.tables import FileTables
+from flight_log.blocks import field_at
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
@@ -34,14 +35,17 @@ class CrazyflieTables(FileTables):
     def __init__(self, path: Path) -> None:
         """Read the log. Raises LogFormatError."""
         super().__init__(path)
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            self._data = data = mmap(file.fileno(), 0, access=ACCESS_READ)
         try:
             kinds, start, self._unit = _kinds(data)
         except (IndexError, ValueError, KeyError, UnicodeDecodeError, struct.error) as error:
             raise LogFormatError(
                 f"{path.name} is not a log of a Crazyflie: {error!s:.80}"
             ) from None
-        whole = len(data) > 9 and crc32(data[:-4]) == int.from_bytes(data[-4:], "little")
+        whole = len(data) > 9 and crc32(memoryview(data)[:-4]) == int.from_bytes(
+            data[-4:], "little"
+        )
         end = len(data) - 4 if whole else len(data)
         places: dict[int, array[int]] = defaultdict(lambda: array("q"))
         sizes = {number: kind.itemsize for number, (_, kind) in kinds.items()}
@@ -57,31 +61,32 @@ class CrazyflieTables(FileTables):
             self.torn = f"its checksum is wrong; events are read up to byte {at} of {len(data)}"
         elif at < end:
             self.torn = f"there is no event at byte {at} of {len(data)}"
-        raw = np.frombuffer(data, np.uint8)
-        self._rows = {
-            kinds[number][0]: sliding_window_view(raw, sizes[number])[
-                np.frombuffer(found, np.int64)
-            ]
-            .view(kinds[number][1])
-            .reshape(-1)
-            for number, found in places.items()
+        self._kinds = {kinds[number][0]: kinds[number][1] for number in places}
+        self._places = {
+            kinds[number][0]: np.frombuffer(found, np.int64) for number, found in places.items()
         }
 
     def tables(self) -> list[str]:
-        return list(self._rows)
+        return list(self._kinds)
 
     def columns(self, table: str) -> list[str]:
-        return [name for name in self._rows[table].dtype.names or () if name != "id"]
+        return [name for name in self._kinds[table].names or () if name != "id"]
 
     def read(self, table: str, names: list[str]) -> Array:
-        rows = self._rows[table]
-        found = np.stack([rows[one] for one in names], axis=1, dtype=np.float64)
+        places, fields = self._places[table], self._kinds[table].fields
+        assert fields is not None
+        data = np.frombuffer(self._data, np.uint8)
+        found = np.empty((len(places), len(names)))
+        for k, name in enumerate(names):
+            kind, offset = fields[name][:2]
+            found[:, k] = field_at(data, places, offset, kind.str)
+        self._data.madvise(MADV_DONTNEED)  # pages of the file that were read count as memory
         if TIME in names:
             found[:, names.index(TIME)] *= self._unit
         return found
 
 
-def _kinds(data: bytes) -> tuple[dict[int, tuple[str, np.dtype[np.void]]], int, float]:
+def _kinds(data: mmap) -> tuple[dict[int, tuple[str, np.dtype[np.void]]], int, float]:
     """Return name and record of each kind of event, the first event's offset, the time unit, ms."""
     version, count = struct.unpack_from("<HH", data, 1)
     time, at = VERSIONS[version], 5
@@ -99,6 +104,7 @@ def _kinds(data: bytes) -> tuple[dict[int, tuple[str, np.dtype[np.void]]], int, 
     return found, at, 1.0 if version == 1 else 1e-3
 
 
-def _text(data: bytes, at: int) -> tuple[str, int]:
-    end = data.index(0, at)
+def _text(data: mmap, at: int) -> tuple[str, int]:
+    if (end := data.find(b"\0", at)) < 0:
+        raise ValueError("a name without an end")
     return data[at:end].decode(), end + 1

@@ -5,11 +5,19 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 
 from extensions.importers.readers.joined import JoinedTables
-from extensions.importers.readers.packed import GZIP, ZSTD, first_bytes, is_packed, unpacked
+from extensions.importers.readers.packed import (
+    GZIP,
+    UNPACKED,
+    ZSTD,
+    first_bytes,
+    is_packed,
+    unpacked,
+)
+from extensions.importers.readers.progress import each, part
 from extensions.importers.readers.tables import Source
 from extensions.importers.readers.text_table import TextTable
 from flight_log.run_folder import STATION
@@ -97,8 +105,12 @@ def source_of(path: Path, wanted: Collection[str]) -> Iterator[Source]:
     """Yield a file's tables; if there are many, only those `wanted` are read. Raises as
     `format_of`.
     """
-    with unpacked(path) if _is_packed(path) else nullcontext((path, "")) as (found, torn):
-        source = open_source(found, wanted)
+    if not _is_packed(path):
+        yield open_source(path, wanted)
+        return
+    with unpacked(path) as (found, torn):
+        with part(UNPACKED, 1.0):
+            source = open_source(found, wanted)
         source.torn = torn or source.torn
         yield source
 
@@ -110,7 +122,7 @@ def open_source(path: Path, wanted: Collection[str]) -> Source:
         return TextTable(path)
     if found == BAG and (parts := _mcap_parts(path)):
         # Other than the bag's reader, that of MCAP passes over what it cannot decode.
-        joined = JoinedTables([open_source(one, wanted) for one in parts])
+        joined = JoinedTables([open_source(one, wanted) for one in each(parts)])
         if missing := _missing_parts(path):
             joined.notes.append(
                 f"{path.name}: its metadata.yaml names {', '.join(missing)}, missing"

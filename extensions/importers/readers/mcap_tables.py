@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
@@ -9,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from mcap.opcode import Opcode
 
-from extensions.importers.readers.ros_bags import LOGGED
+from extensions.importers.readers.progress import tell
+from extensions.importers.readers.ros_bags import LOGGED, usual_types
 from extensions.importers.readers.tables import FileTables, narrow, seconds_of
 from flight_log.format import UNREADABLE, parsed
 from flight_log.payload_layout import HEADER_STAMP
@@ -47,8 +49,10 @@ class McapTables(FileTables):
         parts: dict[str, list[Columns]] = {}
         wanted, values = set(wanted), 0
         for batch in reader:
+            tell(batch.share)
             for columns in batch.columns:
                 kept = parts.setdefault(columns.topic, [])
+                columns.type_name = columns.type_name.replace("/msg/", "/")  # both are written
                 if columns.topic in wanted:
                     columns.numbers = {k: narrow(one) for k, one in columns.numbers.items()}
                     values += sum(len(one) for one in columns.numbers.values() if one.strides[0])
@@ -65,7 +69,16 @@ class McapTables(FileTables):
         self.notes += [f"{topic}: {why}" for topic, why in reader.problems.items()]
         if lost := reader.log.damaged_chunks:
             self.notes.append(f"{path.name}: {lost} damaged chunks, whose messages are lost")
-        self._parts = parts
+        counts: Counter[tuple[str, str]] = Counter()
+        for topic, kept in parts.items():
+            for one in kept:
+                counts[topic, one.type_name] += len(one.log_ns)
+        usual, notes = usual_types(counts, path.name)
+        self.notes += notes
+        self._parts = {
+            topic: [one for one in kept if one.type_name == usual[topic]]
+            for topic, kept in parts.items()
+        }
 
     def tables(self) -> list[str]:
         return sorted(self._parts)

@@ -10,11 +10,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from extensions.importers.readers.progress import tell
 from flight_log.limits import MAX_UNPACKED
 from quadrotor.errors import LogFormatError, os_errors
 
 GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 PIECE = 1 << 20
+UNPACKED = 0.5
+"""Share of the reading after which a file is unpacked."""
 ZSTD_PIECE = 1 << 10
 """Bytes of zstd unpacked at once: four of them can be 128 kB."""
 
@@ -70,8 +73,11 @@ def _pieces(path: Path) -> Iterator[bytes]:
 
     with os_errors(lambda why: f"cannot read {path}: {why}"), path.open("rb") as packed:
         is_gzip = packed.peek(len(GZIP)).startswith(GZIP)
+        size = path.stat().st_size
         try:
-            yield from _of_gzip(packed) if is_gzip else _of_zstd(packed)
+            for piece in _of_gzip(packed) if is_gzip else _of_zstd(packed):
+                tell(UNPACKED * packed.tell() / size)
+                yield piece
         except (ZstdError, gzip.BadGzipFile, zlib.error) as error:
             raise LogFormatError(f"{path.name} cannot be unpacked: {error!s:.120}") from error
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from extensions.importers.readers.parquet import numbers_of
-from extensions.importers.readers.tables import beyond_float, check_size, seconds_of
+from extensions.importers.readers.tables import MAX_VALUES, beyond_float, check_size, seconds_of
 from quadrotor.records import Array
 
 if TYPE_CHECKING:
@@ -40,15 +40,19 @@ class PlainColumns(NamedTuple):
 
         # The first column shows remarks and repeated headers.
         kinds = {column: pa.float64() for column in (0, *wanted)}
-        found: list[Array] = []
+        # Memory that is never written is never taken.
+        most = min(self.path.stat().st_size // (2 * self.width) + 1, MAX_VALUES // len(wanted))
+        found, count = np.empty((most, len(wanted))), 0
         try:
             for batch in self._batches(kinds):
-                check_size(self.path, sum(map(len, found)) + len(batch), len(wanted))
-                columns = [numbers_of(pa.chunked_array([batch.column(str(k))])) for k in wanted]
-                found.append(np.stack(columns, axis=1))
+                check_size(self.path, count + len(batch), len(wanted))
+                rows = found[count : count + len(batch)]
+                for k, column in enumerate(wanted):
+                    rows[:, k] = numbers_of(pa.chunked_array([batch.column(str(column))]))
+                count += len(batch)
         except pa.ArrowException:
             return None
-        return np.concatenate(found) if found else None
+        return found[:count] if count else None
 
     def first(self) -> list[float] | None:
         """Return the numbers of the first row, or None."""
@@ -83,9 +87,12 @@ class PlainColumns(NamedTuple):
         return None
 
     def _batches(self, kinds: dict[int, pyarrow.DataType]) -> Iterator[pyarrow.RecordBatch]:
+        import pyarrow as pa
         from pyarrow import csv
 
         names = [str(k) for k in range(self.width)]
+        # Arrow's own pool keeps what it does not need any more.
+        pa.set_memory_pool(pa.system_memory_pool())
         with self.path.open("rb") as file:  # a name that is no UTF-8 is not opened by Arrow
             yield from csv.open_csv(
                 file,
@@ -100,3 +107,4 @@ class PlainColumns(NamedTuple):
                     null_values=[],
                 ),
             )
+        pa.default_memory_pool().release_unused()

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Collection, Mapping
+from contextlib import closing, suppress
 from pathlib import Path
+from sqlite3 import DatabaseError, connect
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,14 +46,18 @@ class BagTables(FileTables):
         super().__init__(path)
         self._rows: dict[str, _Rows] = {}
         self._topics: list[str] = []
-        files = sorted(one.name for one in path.glob("*.db3")) if path.is_dir() else []
-        hint = f"; try {files[0]} in it alone" if files else ""
         with (
-            foreign_reader(path, "bag", hint),
+            foreign_reader(path, "bag", lambda: _what_to_try(path)),
             AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag,
         ):
             self._topics = sorted(bag.topics)
             chosen = [one for one in bag.connections if one.topic in wanted]
+            counts: Counter[tuple[str, str]] = Counter()
+            for one in chosen:
+                counts[one.topic, one.msgtype] += one.msgcount
+            usual, notes = usual_types(counts, path.name)
+            self.notes += notes
+            chosen = [one for one in chosen if one.msgtype == usual[one.topic]]
             schemas = {one.msgtype: _described(bag, one.msgtype, path) for one in chosen}
             for one, logged_ns, data in bag.messages(chosen) if chosen else ():  # none means all
                 if one.topic not in self._rows:
@@ -70,6 +77,39 @@ class BagTables(FileTables):
 
     def remainders(self, table: str, name: str) -> Array | None:
         return self._rows[table].column(name)[1]
+
+
+def _what_to_try(bag: Path) -> str:
+    """Return what to try with the databases of a bag; empty if it has none."""
+    databases = sorted(bag.glob("*.db3")) if bag.is_dir() else []
+    for one in databases:
+        with (
+            suppress(DatabaseError),
+            closing(connect(f"{one.absolute().as_uri()}?mode=ro", uri=True)) as opened,
+        ):
+            for _ in opened.execute("SELECT data FROM messages"):
+                pass
+            return f"; try {one.name} in it alone"
+    return f"; sqlite3 {databases[0].name} .recover may save what it has" if databases else ""
+
+
+def usual_types(
+    counts: Mapping[tuple[str, str], int], name: str
+) -> tuple[dict[str, str], list[str]]:
+    """Return the type that most messages of each topic have, and a note on each with others.
+
+    Args:
+        counts: of messages by topic and type.
+        name: of the file.
+    """
+    found: dict[str, str] = {}
+    for (topic, kind), _ in sorted(counts.items(), key=lambda one: -one[1]):
+        found.setdefault(topic, kind)
+    return found, [
+        f"{name}: {count} messages of {topic} are of {kind}, most of it of {found[topic]}: left out"
+        for (topic, kind), count in counts.items()
+        if kind != found[topic]
+    ]
 
 
 def _described(bag: AnyReader, kind: str, path: Path) -> Schema:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -55,17 +55,18 @@ class Source(Protocol):
 
 
 @contextmanager
-def foreign_reader(path: Path, what: str, hint: str = "") -> Iterator[None]:
+def foreign_reader(path: Path, what: str, hint: Callable[[], str] = str) -> Iterator[None]:
     """Raise LogFormatError for whatever a library raises about a damaged file, as no library lists
-    all its exceptions; the cause is kept. What this program and the bound on memory raise stays.
+    all its exceptions; the cause is kept, and `hint` returns what to try. What this program and
+    the bound on memory raise stays.
     """
     try:
         yield
     except (MemoryError, QuadlabError):
         raise
     except Exception as error:
-        why = str(error) or type(error).__name__
-        raise LogFormatError(f"{path.name} is not a complete {what}: {why:.120}{hint}") from error
+        why = str(error).replace(f"{path.parent}/", "") or type(error).__name__
+        raise LogFormatError(f"{path.name} is not a complete {what}: {why:.120}{hint()}") from error
 
 
 class FileTables:

@@ -20,6 +20,7 @@ DATED = "vehicle_gps_position"
 """The topic whose `time_utc_usec` gives the date."""
 EARLIEST_US = 10**15
 """Microseconds since the epoch (2001); a receiver without a date reports less."""
+Table = dict[str, npt.NDArray[Any]]
 ERROR, WARNING, INFO = 40, 30, 20  # levels of rcl_interfaces/Log
 
 
@@ -61,10 +62,17 @@ class UlogTables(FileTables):
             log = ULog(file, topics, disable_str_exceptions=True)
             if file.short_at is not None:
                 self.torn = f"it ends within a message at byte {file.short_at}"
-        self._data: dict[str, dict[str, npt.NDArray[Any]]] = {
-            f"{one.name}#{one.multi_id}" if one.multi_id else one.name: one.data
-            for one in log.data_list
-        }
+        self._data: dict[str, Table] = {}
+        for one in log.data_list:
+            name = f"{one.name}#{one.multi_id}" if one.multi_id else one.name
+            before = self._data.get(name)  # of a logger that began to log the topic again
+            self._data[name] = _joined(before, one.data) if before else one.data
+        if log.dropouts:
+            lost = [1e-3 * one.duration for one in log.dropouts]
+            self.note(
+                f"{path.name}: the logger lost {sum(lost):.2f} s in {len(lost)} drop-outs, the "
+                f"longest of {max(lost):.2f} s"
+            )
         if dated := self._data.pop(DATED, None):
             utc = dated.get("time_utc_usec", np.zeros(0))
             known = np.flatnonzero(utc > EARLIEST_US)
@@ -87,6 +95,13 @@ class UlogTables(FileTables):
 
     def remainders(self, table: str, name: str) -> Array | None:
         return beyond_float(self._data[table][name])
+
+
+def _joined(one: Table, other: Table) -> Table:
+    """Return the rows of two tables with the same columns, in the order of their stamps."""
+    whole = {name: np.concatenate([one[name], other[name]]) for name in one}
+    order = np.argsort(whole["timestamp"], kind="stable")
+    return {name: column[order] for name, column in whole.items()}
 
 
 def _level(name: str) -> int:

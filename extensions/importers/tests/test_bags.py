@@ -7,14 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
 from extensions.importers.importing import read_flight
 from extensions.importers.mapping import load_mapping
 from extensions.importers.readers import ros_bags
+from extensions.importers.readers.mcap_tables import McapTables
 from extensions.importers.readers.ros_bags import BagTables
-from quadrotor.errors import UsageError
+from extensions.importers.tests.bag_writer import write_bag
+from extensions.importers.tests.foreign_flight import make_flight
+from quadrotor.errors import LogFormatError, UsageError
 
 EPOCH_NS = 1_700_000_000_000_000_000
 KIND = "sensor_msgs/msg/JointState"
@@ -54,6 +58,50 @@ def test_messages_with_texts_and_arrays_of_any_length_are_read(
     rows = rows[:, [columns.index(one) for one in named]]
     rows[:, 0] += 7e-9 * rows[:, 0]
     np.testing.assert_allclose(found, rows, rtol=1e-15)
+
+
+def test_of_a_topic_with_two_types_the_usual_one_is_read(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kinds = {"std_msgs/msg/Float64": 2.5, "std_msgs/msg/Int32": 7}
+    with rosbag1.Writer(tmp_path / "two.bag") as writer:
+        for count, (kind, value) in zip((30, 3), kinds.items(), strict=True):
+            link = writer.add_connection("/level", kind, typestore=store)
+            data = store.serialize_ros1(store.types[kind](value), kind)
+            for k in range(count):
+                writer.write(link, 1000 + k, data)
+    with (tmp_path / "two.mcap").open("wb") as file:
+        mcap = Writer(file)
+        mcap.start("ros2", "another")
+        number, whole = np.array(2.5, "<f8").tobytes(), np.array(7, "<i4").tobytes()
+        for kind, text, body, count in (
+            ("std_msgs/msg/Float64", b"float64 data", number, 20),
+            ("std_msgs/Float64", b"float64 data", number, 10),  # the same one, as some write it
+            ("std_msgs/msg/Int32", b"int32 data", whole, 3),
+        ):
+            schema = mcap.register_schema(kind, "ros2msg", text)
+            channel = mcap.register_channel("/level", "cdr", schema)
+            for k in range(count):
+                mcap.add_message(channel, 1000 + k, b"\0\1\0\0" + body, 1000 + k)
+        mcap.finish()
+    for table in (
+        BagTables(tmp_path / "two.bag", {"/level"}),
+        McapTables(tmp_path / "two.mcap", {"/level"}),
+    ):
+        assert (table.read("/level", ["data"])[:, 0] == np.full(30, 2.5)).all()
+        [note] = table.notes
+        assert "3 messages of /level are of std_msgs/" in note
+        assert "Int32, most of it of std_msgs/" in note
+
+
+def test_a_damaged_bag_advises_only_what_can_work(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", make_flight(seconds=1.0), 2)
+    data = (bag / "bag.db3").read_bytes()
+    (bag / "bag.db3").write_bytes(data[: len(data) // 2])
+    with pytest.raises(LogFormatError, match=r"malformed; sqlite3 bag.db3 .recover may save"):
+        BagTables(bag, {"/imu"})
+    (bag / "other.db3").write_bytes(data)
+    with pytest.raises(LogFormatError, match=r"malformed; try other.db3 in it alone"):
+        BagTables(bag, {"/imu"})
 
 
 def test_topics_have_the_stamps_that_are_asked_for(tmp_path: Path) -> None:

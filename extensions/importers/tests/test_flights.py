@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import shutil
 import tomllib
@@ -14,8 +15,9 @@ import pytest
 
 from extensions.importers import importing, run_writer
 from extensions.importers.flight import ImportedFlight
-from extensions.importers.importing import flights_of, read_flight
+from extensions.importers.importing import READ, flights_of, read_flight
 from extensions.importers.proposal import propose
+from extensions.importers.readers.progress import each, tell, told
 from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.foreign_flight import (
     EPOCH,
@@ -235,7 +237,7 @@ def test_angles_by_their_names_are_proposed(tmp_path: Path) -> None:
     assert (truth["euler_order"], truth["euler_unit"]) == ("ZYX", "deg")
     found = read_flight(path, str(tmp_path / "mapping.toml")).truth
     assert found is not None
-    error = found.states["quaternion_wb"] - FLIGHT.quaternion[: len(found.states)]
+    error = found.states["quaternion_wb"] - FLIGHT.quaternion[: len(found.stamps_ns)]
     assert np.abs(error).max() < 0.02
 
 
@@ -250,3 +252,53 @@ def test_a_gap_of_the_truth_contradicts_nothing(tmp_path: Path) -> None:
     found = read_flight(path, str(mapping))
     assert found.truth is not None
     assert len(found.truth.stamps_ns) == seen.sum()
+
+
+def test_a_row_that_is_minutes_away_from_all_others_is_left_out_of_all_tables(
+    tmp_path: Path,
+) -> None:
+    columns = {name: one.copy() for name, one in COLUMNS.items()}
+    columns["t"] += 300.0 - columns["t"][0]
+    columns["t"][0] = 0.0
+    mapping = str(write_mapping(tmp_path / "mapping.toml", 'angular_velocity_unit = "rad/s"'))
+    found = read_flight(write_csv(tmp_path / "f.csv", columns), mapping)
+    assert found.truth is not None
+    for stamps in (found.imu.stamps_ns, found.truth.stamps_ns):
+        assert len(stamps) == len(columns["t"]) - 1
+        assert np.diff(stamps).max() < 20e6
+    assert any("1 rows left out that are 60 s or more away" in one for one in found.notes)
+
+
+def test_reading_tells_how_far_it_is_up_to_the_end(tmp_path: Path) -> None:
+    [file] = write_bag(tmp_path / "bag", FLIGHT, 2, mcap=True).glob("*.mcap")
+    packed = tmp_path / "f.mcap.gz"
+    packed.write_bytes(gzip.compress(file.read_bytes()))
+    for path in (file, packed):
+        shares: list[float] = []
+        read_flight(path, progress=shares.append)
+        assert shares == sorted(shares)
+        assert any(0.0 < one < READ for one in shares) == (path is packed)
+        assert READ in shares
+        assert shares[-1] == 1.0
+    halves: list[float] = []
+    with told(halves.append):
+        for _ in each(["one", "two"]):
+            tell(0.5)
+    assert halves == [0.25, 0.75]
+
+
+def test_an_interruption_while_it_reads_leaves_nothing_and_says_what_a_repetition_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(importing, "read_raw", interrupted)
+    words = ["log", "import", str(write_csv(tmp_path / "f.csv", COLUMNS))]
+    assert main([*words, "--mapping", imu_mapping(tmp_path), "--data", str(tmp_path / "d")]) == (
+        INTERRUPTED
+    )
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "imported none and left nothing behind; the same command begins anew" in error
+    assert not (tmp_path / "d").exists()

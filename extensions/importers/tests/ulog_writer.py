@@ -14,9 +14,15 @@ KINDS = {"u8": "uint64_t", "f4": "float", "u4": "uint32_t", "u1": "uint8_t"}
 
 
 def write_ulog(
-    path: Path, topics: dict[str, npt.NDArray[Any]], start_us: int = 0, texts: tuple[str, ...] = ()
+    path: Path,
+    topics: dict[str, npt.NDArray[Any]],
+    start_us: int = 0,
+    texts: tuple[str, ...] = (),
+    dropouts_ms: tuple[int, ...] = (),
 ) -> Path:
-    """Write topics as structured arrays, each with a field `timestamp` (us), in their order."""
+    """Write topics as structured arrays, each with a field `timestamp` (us), in their order; what
+    follows a blank in a name is left out.
+    """
     parts = [MAGIC + struct.pack("<Q", start_us), _message(b"B", bytes(40))]
     bodies, stamps = [], []
     for name, rows in topics.items():
@@ -28,9 +34,9 @@ def write_ulog(
             base, shape = kind.subdtype or (kind, ())
             size = f"[{shape[0]}]" if shape else ""
             fields.append(f"{KINDS[base.str[1:]]}{size} {field};")
-        parts.append(_message(b"F", f"{name}:{''.join(fields)}".encode()))
+        parts.append(_message(b"F", f"{name.split()[0]}:{''.join(fields)}".encode()))
     for number, (name, rows) in enumerate(topics.items()):
-        parts.append(_message(b"A", struct.pack("<BH", 0, number) + name.encode()))
+        parts.append(_message(b"A", struct.pack("<BH", 0, number) + name.split()[0].encode()))
         width = rows.dtype.itemsize
         whole = np.zeros(len(rows), [("head", "V5"), ("row", f"V{width}")])
         head = struct.pack("<HcH", width + 2, b"D", number)
@@ -47,6 +53,7 @@ def write_ulog(
     every = b"".join(bodies)
     starts = np.cumsum(sizes) - sizes
     parts += [every[a : a + n] for a, n in zip(starts[order], sizes[order], strict=True)]
+    parts += [_message(b"O", struct.pack("<H", ms)) for ms in dropouts_ms]
     path.write_bytes(b"".join(parts))
     return path
 
