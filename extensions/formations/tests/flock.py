@@ -61,7 +61,8 @@ class Flock:
     """Vehicles that fly the velocity that their programs ask for.
 
     Args:
-        options: one for each vehicle. lag: s, time constant of following it; 0 for exactly.
+        options: one for each vehicle. lag: s, time constant with which velocity and yaw rate
+            follow, as `pilot.AS_LATE` makes them equally late; 0 for exactly.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class Flock:
     ) -> None:
         self.count = len(options)
         self.places, self.yaws = places.copy(), yaws.copy()
-        self.velocities = np.zeros_like(places)
+        self.velocities, self.turning = np.zeros_like(places), np.zeros(self.count)
         self.now_ns = 0
         self.shape = shape_of(options[0].desired, self.count)
         self.all = [Here(self, k) for k in range(self.count)]
@@ -124,7 +125,8 @@ class Flock:
                     place, velocity = self.places[k].tolist(), self.velocities[k].tolist()
                     pilot.radio.own = Whereabouts(self.now_ns, tuple(place), tuple(velocity))
                 self.velocities[k] += self._share * (wanted - self.velocities[k])
-                self.yaws[k] += MEETING * pilot.yaw_rate
+                self.turning[k] += self._share * (pilot.yaw_rate - self.turning[k])
+                self.yaws[k] += MEETING * self.turning[k]
             self.places += MEETING * self.velocities
             apart = np.linalg.norm(self.places[i] - self.places[j], axis=1)
             self.nearest = min(self.nearest, float(apart.min()))
