@@ -123,7 +123,8 @@ class FormationExperiment:
                 self._leave(client, pilot.radio, windows.end)
                 return
             pilot.command = self._command(now - windows.held)
-            kept = guard.keep(pilot.velocity_y, view.position_w, round(1e9 * now), limits)
+            now_ns, asked = round(1e9 * now), pilot.velocity_y
+            kept = guard.keep(asked, view.position_w, now_ns, limits, pilot.commanded_y)
             u, v, w = kept.tolist()
             turning += AS_LATE * (pilot.yaw_rate - turning)
             client.sticks((u / speed_xy, v / speed_xy, w / speed_z, turning / yaw_rate))

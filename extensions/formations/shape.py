@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +49,13 @@ class Shape:
     places: Array
     yaws: Array
     desired: dict[Edge, Array]
+
+    @cached_property
+    def distances(self) -> list[list[float]]:
+        """Return the distances of all pairs of vehicles, in mean distances."""
+        return [
+            [float(np.linalg.norm(there - here)) for there in self.places] for here in self.places
+        ]
 
     def eigenvalue(self, edges: frozenset[Edge], vehicles: frozenset[int]) -> float:
         """Return the rigidity eigenvalue of some vehicles at the desired places."""
