@@ -78,7 +78,8 @@ class FormationExperiment:
     def join(self, company: Company) -> None:
         """Take the place of one vehicle."""
         self._company = company
-        self._pilot = Pilot(company, self.parameters, self._shape(len(company.names)))
+        shape = self._shape(len(company.names))
+        self._pilot = Pilot(company, self.parameters, shape, localises=True)
 
     def _shape(self, count: int) -> Shape:
         return shape_of(self.parameters.desired, count)

@@ -21,6 +21,8 @@ _HEAD = struct.Struct("<qff3B")
 _BEARING = struct.Struct("<B3h")
 _PLACE = struct.Struct("<q6f")
 _UNIT, _WHOLE = 32767.0, 255.0
+DISTANCE_SIGMA = 0.05
+"""m, noise of the one measured distance."""
 AHEAD, BEHIND = 0.1, 1.0
 """s, by which the stamps of a message may be ahead of and behind the clock of its receiver."""
 

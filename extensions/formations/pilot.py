@@ -15,9 +15,10 @@ import numpy as np
 from bearing_sim.sampling import Draws, pair
 from console.experiments.together import Company
 from control.trajectories.velocity_filter import BANDWIDTH
+from extensions.formations.localiser import Localiser
 from extensions.formations.mathematics.law import Gains, formation_velocity
 from extensions.formations.mathematics.steering import NullMotion, steering_pace, steering_velocity
-from extensions.formations.messages import Message, Radio
+from extensions.formations.messages import DISTANCE_SIGMA, Message, Radio
 from extensions.formations.options import FormationOptions
 from extensions.formations.relative_bearings import RelativeBearings
 from extensions.formations.shape import Edge, Shape
@@ -31,8 +32,6 @@ FRESH, SILENT = 0.5, 1.0
 """Ages, s, up to which bearings and messages are used, and above which a vehicle is silent."""
 SPEED, YAW_RATE = 0.7, 0.6
 """Limits of the law, m/s and rad/s."""
-DISTANCE_SIGMA = 0.05
-"""m, noise of the one measured distance."""
 STEP = 0.02
 """s between two commands."""
 AS_LATE = 1.0 - math.exp(-BANDWIDTH * STEP)
@@ -46,6 +45,9 @@ REMEMBERED = 64
 class Pilot:
     """The program on board.
 
+    Args:
+        localises: whether it estimates where the others are, for the log.
+
     Attributes:
         command: the null motion that is commanded, in the yaw frame of the first vehicle that
             flies.
@@ -53,10 +55,13 @@ class Pilot:
             whole commanded motion, m/s.
         eigenvalue: of the formation by the edges that count; least: the smallest so far.
         is_flying: whether it steers, and so, after a second, tells what it misses.
+        localiser: estimates where the others are; None for nothing.
         radio: the link to the others. desired_yaw: rad, of this vehicle in the desired shape.
     """
 
-    def __init__(self, company: Company, options: FormationOptions, shape: Shape) -> None:
+    def __init__(
+        self, company: Company, options: FormationOptions, shape: Shape, localises: bool = False
+    ) -> None:
         self._company, self._shape, self._options = company, shape, options
         self._own = company.index
         parameters = options.bearings.model_copy()
@@ -69,6 +74,7 @@ class Pilot:
         self._suspicion, self._out = Suspicion(), set[int]()
         self._silent: set[int] = set()
         sigma = math.radians(options.bearings.sigma)
+        self.localiser = Localiser(company, self.radio, sigma) if localises else None
         self._gains = Gains(options.gain, 1.0, SPEED, YAW_RATE, sigma)
         self._was_rigid, self._is_slow, self._slow_ns = True, False, -SECOND
         self._view = View(options.bearings)
@@ -82,9 +88,12 @@ class Pilot:
 
     def _met(self, now_ns: int) -> None:
         self._sensor.look()
+        localiser = self.localiser if self.is_flying else None
         for k, message in self.radio.arrived(now_ns):
             self._newest[k] = message
             self._suspicion.note(k, self._newest)
+            if localiser is not None:
+                localiser.note(k, message)
         for frame in self._sensor.due(now_ns):
             ids = frame.beacon_ids.tolist()
             payload = encode_bearings(
@@ -94,6 +103,9 @@ class Pilot:
             self._company.log("neighbour_bearings", kind, payload, frame.stamp_ns, now_ns)
             self._see(frame.stamp_ns, dict(zip(ids, frame.bearings_b.tolist(), strict=True)))
             self._decide(now_ns)
+            if localiser is not None:
+                localiser.note(self._own, self._newest[self._own])
+                localiser.step(self._fresh(now_ns, SILENT).keys() - self._out, now_ns)
 
     def _see(self, stamp_ns: int, bearings_b: dict[int, Triple]) -> None:
         """Turn a frame to the yaw frame, and broadcast it."""
@@ -118,12 +130,12 @@ class Pilot:
         noise = pair(Draws(self._company.seed, 1, stamp_ns), math.inf)[0]
         return float(np.linalg.norm(there - here)) + DISTANCE_SIGMA * noise
 
-    def _fresh(self, now_ns: int) -> dict[int, Message]:
+    def _fresh(self, now_ns: int, age: float = FRESH) -> dict[int, Message]:
         """Return the messages that are used, the own one among them."""
         return {
             k: one
             for k, one in self._newest.items()
-            if now_ns - one.stamp_ns <= FRESH * SECOND or k == self._own
+            if now_ns - one.stamp_ns <= age * SECOND or k == self._own
         }
 
     @staticmethod

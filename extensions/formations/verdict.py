@@ -13,10 +13,11 @@ from console.evaluation.result import Result
 from console.evaluation.verdict import judged
 from extensions.formations.mathematics.rigidity import bearings
 from extensions.formations.options import FormationOptions
+from extensions.formations.places import judge_places
 from extensions.formations.separation import SEPARATION
 from extensions.formations.shape import Shape
 from flight_log.fields import ATTITUDE, POSITION
-from flight_log.run import read_run
+from flight_log.run import Run, read_run
 from quadrotor.records import Array
 
 ROOM = (-4.0, -4.0, 0.2), (4.0, 4.0, 3.0)
@@ -52,7 +53,8 @@ def judge(
     ended = [name for name, one in results.items() if one.verdict != "passed"]
     left = {names.index(name) for name in ended} | ({options.fails - 1} if options.fails else set())
     times = np.arange(windows.begun, windows.end, 1.0 / RATE)
-    places, yaws = _truth(logs, times)
+    runs = {name: read_run(log) for name, log in logs.items()}
+    places, yaws = _truth(runs, times)
     errors = np.array(
         [_errors(shape, place, yaw, left) for place, yaw in zip(places, yaws, strict=True)]
     )
@@ -62,6 +64,8 @@ def judge(
     if windows.end > windows.held:
         metrics["steered_bearing_rms_deg"] = _rms(errors[times >= windows.held])
         limits["steered_bearing_rms_deg"] = STEERED
+    truth = places[steady], yaws[steady]
+    metrics |= judge_places(options, shape, runs, times[steady], truth, left)
     metrics["start_bearing_rms_deg"] = _rms(errors[:1])
     if (converged := _converged(times, errors)) is not None:
         metrics["converged_s"] = converged - windows.begun
@@ -99,11 +103,11 @@ def outside(places: Array) -> float:
     return float(np.maximum(low - places, places - high).max(initial=0.0))
 
 
-def _truth(logs: Mapping[str, Path], times: Array) -> tuple[Array, Array]:
+def _truth(runs: Mapping[str, Run], times: Array) -> tuple[Array, Array]:
     """Return places (N, n, 3) and yaws (N, n) at these times (N,)."""
     places, yaws = [], []
-    for log in logs.values():
-        truth = read_run(log).topics["truth"]
+    for run in runs.values():
+        truth = run.topics["truth"]
         at = truth.time
         places.append(
             np.stack([np.interp(times, at, truth.values(name)) for name in POSITION], axis=1)

@@ -59,11 +59,17 @@ class Flock:
 
     Args:
         options: one for each vehicle. lag: s, time constant with which velocity and yaw rate
-            follow, as `pilot.AS_LATE` makes them equally late; 0 for exactly.
+            follow, as `pilot.AS_LATE` makes them equally late; 0 for exactly. localise: vehicles
+            that estimate where the others are.
     """
 
     def __init__(
-        self, options: Sequence[FormationOptions], places: Array, yaws: Array, lag: float = 0.0
+        self,
+        options: Sequence[FormationOptions],
+        places: Array,
+        yaws: Array,
+        lag: float = 0.0,
+        localise: Sequence[int] = (),
     ) -> None:
         self.count = len(options)
         self.places, self.yaws = places.copy(), yaws.copy()
@@ -72,7 +78,8 @@ class Flock:
         self.shape = shape_of(options[0].desired, self.count)
         self.all = [Here(self, k) for k in range(self.count)]
         self.pilots = [
-            Pilot(here, p, self.shape) for here, p in zip(self.all, options, strict=True)
+            Pilot(here, p, self.shape, here.index in localise)
+            for here, p in zip(self.all, options, strict=True)
         ]
         self.guards = [
             Guard(here, pilot.radio) for here, pilot in zip(self.all, self.pilots, strict=True)

@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.estimation.network_localisation import Case, squares
-from extensions.formations.mathematics.localisation import (
-    MotionNoise,
-    NetworkFilter,
-    cramer_rao,
-    relative,
-)
+from extensions.formations.mathematics.localisation import MotionNoise, NetworkFilter
+from extensions.formations.mathematics.network_bound import cramer_rao, relative
 from extensions.formations.mathematics.rigidity import (
     bearings,
     mean_distance,
