@@ -25,6 +25,8 @@ from quadrotor.errors import RefusedError, UsageError
 
 GATHERED = 18.0
 """Time, s, at which all hover at their random starts and begin to converge."""
+JOINING = 15.0
+"""Time, s, that a vehicle which joins from the ground has to climb, turn and converge."""
 VOLUME = {
     f"behavior.volume_{axis}_{end}": value
     for end, corner in zip(("min", "max"), ROOM, strict=True)
@@ -95,8 +97,7 @@ class FormationExperiment:
         yaw = math.remainder(self._pilot.desired_yaw + self.parameters.turn * turned, math.tau)
         gathered = GATHERED
         if self.parameters.joins == self._company.index + 1:
-            radio = self._pilot.radio
-            self._stay(client, radio, GATHERED + 0.5 * self.parameters.converge)
+            self._stay(client, self._pilot.radio, self._windows.converged - JOINING)
             gathered = 0.0
         arm(client)
         take_off(client, height)

@@ -29,7 +29,7 @@ EACH = 3
 """Frames of bearings between two estimates that are logged."""
 LATE_NS = 500_000_000
 """Time for which a frame waits for messages that may still arrive."""
-NOISE = MotionNoise(velocity=0.05, yaw_rate=0.01, tells_scale=False)
+NOISE = MotionNoise(velocity=0.02, yaw_rate=0.01, tells_scale=False)
 """Of the velocities that vehicles are asked to fly, which they follow late and not exactly."""
 MISFITS = 30
 """Frames in a row of whose bearings less than half fit, after which the filter begins anew."""

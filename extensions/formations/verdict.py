@@ -73,8 +73,10 @@ def judge(
     apart = np.linalg.norm(places[:, i] - places[:, j], axis=2)
     metrics["separation_lack_m"] = max(0.0, SEPARATION - float(apart.min()))
     limits["separation_lack_m"] = 0.0
-    inside = np.delete(places, sorted(left), axis=1)
-    metrics["outside_volume_m"] = outside(inside)
+    there = np.array([k not in left for k in range(len(names))])
+    from_start = there & (np.arange(len(names)) != options.joins - 1)  # on the ground until then
+    joined = places[times >= windows.converged][:, there]
+    metrics["outside_volume_m"] = max(outside(places[:, from_start]), outside(joined))
     limits["outside_volume_m"] = 0.0
     staying = [one for k, one in enumerate(results.values()) if k not in left]
     metrics["eigenvalue_min"] = min(

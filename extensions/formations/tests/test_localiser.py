@@ -148,8 +148,8 @@ def test_vehicles_that_fly_know_each_other_as_well_as_the_bound_allows() -> None
     assert math.sqrt(squares / stated) < 1.1
 
 
-class _Estimates:
-    """The estimates of a log, as `judge_places` reads them."""
+class _Columns:
+    """A topic of a log, as the verdict reads it."""
 
     def __init__(self, time: Array, rows: Array) -> None:
         self.time, self._rows = time, rows
@@ -166,7 +166,7 @@ def test_the_error_is_judged_in_the_yaw_frame_of_the_one_that_estimates() -> Non
     for own in range(4):
         seen = (PLACES - PLACES[own]) @ yaw_rotation(YAWS[own]) + [0.03, 0.0, 0.04]
         topics = {
-            f"{TOPIC}quad{k + 1}": _Estimates(times, np.repeat(seen[k][None], len(times), axis=0))
+            f"{TOPIC}quad{k + 1}": _Columns(times, np.repeat(seen[k][None], len(times), axis=0))
             for k in range(4)
             if k != own
         }

@@ -52,6 +52,11 @@ def test_motions_tell_the_scale_only_if_they_are_to() -> None:
     assert sigmas[False] == pytest.approx(0.3, rel=0.02)
 
 
+def test_one_bearing_of_two_vehicles_begins_no_filter() -> None:
+    with pytest.raises(DegenerateGeometryError, match="do not determine the shape"):
+        NetworkFilter.from_bearings(0, 2, [(1.0, 0.0, 0.0)], [(0, 1)], SIGMA)
+
+
 def test_the_bound_of_frames_at_rest_is_the_filters_covariance() -> None:
     rng = np.random.default_rng(1)
     p, yaws, edges = scattered(rng, 4), rng.uniform(-3, 3, 4), complete(4)
