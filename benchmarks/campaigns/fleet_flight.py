@@ -1,4 +1,4 @@
-"""What it costs to fly several whole vehicles in one simulated time, over flying one.
+"""The cost of flying several whole vehicles in one simulated time, over that of one.
 
     python -m benchmarks fleet_flight
 
@@ -40,7 +40,7 @@ def run(size: Size = Size.FULL) -> Report:
                 for log in done[-1].logs.values():
                     log.unlink()
     for vehicles, done in flown.items():
-        figures = {
+        figures: dict[str, float | str] = {
             "times real time": statistics.median(one.flown / one.wall for one in done),
             "processor, s a vehicle": statistics.median(
                 one.processor / len(one.logs) for one in done

@@ -103,7 +103,7 @@ def _square(case: Case, p: Array, yaws: Array, edges: Edges, rng: np.random.Gene
     first = _noisy(rng, bearings(p, yaws, edges))
     told = replace(noise, tells_scale=not case.ranged)
     flown = NetworkFilter.from_bearings(0, n, first, edges, SIGMA, guess, SHARE, told)
-    truth = at_truth(0, p, yaws, edges, SIGMA, SHARE, noise)
+    truth = at_truth(0, p, yaws, edges, SIGMA, SHARE, noise=noise)
     for k in range(1, case.frames):
         if case.moving:
             v, w = _motion(n, k * dt)

@@ -20,7 +20,7 @@ from extensions.formations.pilot import AS_LATE, STEP, Pilot
 from extensions.formations.separation import Guard
 from extensions.formations.shape import Shape, shape_of
 from extensions.formations.starts import random_starts, starts_near
-from extensions.formations.verdict import ROOM, Windows, judge
+from extensions.formations.verdict import CUT, ROOM, Windows, judge
 from quadrotor.errors import RefusedError, UsageError
 
 GATHERED = 18.0
@@ -173,7 +173,10 @@ class FormationExperiment:
             raise RefusedError("the formation was not flown")
         effort = math.sqrt(math.fsum(one * one for one in self._effort) / len(self._effort))
         least = self._pilot.least if math.isfinite(self._pilot.least) else 0.0
-        return Result("passed", {"effort_m_s": effort, "eigenvalue_min": least}, {"effort_m_s": 5})
+        metrics = {"effort_m_s": effort, "eigenvalue_min": least}
+        if self.parameters.messages.cut:
+            metrics[CUT] = self.parameters.messages.cut
+        return Result("passed", metrics, {"effort_m_s": 5})
 
     def judge(self, logs: Mapping[str, Path], results: Mapping[str, Result]) -> Result:
         """Return the result of all vehicles, from the truth in their logs."""

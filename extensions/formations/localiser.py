@@ -1,4 +1,4 @@
-"""Where the others are, by bearings: what each vehicle of a formation estimates for itself.
+"""The places of the others by bearings, as each vehicle of a formation estimates them for itself.
 
 It hears what all broadcast: their bearings and yaws, the velocities that they fly, and the one
 measured distance. It is told no place of anybody. The law does not use it.

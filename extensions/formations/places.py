@@ -106,7 +106,7 @@ def _bound(
         if view.weight((x, y, z), far) > 0.0
     ]
     try:
-        known = at_truth(number[own], places, yaws, edges, sigma, SHARE, NOISE)
+        known = at_truth(number[own], places, yaws, edges, sigma, SHARE, noise=NOISE)
     except DegenerateGeometryError:
         return None
     exact = bearings(places, yaws, edges)

@@ -24,6 +24,8 @@ ROOM = (-4.0, -4.0, 0.2), (4.0, 4.0, 3.0)
 """m, smallest and largest corner of the flight volume."""
 STEADY, STEERED = 1.0, 2.5
 """deg, largest rms of the true bearings about the desired ones."""
+CUT = "cut_s"
+"""Figure of a vehicle whose link is cut on purpose: when."""
 RATE = 20.0
 """Hz, at which the truth is looked at."""
 
@@ -46,12 +48,14 @@ def judge(
 ) -> Result:
     """Return the figures of all vehicles with their limits.
 
-    A vehicle that fails on purpose is left out of the bearings once it does, and so is one that
-    failed by itself.
+    A vehicle that fails or whose link is cut on purpose is left out of the bearings, and so is one
+    that failed by itself.
     """
     names = list(logs)
     ended = [name for name, one in results.items() if one.verdict != "passed"]
-    left = {names.index(name) for name in ended} | ({options.fails - 1} if options.fails else set())
+    cut = [name for name, one in results.items() if CUT in one.metrics]
+    left = {names.index(name) for name in [*ended, *cut]}
+    left |= {options.fails - 1} if options.fails else set()
     times = np.arange(windows.begun, windows.end, 1.0 / RATE)
     runs = {name: read_run(log) for name, log in logs.items()}
     places, yaws = _truth(runs, times)
@@ -73,11 +77,28 @@ def judge(
     apart = np.linalg.norm(places[:, i] - places[:, j], axis=2)
     metrics["separation_lack_m"] = max(0.0, SEPARATION - float(apart.min()))
     limits["separation_lack_m"] = 0.0
-    there = np.array([k not in left for k in range(len(names))])
-    from_start = there & (np.arange(len(names)) != options.joins - 1)  # on the ground until then
-    joined = places[times >= windows.converged][:, there]
-    metrics["outside_volume_m"] = max(outside(places[:, from_start]), outside(joined))
+    late = {options.joins - 1} if options.joins else set()  # on the ground until it joins
+    from_start, there = (np.delete(places, sorted(one), axis=1) for one in (left | late, left))
+    joined = there[times >= windows.converged]
+    metrics["outside_volume_m"] = max(outside(from_start), outside(joined))
     limits["outside_volume_m"] = 0.0
+    _add_own_figures(results, left, metrics, limits)
+    result = judged(metrics, limits)
+    if ended and result.verdict == "passed":
+        result.verdict = "failed"
+    result.reason = "; ".join(
+        f"{name}: {results[name].reason or 'beyond its limits'}" for name in ended
+    )
+    return result
+
+
+def _add_own_figures(
+    results: Mapping[str, Result],
+    left: set[int],
+    metrics: dict[str, float],
+    limits: dict[str, float],
+) -> None:
+    """Add the worst of what vehicles know of themselves, and of what is judged of any flight."""
     staying = [one for k, one in enumerate(results.values()) if k not in left]
     metrics["eigenvalue_min"] = min(
         (one.metrics.get("eigenvalue_min", 0.0) for one in staying), default=0.0
@@ -90,13 +111,6 @@ def judge(
         if of_all:
             metrics[figure] = max(of_all)
             limits[figure] = max(one.limits.get(figure, 0.0) for one in results.values())
-    result = judged(metrics, limits)
-    if ended and result.verdict == "passed":
-        result.verdict = "failed"
-    result.reason = "; ".join(
-        f"{name}: {results[name].reason or 'beyond its limits'}" for name in ended
-    )
-    return result
 
 
 def outside(places: Array) -> float:

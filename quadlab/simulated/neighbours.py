@@ -115,14 +115,12 @@ class Neighbours:
         x, y, z = self._position_w.tolist()
         u, v, w = self._velocity_w.tolist()
         a, b, c, d = self._quaternion_wb.tolist()
-        p = self._simulated.parameters
+        p, speeds = self._simulated.parameters, self._speeds.tolist()
         slope, offset = p.motor_slope, p.motor_offset
         # Not `rotor_thrust`, which is for compiled functions: each process would compile it anew.
-        turning = [speed for speed in self._speeds.tolist() if speed > STOPPED]
-        thrust = sum(thrust_of_reference(speed, slope, offset) for speed in turning)
+        thrust = sum(thrust_of_reference(n, slope, offset) for n in speeds if n > STOPPED)
         motion = (x, y, z), (u, v, w), (a, b, c, d)
-        row = Row(now_ns, *motion, thrust, radius_of(p), self._mail)
-        self._meeting.leave_row(self.index, row)
+        self._meeting.leave_row(self.index, Row(now_ns, *motion, thrust, radius_of(p), self._mail))
 
     def _look(self, now_ns: int) -> None:
         x, y, z = self._position_w.tolist()

@@ -35,6 +35,7 @@ def at_truth(
     edges: npt.ArrayLike,
     sigma: float,
     share: float,
+    *,
     noise: MotionNoise,
 ) -> NetworkFilter:
     """Return the filter of vehicle `own` at the truth, whose covariance is the bound after one
@@ -42,7 +43,7 @@ def at_truth(
 
     Args:
         positions_w: (n, 3) m. yaws: (n,) rad. edges: (m, 2). sigma: rad on each tangent axis.
-        share: standard deviation of the logarithm of the scale.
+        share: standard deviation of the logarithm of the scale. noise: of broadcast motions.
 
     Raises DegenerateGeometryError as `cramer_rao`.
     """

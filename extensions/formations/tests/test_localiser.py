@@ -1,4 +1,4 @@
-"""Where the others are by bearings: the filter on board, and what is judged of it."""
+"""The places of the others by bearings: the filter on board, and what is judged of it."""
 
 from __future__ import annotations
 

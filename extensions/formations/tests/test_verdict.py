@@ -1,4 +1,4 @@
-"""What is judged of the truth in the logs of all vehicles."""
+"""The verdict on a formation, from the truth in the logs of all vehicles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from console.evaluation.result import Result
 from extensions.formations import verdict
 from extensions.formations.options import FormationOptions
 from extensions.formations.shape import shape_of
-from extensions.formations.verdict import Windows, judge
+from extensions.formations.verdict import CUT, Windows, judge
 from flight_log.fields import ATTITUDE, POSITION
 from quadrotor.records import Array
 
@@ -48,6 +48,14 @@ def logs(monkeypatch: pytest.MonkeyPatch) -> Mapping[str, Path]:
     }
     monkeypatch.setattr(verdict, "read_run", lambda log: runs[log.stem])
     return {name: Path(f"{name}.mcap") for name in runs}
+
+
+def test_one_whose_link_is_cut_on_purpose_is_left_out(logs: Mapping[str, Path]) -> None:
+    for figures, judged in (({}, "failed"), ({CUT: 3.0}, "passed")):
+        results = {name: Result("passed", {}, {}) for name in logs}
+        results[f"quad{JOINS}"] = Result("passed", figures, {})
+        result = judge(FormationOptions(), shape_of("", COUNT), WINDOWS, logs, results)
+        assert result.verdict == judged, "it stands on the ground at first"
 
 
 @pytest.mark.parametrize(
