@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from console.experiments.together import Company
-from extensions.formations.mathematics.rigidity import E_Z
+from extensions.formations.mathematics.rigidity import E_Z, yaw_rotation
 from extensions.formations.mathematics.steering import separated_velocity
 from extensions.formations.messages import Radio, Whereabouts
 from quadrotor.plain_rotations import rows_of
@@ -79,7 +79,7 @@ class Guard:
                 the share that may be flown.
         """
         rows = rows_of(self._company.attitude())
-        turn = _turned(math.atan2(rows[1][0], rows[0][0]))
+        turn = yaw_rotation(math.atan2(rows[1][0], rows[0][0]))
         asked = turn @ _shortened(velocity_y, limits)
         here = np.asarray(position_w, dtype=float)
         near, missing = self._neighbours(here, now_ns)
@@ -151,7 +151,7 @@ class Guard:
         sent = self._radio.sent
         if sent is None or k not in sent.bearings_y or now_ns - sent.stamp_ns > SILENT * SECOND:
             return None
-        return np.asarray(_turned(sent.yaw) @ np.array(sent.bearings_y[k]))
+        return np.asarray(yaw_rotation(sent.yaw) @ np.array(sent.bearings_y[k]))
 
     def _tell_lost(self, missing: list[int], now_ns: int) -> None:
         for k in self._others:
@@ -203,8 +203,3 @@ def _around(asked: Array, near: dict[int, Array], drift: Array) -> Array:
 def _shortened(velocity: npt.ArrayLike, limits: Array) -> Array:
     v = np.asarray(velocity, dtype=float)
     return np.asarray(v / max(1.0, float((np.abs(v) / limits).max())))
-
-
-def _turned(yaw: float) -> Array:
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -195,12 +195,6 @@ class NetworkFilter:
             self._correct(H[fits].reshape(-1, H.shape[-1]), r[fits].ravel(), sigma)
         return int(fits.sum())
 
-    def bearing(self, i: int, j: int, bearing_y: npt.ArrayLike, sigma: float) -> bool:
-        """Correct the estimate by the bearing of vehicle j that vehicle i measured; return whether
-        it was used.
-        """
-        return self.bearings([(i, j)], np.asarray(bearing_y)[None], sigma) == 1
-
     def distance(self, i: int, j: int, distance: float, sigma: float) -> None:
         """Correct the estimate by a distance in m with standard deviation `sigma`.
 

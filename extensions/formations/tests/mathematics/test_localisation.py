@@ -131,7 +131,7 @@ def test_swapped_identities_are_refused_by_name() -> None:
         assert flown.bearings(edges, swapped, SIGMA) == len(edges) - 2
     assert flown.refused == {(0, 1): 5, (0, 2): 5}
     np.testing.assert_allclose(flown.positions_y, before, atol=1e-6)
-    assert flown.bearing(0, 1, exact[0], SIGMA)
+    assert flown.bearings([(0, 1)], exact[:1], SIGMA) == 1
 
 
 def test_the_bound_is_across_the_null_motions() -> None:
