@@ -74,7 +74,7 @@ FOLDERS = {
         "real_flights",
         "camera_flight",
     ),
-    "campaigns": ("campaigns", "campaign_kills", "campaign_size", "disturbances"),
+    "campaigns": ("campaigns", "campaign_kills", "campaign_size", "disturbances", "fleet_flight"),
     "page": (
         "replay",
         "sticks",

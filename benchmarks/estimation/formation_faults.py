@@ -66,6 +66,9 @@ CASES = (
     Case("identities of one swapped", "contradict", of_one=_set("bearings", "swap", 1.0)),
     Case("field of view 90°", of_all=_facing),
     Case("messages 200 ms late", of_all=_set("messages", "delay", 0.2)),
+    Case("10 % of the messages lost", of_all=_set("messages", "loss", 0.1)),
+    Case("30 % of the messages lost", of_all=_set("messages", "loss", 0.3)),
+    Case("60 % of the messages lost", of_all=_set("messages", "loss", 0.6)),
 )
 
 

@@ -13,19 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.harness import Report, Row, Size, Target
-from extensions.formations.mathematics.localisation import (
-    MotionNoise,
-    NetworkFilter,
-    cramer_rao,
-    relative,
-)
+from extensions.formations.mathematics.localisation import MotionNoise, NetworkFilter
+from extensions.formations.mathematics.network_bound import at_truth
 from extensions.formations.mathematics.rigidity import (
     Edges,
     across,
     bearings,
     mean_distance,
     rigidity_eigenvalue,
-    yaw_rotation,
 )
 from quadrotor.records import Array
 
@@ -108,7 +103,7 @@ def _square(case: Case, p: Array, yaws: Array, edges: Edges, rng: np.random.Gene
     first = _noisy(rng, bearings(p, yaws, edges))
     told = replace(noise, tells_scale=not case.ranged)
     flown = NetworkFilter.from_bearings(0, n, first, edges, SIGMA, guess, SHARE, told)
-    truth = _at_truth(p, yaws, edges, noise)
+    truth = at_truth(0, p, yaws, edges, SIGMA, SHARE, noise=noise)
     for k in range(1, case.frames):
         if case.moving:
             v, w = _motion(n, k * dt)
@@ -132,21 +127,6 @@ def _square(case: Case, p: Array, yaws: Array, edges: Edges, rng: np.random.Gene
     turn = flown.yaws - truth.yaws
     error = np.column_stack([places - truth.positions_y, np.arctan2(np.sin(turn), np.cos(turn))])
     return float(np.vdot(error, error) / np.trace(covariance))
-
-
-def _at_truth(p: Array, yaws: Array, edges: Edges, noise: MotionNoise) -> NetworkFilter:
-    """Return a filter at the truth, with the bound of the first frame and of the known scale."""
-    places = (p - p[0]) @ yaw_rotation(yaws[0])
-    turns = np.arctan2(np.sin(yaws - yaws[0]), np.cos(yaws - yaws[0]))
-    T = relative(p, yaws, 0)
-    bound = T @ cramer_rao(p, yaws, edges, SIGMA) @ T.T  # of the shape, at a scale
-    x = np.pad(places[1:], ((0, 0), (0, 1))).ravel()
-    x = x / np.linalg.norm(x)
-    side = np.eye(len(x)) - np.outer(x, x)
-    # Across x the scale is free to move the shape's error: no share of x in the shape's part.
-    shape = side @ bound @ side
-    scale = SHARE**2 * float(np.vdot(places, places)) * np.outer(x, x)
-    return NetworkFilter(0, places, turns, shape + scale, noise)
 
 
 def _motion(n: int, t: float) -> tuple[Array, Array]:

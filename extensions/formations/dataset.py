@@ -35,6 +35,8 @@ as tables, in `parquet/quad1/`:
   sigma^2 (I - b b^T).
 - state: the vehicle's own estimate, on which it flies.
 - bearing_pose: pose from bearings to beacons on the ground, with its covariance, 6 x 6 row by row.
+- place_of_NAME: where the vehicle estimates another one by bearings alone: its place in the own yaw
+  frame, its yaw less the own, with their covariance, 6 x 6 row by row.
 - joy: the velocity and yaw rate that were asked for, as shares of the parameters
   behavior.joy_speed_xy, joy_speed_z and joy_yaw_rate.
 - events: what the vehicle told.
@@ -100,14 +102,19 @@ class Dataset:
 
 
 def write_tables(log: Path, folder: Path) -> list[Path]:
-    """Write those of TOPICS that a log has as Parquet into a new folder. Raises LogFormatError,
-    StorageError.
+    """Write those of TOPICS that a log has, and the places estimated of others, as Parquet into a
+    new folder. Raises LogFormatError, StorageError.
     """
     from console.log_tables import Tables
+    from extensions.formations.localiser import TOPIC as ESTIMATED
     from flight_log.summary import summarize
 
     there = summarize(log).topics
-    topics = [one for one in there if one.rpartition("/")[2] in TOPICS]
+    topics = [
+        one
+        for one in there
+        if (name := one.rpartition("/")[2]) in TOPICS or name.startswith(ESTIMATED)
+    ]
     tables = Tables(log, topics)
     try:
         folder.mkdir(parents=True)

@@ -20,11 +20,13 @@ from extensions.formations.pilot import AS_LATE, STEP, Pilot
 from extensions.formations.separation import Guard
 from extensions.formations.shape import Shape, shape_of
 from extensions.formations.starts import random_starts, starts_near
-from extensions.formations.verdict import ROOM, Windows, judge
+from extensions.formations.verdict import CUT, ROOM, Windows, judge
 from quadrotor.errors import RefusedError, UsageError
 
 GATHERED = 18.0
 """Time, s, at which all hover at their random starts and begin to converge."""
+JOINING = 15.0
+"""Time, s, that a vehicle which joins from the ground has to climb, turn and converge."""
 VOLUME = {
     f"behavior.volume_{axis}_{end}": value
     for end, corner in zip(("min", "max"), ROOM, strict=True)
@@ -78,7 +80,8 @@ class FormationExperiment:
     def join(self, company: Company) -> None:
         """Take the place of one vehicle."""
         self._company = company
-        self._pilot = Pilot(company, self.parameters, self._shape(len(company.names)))
+        shape = self._shape(len(company.names))
+        self._pilot = Pilot(company, self.parameters, shape, localises=True)
 
     def _shape(self, count: int) -> Shape:
         return shape_of(self.parameters.desired, count)
@@ -94,8 +97,7 @@ class FormationExperiment:
         yaw = math.remainder(self._pilot.desired_yaw + self.parameters.turn * turned, math.tau)
         gathered = GATHERED
         if self.parameters.joins == self._company.index + 1:
-            radio = self._pilot.radio
-            self._stay(client, radio, GATHERED + 0.5 * self.parameters.converge)
+            self._stay(client, self._pilot.radio, self._windows.converged - JOINING)
             gathered = 0.0
         arm(client)
         take_off(client, height)
@@ -123,7 +125,8 @@ class FormationExperiment:
                 self._leave(client, pilot.radio, windows.end)
                 return
             pilot.command = self._command(now - windows.held)
-            kept = guard.keep(pilot.velocity_y, view.position_w, round(1e9 * now), limits)
+            now_ns, asked = round(1e9 * now), pilot.velocity_y
+            kept = guard.keep(asked, view.position_w, now_ns, limits, pilot.commanded_y)
             u, v, w = kept.tolist()
             turning += AS_LATE * (pilot.yaw_rate - turning)
             client.sticks((u / speed_xy, v / speed_xy, w / speed_z, turning / yaw_rate))
@@ -170,7 +173,10 @@ class FormationExperiment:
             raise RefusedError("the formation was not flown")
         effort = math.sqrt(math.fsum(one * one for one in self._effort) / len(self._effort))
         least = self._pilot.least if math.isfinite(self._pilot.least) else 0.0
-        return Result("passed", {"effort_m_s": effort, "eigenvalue_min": least}, {"effort_m_s": 5})
+        metrics = {"effort_m_s": effort, "eigenvalue_min": least}
+        if self.parameters.messages.cut:
+            metrics[CUT] = self.parameters.messages.cut
+        return Result("passed", metrics, {"effort_m_s": 5})
 
     def judge(self, logs: Mapping[str, Path], results: Mapping[str, Result]) -> Result:
         """Return the result of all vehicles, from the truth in their logs."""

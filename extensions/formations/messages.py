@@ -1,6 +1,6 @@
 """Messages between the vehicles of a formation, and how they are lost and delayed on their way.
 
-A message has 18 bytes and 7 for each bearing: 46 bytes of five vehicles. There is no position in
+A message has 19 bytes and 7 for each bearing: 47 bytes of five vehicles. There is no position in
 it. The place that the separation needs follows it in 32 bytes; together, at 30 Hz, they are
 2.3 kB/s of each vehicle.
 """
@@ -17,10 +17,12 @@ from console.experiments.together import Company
 from extensions.formations.options import MessageParameters
 from quadrotor.plain_rotations import Triple
 
-_HEAD = struct.Struct("<qff2B")
+_HEAD = struct.Struct("<qff3B")
 _BEARING = struct.Struct("<B3h")
 _PLACE = struct.Struct("<q6f")
-_UNIT = 32767.0
+_UNIT, _WHOLE = 32767.0, 255.0
+DISTANCE_SIGMA = 0.05
+"""m, noise of the one measured distance."""
 AHEAD, BEHIND = 0.1, 1.0
 """s, by which the stamps of a message may be ahead of and behind the clock of its receiver."""
 
@@ -33,6 +35,7 @@ class Message:
         yaw: its own estimate, rad. distance: m, measured to the vehicle after it; 0 for none.
         bearings_y: by vehicle, unit vectors (3,) in its yaw frame.
         has_left: whether it flies no more in the formation, and its place alone counts.
+        pace: share of a commanded motion that it can fly.
     """
 
     stamp_ns: int
@@ -40,11 +43,11 @@ class Message:
     distance: float
     bearings_y: dict[int, Triple]
     has_left: bool = False
+    pace: float = 1.0
 
     def encode(self) -> bytes:
-        head = _HEAD.pack(
-            self.stamp_ns, self.yaw, self.distance, len(self.bearings_y), self.has_left
-        )
+        few = len(self.bearings_y), self.has_left, round(_WHOLE * self.pace)
+        head = _HEAD.pack(self.stamp_ns, self.yaw, self.distance, *few)
         rows = (
             _BEARING.pack(k, *(round(_UNIT * one) for one in bearing))
             for k, bearing in self.bearings_y.items()
@@ -58,13 +61,13 @@ class Message:
 
     @classmethod
     def decode(cls, data: bytes) -> Message:
-        stamp_ns, yaw, distance, count, has_left = _HEAD.unpack_from(data)
+        stamp_ns, yaw, distance, count, has_left, pace = _HEAD.unpack_from(data)
         found: dict[int, Triple] = {}
         for place in range(count):
             k, x, y, z = _BEARING.unpack_from(data, _HEAD.size + place * _BEARING.size)
             length = (x * x + y * y + z * z) ** 0.5
             found[k] = (x / length, y / length, z / length)
-        return cls(stamp_ns, yaw, distance, found, bool(has_left))
+        return cls(stamp_ns, yaw, distance, found, bool(has_left), pace / _WHOLE)
 
 
 class Whereabouts(NamedTuple):
@@ -89,6 +92,8 @@ class Radio:
     Attributes:
         own: place that is broadcast with the next message. places: newest of each other vehicle.
         sent: the newest own message. mute: whether nothing is broadcast.
+        pace: share of a commanded motion that keeps this vehicle away from those that do not fly
+            with it. in_the_way: name of the one that it is kept away from, or "".
         has_left: whether the own place alone is broadcast, for the separation. left: vehicles
             that have told so.
         absent: vehicles that are known not to be there, and so need not be heard.
@@ -103,6 +108,7 @@ class Radio:
         self.places: dict[int, Whereabouts] = {}
         self.sent: Message | None = None
         self.mute = self.has_left = False
+        self.pace, self.in_the_way = 1.0, ""
         self.left: set[int] = set()
         self.absent: set[int] = set()
         self.apart: dict[int, float] = {}

@@ -45,7 +45,7 @@ class FormationOptions(Parameters):
     fails: int = parameter(0, ge=0, le=8, step=1)
     """vehicle, from 1, that lands in the middle of the hold; 0 none"""
     joins: int = parameter(0, ge=0, le=8, step=1)
-    """vehicle, from 1, that joins from the ground in the middle of the convergence; 0 none"""
+    """vehicle, from 1, that joins from the ground 15 s before the hold; 0 none"""
     near: float = parameter(0.0, unit="m", ge=0, le=0.5, step=0.05)
     """largest distance, on each axis, of the starts from the desired formation; 0: anywhere"""
     turn: float = parameter(1.0, unit="rad", ge=0, le=3, step=0.05)

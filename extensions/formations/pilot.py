@@ -15,9 +15,10 @@ import numpy as np
 from bearing_sim.sampling import Draws, pair
 from console.experiments.together import Company
 from control.trajectories.velocity_filter import BANDWIDTH
+from extensions.formations.localiser import Localiser
 from extensions.formations.mathematics.law import Gains, formation_velocity
 from extensions.formations.mathematics.steering import NullMotion, steering_pace, steering_velocity
-from extensions.formations.messages import Message, Radio
+from extensions.formations.messages import DISTANCE_SIGMA, Message, Radio
 from extensions.formations.options import FormationOptions
 from extensions.formations.relative_bearings import RelativeBearings
 from extensions.formations.shape import Edge, Shape
@@ -31,8 +32,6 @@ FRESH, SILENT = 0.5, 1.0
 """Ages, s, up to which bearings and messages are used, and above which a vehicle is silent."""
 SPEED, YAW_RATE = 0.7, 0.6
 """Limits of the law, m/s and rad/s."""
-DISTANCE_SIGMA = 0.05
-"""m, noise of the one measured distance."""
 STEP = 0.02
 """s between two commands."""
 AS_LATE = 1.0 - math.exp(-BANDWIDTH * STEP)
@@ -46,16 +45,23 @@ REMEMBERED = 64
 class Pilot:
     """The program on board.
 
+    Args:
+        localises: whether it estimates where the others are, for the log.
+
     Attributes:
         command: the null motion that is commanded, in the yaw frame of the first vehicle that
             flies.
-        velocity_y, yaw_rate: what it wants to fly, m/s and rad/s.
+        velocity_y, yaw_rate: what it wants to fly, m/s and rad/s. commanded_y: its part of the
+            whole commanded motion, m/s.
         eigenvalue: of the formation by the edges that count; least: the smallest so far.
         is_flying: whether it steers, and so, after a second, tells what it misses.
+        localiser: estimates where the others are; None for nothing.
         radio: the link to the others. desired_yaw: rad, of this vehicle in the desired shape.
     """
 
-    def __init__(self, company: Company, options: FormationOptions, shape: Shape) -> None:
+    def __init__(
+        self, company: Company, options: FormationOptions, shape: Shape, localises: bool = False
+    ) -> None:
         self._company, self._shape, self._options = company, shape, options
         self._own = company.index
         parameters = options.bearings.model_copy()
@@ -68,21 +74,26 @@ class Pilot:
         self._suspicion, self._out = Suspicion(), set[int]()
         self._silent: set[int] = set()
         sigma = math.radians(options.bearings.sigma)
+        self.localiser = Localiser(company, self.radio, sigma) if localises else None
         self._gains = Gains(options.gain, 1.0, SPEED, YAW_RATE, sigma)
         self._was_rigid, self._is_slow, self._slow_ns = True, False, -SECOND
         self._view = View(options.bearings)
         self.command, self.is_flying = NullMotion(), False
         self._tells, self._idle_ns = False, 0
         self.velocity_y: Array = np.zeros(3)
+        self.commanded_y: Array = np.zeros(3)
         self.yaw_rate = self.eigenvalue = 0.0
         self.least = math.inf
         company.at_meetings(self._met)
 
     def _met(self, now_ns: int) -> None:
         self._sensor.look()
+        localiser = self.localiser if self.is_flying else None
         for k, message in self.radio.arrived(now_ns):
             self._newest[k] = message
             self._suspicion.note(k, self._newest)
+            if localiser is not None:
+                localiser.note(k, message)
         for frame in self._sensor.due(now_ns):
             ids = frame.beacon_ids.tolist()
             payload = encode_bearings(
@@ -92,6 +103,9 @@ class Pilot:
             self._company.log("neighbour_bearings", kind, payload, frame.stamp_ns, now_ns)
             self._see(frame.stamp_ns, dict(zip(ids, frame.bearings_b.tolist(), strict=True)))
             self._decide(now_ns)
+            if localiser is not None:
+                localiser.note(self._own, self._newest[self._own])
+                localiser.step(self._fresh(now_ns, SILENT).keys() - self._out, now_ns)
 
     def _see(self, stamp_ns: int, bearings_b: dict[int, Triple]) -> None:
         """Turn a frame to the yaw frame, and broadcast it."""
@@ -104,7 +118,8 @@ class Pilot:
             found[number - 1] = (c * x + s * y, c * y - s * x, z)
         self._yaws.append((stamp_ns, yaw))
         leads = self._leader(self._fresh(stamp_ns)) == self._own
-        message = Message(stamp_ns, yaw, self._distance(stamp_ns) if leads else 0.0, found)
+        distance = self._distance(stamp_ns) if leads else 0.0
+        message = Message(stamp_ns, yaw, distance, found, pace=self.radio.pace)
         self._newest[self._own] = message
         self.radio.send(message)
 
@@ -115,12 +130,12 @@ class Pilot:
         noise = pair(Draws(self._company.seed, 1, stamp_ns), math.inf)[0]
         return float(np.linalg.norm(there - here)) + DISTANCE_SIGMA * noise
 
-    def _fresh(self, now_ns: int) -> dict[int, Message]:
+    def _fresh(self, now_ns: int, age: float = FRESH) -> dict[int, Message]:
         """Return the messages that are used, the own one among them."""
         return {
             k: one
             for k, one in self._newest.items()
-            if now_ns - one.stamp_ns <= FRESH * SECOND or k == self._own
+            if now_ns - one.stamp_ns <= age * SECOND or k == self._own
         }
 
     @staticmethod
@@ -134,7 +149,11 @@ class Pilot:
         """Return the own yaw less that of another vehicle, rad, both at the stamp of its message:
         in a formation that turns, it has turned on by the time that the message arrives.
         """
-        yaw = min(self._yaws, key=lambda one: abs(one[0] - message.stamp_ns))[1]
+        nearest_ns, yaw = self._yaws[-1]
+        for stamp_ns, other in reversed(self._yaws):
+            if abs(stamp_ns - message.stamp_ns) > abs(nearest_ns - message.stamp_ns):
+                break
+            nearest_ns, yaw = stamp_ns, other
         return math.remainder(yaw - message.yaw, 2.0 * math.pi)
 
     def _decide(self, now_ns: int) -> None:
@@ -161,6 +180,7 @@ class Pilot:
         self.least = min(self.least, self.eigenvalue) if self.is_flying else self.least
         if not self._hold_together(among, trusted):
             self.velocity_y, self.yaw_rate = np.zeros(3), 0.0
+            self.commanded_y = np.zeros(3)
             return
         own = self._own
         mine = fresh[own]
@@ -172,48 +192,57 @@ class Pilot:
         velocity_y, yaw_rate = formation_velocity(
             own, seen, seen_by, desired, self._gains, weights, yaws=self._shape.yaws
         )
-        moved_y, turned = self._steered(fresh, now_ns)
-        self.velocity_y, self.yaw_rate = velocity_y + moved_y, yaw_rate + turned
+        self.commanded_y, turned = self._steered(fresh)
+        pace = self._pace(fresh, now_ns)
+        self.velocity_y = velocity_y + pace * self.commanded_y
+        self.yaw_rate = yaw_rate + pace * turned
 
     def _weights(self, edges: frozenset[Edge], fresh: dict[int, Message]) -> dict[Edge, float]:
         """Return the weight of each edge, which both its ends find by the same messages."""
-        scale, places = self._scale(fresh), self._shape.places
+        scale, distances = self._scale(fresh), self._shape.distances
         return {
-            (i, j): self._view.weight(
-                fresh[i].bearings_y[j], scale * float(np.linalg.norm(places[j] - places[i]))
-            )
+            (i, j): self._view.weight(fresh[i].bearings_y[j], scale * distances[i][j])
             for i, j in edges
         }
 
     def _scale(self, fresh: dict[int, Message]) -> float:
         """Return m in a unit of the desired shape, by the one measured distance; 0: not known."""
-        leader, places = self._leader(fresh), self._shape.places
+        leader = self._leader(fresh)
         if leader is None:
             return 0.0
-        apart = float(np.linalg.norm(places[leader + 1] - places[leader]))
-        return fresh[leader].distance / apart
+        return fresh[leader].distance / self._shape.distances[leader][leader + 1]
 
-    def _steered(self, fresh: dict[int, Message], now_ns: int) -> tuple[Array, float]:
+    def _steered(self, fresh: dict[int, Message]) -> tuple[Array, float]:
+        """Return this vehicle's part of the whole commanded motion."""
         if not (scale := self._scale(fresh)) or (leader := self._leader(fresh)) is None:
             return np.zeros(3), 0.0
         places, yaws = self._shape.places, self._shape.yaws
         c, s = math.cos(yaws[self._own]), math.sin(yaws[self._own])
         x, y, z = scale * places[self._own]
         place_y = (c * x + s * y, c * y - s * x, z)
-        pace = steering_pace(self.eigenvalue, self._options.eigenvalue_min)
-        self._tell_pace(pace, now_ns)
-        return steering_velocity(self.command, place_y, self._turned(fresh[leader]), pace)
+        return steering_velocity(self.command, place_y, self._turned(fresh[leader]))
 
-    def _tell_pace(self, pace: float, now_ns: int) -> None:
-        """Tell when the commanded motion slows down, and, 1 s after, when it no longer does."""
+    def _pace(self, fresh: dict[int, Message], now_ns: int) -> float:
+        """Return the share of the commanded motion that all can fly; tell when it falls below 1,
+        and, 1 s after, when it no longer does.
+        """
+        bound = self._options.eigenvalue_min
+        by_rigidity = steering_pace(self.eigenvalue, bound)
+        slowest = min(fresh, key=lambda k: fresh[k].pace)
+        pace = min(by_rigidity, fresh[slowest].pace)
         if pace < 1.0:
             self._slow_ns = now_ns
         if self.is_flying and self._is_slow != (now_ns - self._slow_ns < SECOND):
             self._is_slow = not self._is_slow
-            bound = self._options.eigenvalue_min
-            told = f"its rigidity eigenvalue is {self.eigenvalue:.3f}, the bound {bound:g}"
+            if by_rigidity == pace:
+                told = f"its rigidity eigenvalue is {self.eigenvalue:.3f}, the bound {bound:g}"
+            elif slowest == self._own:
+                told = f"{self.radio.in_the_way} is in the way"
+            else:
+                told = f"{self._name(slowest)} cannot fly as commanded"
             slow = f"formation: it slows down; {told}"
             self._company.event(slow if self._is_slow else "formation: as fast as commanded again")
+        return pace
 
     def _hold_together(self, edges: frozenset[Edge], vehicles: frozenset[int]) -> bool:
         """Return whether the edges in use make the formation rigid; tell when this changes."""

@@ -5,6 +5,10 @@ pair may close (`steering.separated_velocity`), by the places that they broadcas
 alone, from the trackers or beacons that they fly on: no distance follows from bearings until one
 is measured, and this has to hold from the first instant, also with a sensor that is turned. A
 vehicle that is blocked goes around to its right.
+
+A vehicle that is no part of the formation stays where it is while the others are steered toward it.
+The formation then slows down as a whole, by the share that is left to the one nearest to it, and so
+keeps its shape.
 """
 
 from __future__ import annotations
@@ -15,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from console.experiments.together import Company
-from extensions.formations.mathematics.rigidity import E_Z
+from extensions.formations.mathematics.rigidity import E_Z, yaw_rotation
 from extensions.formations.mathematics.steering import separated_velocity
 from extensions.formations.messages import Radio, Whereabouts
 from quadrotor.plain_rotations import rows_of
@@ -35,6 +39,8 @@ SILENT = 1.0
 """Age, s, of a place above which only a bearing of its vehicle tells where it may not go."""
 AROUND = 0.8
 """Share of the speed that is blocked with which a vehicle goes around."""
+CREEP = 0.02
+"""m/s, at which a commanded motion may bend the formation before all slow down."""
 BLOCKED = 3.0
 """s of being held up before it is told."""
 ASKED, SHARE = 0.15, 0.2
@@ -57,21 +63,29 @@ class Guard:
         self._told = False
 
     def keep(
-        self, velocity_y: npt.ArrayLike, position_w: npt.ArrayLike, now_ns: int, limits: Array
+        self,
+        velocity_y: npt.ArrayLike,
+        position_w: npt.ArrayLike,
+        now_ns: int,
+        limits: Array,
+        commanded_y: npt.ArrayLike = (0.0, 0.0, 0.0),
     ) -> Array:
         """Return the velocity (3,) m/s to fly, in the own yaw frame as that asked for is.
 
         Args:
             position_w: (3,) m, the own estimate. limits: (3,) m/s, of what can be flown; a
                 velocity beyond is shortened, not bent.
+            commanded_y: (3,) m/s, part of the whole commanded motion, of which `Radio.pace` then is
+                the share that may be flown.
         """
         rows = rows_of(self._company.attitude())
-        turn = _turned(math.atan2(rows[1][0], rows[0][0]))
+        turn = yaw_rotation(math.atan2(rows[1][0], rows[0][0]))
         asked = turn @ _shortened(velocity_y, limits)
         here = np.asarray(position_w, dtype=float)
         near, missing = self._neighbours(here, now_ns)
         drift = np.array([self._drift(k, away, now_ns) for k, away in near.items()])
         self._tell_lost(missing, now_ns)
+        self._note_pace(turn @ np.asarray(commanded_y, dtype=float), near, missing, now_ns)
         flown = np.zeros(3) if missing else _around(asked, near, drift)
         self._tell_blocked(asked, flown, near, now_ns)
         flown = turn.T @ _shortened(flown, limits)
@@ -101,6 +115,27 @@ class Guard:
                 missing.append(k)
         return near, missing
 
+    def _note_pace(
+        self, commanded_w: Array, near: dict[int, Array], missing: list[int], now_ns: int
+    ) -> None:
+        """Tell the others what share of the commanded motion keeps this vehicle away from those
+        that do not fly with it.
+        """
+        lost = [k for k in missing if self._lost[k] < 0]
+        pace, why = (0.0, lost[0]) if lost else (1.0, None)
+        for k, away in near.items():
+            place = self._radio.places.get(k)
+            is_heard = place is not None and now_ns - place.stamp_ns <= SILENT * SECOND
+            if is_heard and k not in self._radio.left:
+                continue
+            distance = max(math.hypot(*away.tolist()), 1e-9)
+            toward = float(commanded_w @ away) / distance
+            room = max(0.0, 0.5 * RATE * (distance - KEPT)) + CREEP
+            if room < pace * toward:
+                pace, why = room / toward, k
+        self._radio.pace = pace
+        self._radio.in_the_way = "" if why is None else self._company.names[why]
+
     def _drift(self, k: int, away: Array, now_ns: int) -> float:
         """Return the mean velocity (m/s) of this vehicle and another toward the other, as both
         have broadcast; 0 where the pair cannot agree on it.
@@ -116,7 +151,7 @@ class Guard:
         sent = self._radio.sent
         if sent is None or k not in sent.bearings_y or now_ns - sent.stamp_ns > SILENT * SECOND:
             return None
-        return np.asarray(_turned(sent.yaw) @ np.array(sent.bearings_y[k]))
+        return np.asarray(yaw_rotation(sent.yaw) @ np.array(sent.bearings_y[k]))
 
     def _tell_lost(self, missing: list[int], now_ns: int) -> None:
         for k in self._others:
@@ -168,8 +203,3 @@ def _around(asked: Array, near: dict[int, Array], drift: Array) -> Array:
 def _shortened(velocity: npt.ArrayLike, limits: Array) -> Array:
     v = np.asarray(velocity, dtype=float)
     return np.asarray(v / max(1.0, float((np.abs(v) / limits).max())))
-
-
-def _turned(yaw: float) -> Array:
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +49,13 @@ class Shape:
     places: Array
     yaws: Array
     desired: dict[Edge, Array]
+
+    @cached_property
+    def distances(self) -> list[list[float]]:
+        """Return the distances of all pairs of vehicles, in mean distances."""
+        return [
+            [float(np.linalg.norm(there - here)) for there in self.places] for here in self.places
+        ]
 
     def eigenvalue(self, edges: frozenset[Edge], vehicles: frozenset[int]) -> float:
         """Return the rigidity eigenvalue of some vehicles at the desired places."""
@@ -130,24 +137,30 @@ def _shape(places: Array, yaws: Array, edges: list[Edge], wanted: Array) -> Shap
 def _parsed(text: str, count: int) -> tuple[list[Edge], Array]:
     edges: list[Edge] = []
     wanted: list[tuple[float, float, float]] = []
-    for part in filter(None, (one.strip() for one in text.split(";"))):
+    for part in (one.strip() for one in text.rstrip("; ").split(";")):
         words = part.split()
         try:
             observer, observed = (int(word) - 1 for word in words[:2])
             azimuth, elevation = (math.radians(float(word)) for word in words[2:])
+            flat, up = math.cos(elevation), math.sin(elevation)
+            bearing = flat * math.cos(azimuth), flat * math.sin(azimuth), up
         except ValueError:
+            bearing = math.nan, math.nan, math.nan
+        if math.isnan(sum(bearing)):
             raise UsageError(
                 f"experiment.desired: {part!r:.60} is no bearing; write 'observer observed azimuth "
                 "elevation; …', like '1 2 90 0', in deg"
-            ) from None
+            )
+        if observer == observed or (observer, observed) in edges:
+            why = "is of a vehicle to itself" if observer == observed else "is given already"
+            raise UsageError(f"experiment.desired: {part!r:.60} {why}; leave it out")
         for vehicle in (observer, observed):
             if not 0 <= vehicle < count:
                 raise UsageError(
                     f"experiment.desired: {part!r:.60} is about vehicle {vehicle + 1}; there are "
                     f"1 to {count}"
                 )
-        flat = math.cos(elevation)
-        wanted.append((flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)))
+        wanted.append(bearing)
         edges.append((observer, observed))
     return edges, np.array(wanted)
 

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from extensions.formations.messages import Message
-from quadrotor.records import Array
+from quadrotor.plain_rotations import Triple
 
 SHARE = 0.03
 """Weight of a new pair of bearings in the mean."""
@@ -27,7 +25,7 @@ class Suspicion:
     """The mean sum of the bearings of each pair, in world axes by the vehicles' own yaws."""
 
     def __init__(self) -> None:
-        self._means: dict[tuple[int, int], Array] = {}
+        self._means: dict[tuple[int, int], Triple] = {}
         self._counts: dict[tuple[int, int], int] = {}
 
     def note(self, k: int, newest: dict[int, Message]) -> None:
@@ -39,9 +37,10 @@ class Suspicion:
             if abs(mine.stamp_ns - theirs.stamp_ns) > TOGETHER_NS:  # one of them is silent
                 continue
             pair = min(j, k), max(j, k)
-            total = _in_world(mine, j) + _in_world(theirs, k)
-            before = self._means.get(pair, np.zeros(3))
-            self._means[pair] = before + SHARE * (total - before)
+            (x, y, z), (u, v, w) = _in_world(mine, j), _in_world(theirs, k)
+            a, b, c = self._means.get(pair, (0.0, 0.0, 0.0))
+            mean = a + SHARE * (x + u - a), b + SHARE * (y + v - b), c + SHARE * (z + w - c)
+            self._means[pair] = mean
             self._counts[pair] = self._counts.get(pair, 0) + 1
 
     def worst(self) -> int | None:
@@ -49,7 +48,7 @@ class Suspicion:
         does.
         """
         pairs = [pair for pair, count in self._counts.items() if count >= PAIRS_MIN]
-        wrong = [pair for pair in pairs if np.linalg.norm(self._means[pair]) > LIMIT]
+        wrong = [pair for pair in pairs if math.hypot(*self._means[pair]) > LIMIT]
         found = []
         for k in {one for pair in wrong for one in pair}:
             own, all_of_it = (sum(k in pair for pair in some) for some in (wrong, pairs))
@@ -66,7 +65,7 @@ class Suspicion:
             del self._means[pair], self._counts[pair]
 
 
-def _in_world(of: Message, k: int) -> Array:
+def _in_world(of: Message, k: int) -> Triple:
     x, y, z = of.bearings_y[k]
     c, s = math.cos(of.yaw), math.sin(of.yaw)
-    return np.array([c * x - s * y, s * x + c * y, z])
+    return c * x - s * y, s * x + c * y, z

@@ -13,16 +13,19 @@ from console.evaluation.result import Result
 from console.evaluation.verdict import judged
 from extensions.formations.mathematics.rigidity import bearings
 from extensions.formations.options import FormationOptions
+from extensions.formations.places import judge_places
 from extensions.formations.separation import SEPARATION
 from extensions.formations.shape import Shape
 from flight_log.fields import ATTITUDE, POSITION
-from flight_log.run import read_run
+from flight_log.run import Run, read_run
 from quadrotor.records import Array
 
 ROOM = (-4.0, -4.0, 0.2), (4.0, 4.0, 3.0)
 """m, smallest and largest corner of the flight volume."""
 STEADY, STEERED = 1.0, 2.5
 """deg, largest rms of the true bearings about the desired ones."""
+CUT = "cut_s"
+"""Figure of a vehicle whose link is cut on purpose: when."""
 RATE = 20.0
 """Hz, at which the truth is looked at."""
 
@@ -45,14 +48,17 @@ def judge(
 ) -> Result:
     """Return the figures of all vehicles with their limits.
 
-    A vehicle that fails on purpose is left out of the bearings once it does, and so is one that
-    failed by itself.
+    A vehicle that fails or whose link is cut on purpose is left out of the bearings, and so is one
+    that failed by itself.
     """
     names = list(logs)
     ended = [name for name, one in results.items() if one.verdict != "passed"]
-    left = {names.index(name) for name in ended} | ({options.fails - 1} if options.fails else set())
+    cut = [name for name, one in results.items() if CUT in one.metrics]
+    left = {names.index(name) for name in [*ended, *cut]}
+    left |= {options.fails - 1} if options.fails else set()
     times = np.arange(windows.begun, windows.end, 1.0 / RATE)
-    places, yaws = _truth(logs, times)
+    runs = {name: read_run(log) for name, log in logs.items()}
+    places, yaws = _truth(runs, times)
     errors = np.array(
         [_errors(shape, place, yaw, left) for place, yaw in zip(places, yaws, strict=True)]
     )
@@ -62,6 +68,8 @@ def judge(
     if windows.end > windows.held:
         metrics["steered_bearing_rms_deg"] = _rms(errors[times >= windows.held])
         limits["steered_bearing_rms_deg"] = STEERED
+    truth = places[steady], yaws[steady]
+    metrics |= judge_places(options, shape, runs, times[steady], truth, left)
     metrics["start_bearing_rms_deg"] = _rms(errors[:1])
     if (converged := _converged(times, errors)) is not None:
         metrics["converged_s"] = converged - windows.begun
@@ -69,9 +77,28 @@ def judge(
     apart = np.linalg.norm(places[:, i] - places[:, j], axis=2)
     metrics["separation_lack_m"] = max(0.0, SEPARATION - float(apart.min()))
     limits["separation_lack_m"] = 0.0
-    inside = np.delete(places, sorted(left), axis=1)
-    metrics["outside_volume_m"] = outside(inside)
+    late = {options.joins - 1} if options.joins else set()  # on the ground until it joins
+    from_start, there = (np.delete(places, sorted(one), axis=1) for one in (left | late, left))
+    joined = there[times >= windows.converged]
+    metrics["outside_volume_m"] = max(outside(from_start), outside(joined))
     limits["outside_volume_m"] = 0.0
+    _add_own_figures(results, left, metrics, limits)
+    result = judged(metrics, limits)
+    if ended and result.verdict == "passed":
+        result.verdict = "failed"
+    result.reason = "; ".join(
+        f"{name}: {results[name].reason or 'beyond its limits'}" for name in ended
+    )
+    return result
+
+
+def _add_own_figures(
+    results: Mapping[str, Result],
+    left: set[int],
+    metrics: dict[str, float],
+    limits: dict[str, float],
+) -> None:
+    """Add the worst of what vehicles know of themselves, and of what is judged of any flight."""
     staying = [one for k, one in enumerate(results.values()) if k not in left]
     metrics["eigenvalue_min"] = min(
         (one.metrics.get("eigenvalue_min", 0.0) for one in staying), default=0.0
@@ -84,13 +111,6 @@ def judge(
         if of_all:
             metrics[figure] = max(of_all)
             limits[figure] = max(one.limits.get(figure, 0.0) for one in results.values())
-    result = judged(metrics, limits)
-    if ended and result.verdict == "passed":
-        result.verdict = "failed"
-    result.reason = "; ".join(
-        f"{name}: {results[name].reason or 'beyond its limits'}" for name in ended
-    )
-    return result
 
 
 def outside(places: Array) -> float:
@@ -99,11 +119,11 @@ def outside(places: Array) -> float:
     return float(np.maximum(low - places, places - high).max(initial=0.0))
 
 
-def _truth(logs: Mapping[str, Path], times: Array) -> tuple[Array, Array]:
+def _truth(runs: Mapping[str, Run], times: Array) -> tuple[Array, Array]:
     """Return places (N, n, 3) and yaws (N, n) at these times (N,)."""
     places, yaws = [], []
-    for log in logs.values():
-        truth = read_run(log).topics["truth"]
+    for run in runs.values():
+        truth = run.topics["truth"]
         at = truth.time
         places.append(
             np.stack([np.interp(times, at, truth.values(name)) for name in POSITION], axis=1)

@@ -10,7 +10,8 @@ from console.experiments.together import Neighbour
 from quadlab.simulated.downwash import downward_push, jet_speed
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.meeting import MAIL_MAX, Meeting, Quadruple, Row
-from quadrotor.rigid_body import rotor_thrust
+from quadrotor.rigid_body import STOPPED
+from quadrotor.vehicle_model import thrust_of_reference
 from vehicle.simulator.air import ROTOR_RADIUS
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -114,12 +115,12 @@ class Neighbours:
         x, y, z = self._position_w.tolist()
         u, v, w = self._velocity_w.tolist()
         a, b, c, d = self._quaternion_wb.tolist()
-        p = self._simulated.parameters
+        p, speeds = self._simulated.parameters, self._speeds.tolist()
         slope, offset = p.motor_slope, p.motor_offset
-        thrust = sum(rotor_thrust(speed, slope, offset) for speed in self._speeds.tolist())
+        # Not `rotor_thrust`, which is for compiled functions: each process would compile it anew.
+        thrust = sum(thrust_of_reference(n, slope, offset) for n in speeds if n > STOPPED)
         motion = (x, y, z), (u, v, w), (a, b, c, d)
-        row = Row(now_ns, *motion, thrust, radius_of(p), self._mail)
-        self._meeting.leave_row(self.index, row)
+        self._meeting.leave_row(self.index, Row(now_ns, *motion, thrust, radius_of(p), self._mail))
 
     def _look(self, now_ns: int) -> None:
         x, y, z = self._position_w.tolist()

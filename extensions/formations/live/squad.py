@@ -222,7 +222,9 @@ class Squad:
     def _sticks(self, k: int, situation: Situation, now_ns: int) -> Quadruple:
         pilot, limits = self._pilots[k], np.array(situation.limits)
         here = self.members[k].pose.position_w
-        u, v, w = (self._guards[k].keep(pilot.velocity_y, here, now_ns, limits) / limits).tolist()
+        asked, commanded = pilot.velocity_y, pilot.commanded_y
+        kept = self._guards[k].keep(asked, here, now_ns, limits, commanded)
+        u, v, w = (kept / limits).tolist()
         self._turning[k] += AS_LATE * (pilot.yaw_rate - self._turning[k])
         return u, v, w, max(-1.0, min(1.0, self._turning[k] / situation.yaw_rate))
 

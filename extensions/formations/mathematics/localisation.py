@@ -15,9 +15,6 @@ scale is multiplicative: a correction s p + q, with q across p, leads to p+ = ex
 the covariance is turned by exp(s) (I - p p^T / |p|^2) + p+ p^T / |p|^2, which maps scaling to
 scaling (the reset of an error-state filter, here of the group of scalings; cf. Barrau, Bonnabel,
 "The invariant extended Kalman filter as a stable observer", IEEE TAC 2017).
-
-The bound is that of Cramer and Rao, with J = sum over edges B_k^T B_k / sigma^2 the information of
-a frame (B: `rigidity`), inverted on what is determined: across the null motions.
 """
 
 from __future__ import annotations
@@ -31,18 +28,15 @@ import numpy.typing as npt
 
 from extensions.formations.mathematics.realisation import realise
 from extensions.formations.mathematics.rigidity import (
-    E_Z,
     SINGULAR,
     checked,
-    null_motions,
+    distance_row,
     rigidity_matrix,
     yaw_rotation,
 )
 from quadrotor.errors import DegenerateGeometryError
 from quadrotor.records import Array
 
-SCALING = 3
-"""Column of the null motions that is the scaling."""
 GATE = 18.4
 """Squared normalised innovation of a bearing's two axes above which it is not used: 0.01 % of good
 ones."""
@@ -117,7 +111,8 @@ class NetworkFilter:
         start = cls(own, p, psi, np.zeros((4 * (n - 1), 4 * (n - 1))), noise or MotionNoise())
         B = rigidity_matrix(p, psi, edges)[:, start._columns]
         values = np.linalg.svd(B * start._unit, compute_uv=False)
-        if len(B) < B.shape[1] - 1 or values[-2] < SINGULAR * values[0]:
+        least = B.shape[1] - 2  # the scale is not determined
+        if len(values) <= least or values[least] < SINGULAR * values[0]:
             raise DegenerateGeometryError(
                 "the bearings of this frame do not determine the shape; wait for one with more "
                 "edges"
@@ -200,12 +195,6 @@ class NetworkFilter:
             self._correct(H[fits].reshape(-1, H.shape[-1]), r[fits].ravel(), sigma)
         return int(fits.sum())
 
-    def bearing(self, i: int, j: int, bearing_y: npt.ArrayLike, sigma: float) -> bool:
-        """Correct the estimate by the bearing of vehicle j that vehicle i measured; return whether
-        it was used.
-        """
-        return self.bearings([(i, j)], np.asarray(bearing_y)[None], sigma) == 1
-
     def distance(self, i: int, j: int, distance: float, sigma: float) -> None:
         """Correct the estimate by a distance in m with standard deviation `sigma`.
 
@@ -217,7 +206,7 @@ class NetworkFilter:
             raise DegenerateGeometryError(
                 f"the distance of vehicles {i} and {j} is {distance} m; leave it out"
             )
-        row, expected = _distance_row(self.positions_y, i, j)
+        row, expected = distance_row(self.positions_y, i, j)
         residual = np.array([math.log(distance / expected)])
         self._correct(row[None, self._columns] / expected, residual, sigma / distance)
 
@@ -245,7 +234,9 @@ class NetworkFilter:
 
     def _places(self) -> Array:
         """Return the others' x, y, z and 0: the scaling in coordinates of the state, (n - 1, 4)."""
-        return np.pad(self.positions_y[self._others], ((0, 0), (0, 1)))
+        places = np.zeros((len(self.yaws) - 1, 4))
+        places[:, :3] = self.positions_y[self._others]
+        return places
 
     @property
     def _others(self) -> list[int]:
@@ -262,75 +253,9 @@ class NetworkFilter:
         return np.tile([length, length, length, 1.0], len(self.yaws) - 1)
 
 
-def cramer_rao(
-    positions_w: npt.ArrayLike,
-    yaws: npt.ArrayLike,
-    edges: npt.ArrayLike,
-    sigma: float,
-    distance_edges: npt.ArrayLike = (),
-    sigma_distance: float = 0.1,
-) -> Array:
-    """Return the least covariance (4 n, 4 n) of x, y, z (m, world) and yaw (rad) of each vehicle
-    that an unbiased estimate from one frame can have, across the motions that are not determined.
-
-    K frames of a formation at rest have the K-th part. Without distances the scale is not
-    determined. `relative` gives the bound of what a vehicle estimates of the others.
-
-    Args:
-        sigma: rad on each tangent axis of a bearing.
-        distance_edges: (q, 2), pairs whose distance is measured. sigma_distance: m.
-
-    Raises DegenerateGeometryError as `checked`, and for a formation that is not rigid.
-    """
-    p, psi, pairs = checked(positions_w, yaws, edges)
-    _, _, ranged = checked(p, psi, distance_edges)
-    B = rigidity_matrix(p, psi, pairs)
-    J = B.T @ B / sigma**2
-    for i, j in ranged.tolist():
-        row, _ = _distance_row(p, i, j)
-        J += np.outer(row, row) / sigma_distance**2
-    free = null_motions(p, psi)
-    if len(ranged):
-        free = np.delete(free, SCALING, axis=1)
-    Q = np.linalg.svd(free)[0][:, free.shape[1] :]
-    values, vectors = np.linalg.eigh(Q.T @ J @ Q)
-    if values[0] < SINGULAR**2 * values[-1]:
-        raise DegenerateGeometryError(
-            "the formation is not rigid, so its shape has no bound; add edges (missing_edges)"
-        )
-    half = Q @ vectors / np.sqrt(values)
-    return np.asarray(half @ half.T)
-
-
-def relative(positions_w: npt.ArrayLike, yaws: npt.ArrayLike, own: int) -> Array:
-    """Return the derivative (4 (n - 1), 4 n) of what vehicle `own` estimates of the others, x, y, z
-    in its yaw frame and yaw less its own, with respect to x, y, z (world) and yaw of all.
-    """
-    p, psi, _ = checked(positions_w, yaws, ())
-    n = len(psi)
-    R = yaw_rotation(psi[own]).T
-    others = [j for j in range(n) if j != own]
-    T = np.zeros((n - 1, 4, n, 4))
-    for k, j in enumerate(others):
-        T[k, :3, j, :3] = R
-        T[k, :3, own, :3] = -R
-        T[k, :3, own, 3] = -np.cross(E_Z, R @ (p[j] - p[own]))
-        T[k, 3, j, 3], T[k, 3, own, 3] = 1.0, -1.0
-    return T.reshape(4 * (n - 1), 4 * n)
-
-
 def _tangents(directions: Array) -> Array:
     """Return two unit vectors across each direction, (m, 2, 3)."""
     axis = np.eye(3)[np.abs(directions).argmin(axis=1)]
     t = np.cross(directions, axis)
     t /= np.linalg.norm(t, axis=1, keepdims=True)
     return np.stack([t, np.cross(directions, t)], axis=1)
-
-
-def _distance_row(p: Array, i: int, j: int) -> tuple[Array, float]:
-    """Return the derivative (4 n,) of the distance of i and j, and the distance."""
-    z = p[j] - p[i]
-    distance = float(np.linalg.norm(z))
-    row = np.zeros((len(p), 4))
-    row[j, :3], row[i, :3] = z / distance, -z / distance
-    return row.ravel(), distance

@@ -73,18 +73,17 @@ def checked(
         )
     if not (np.isfinite(p).all() and np.isfinite(psi).all()):
         raise DegenerateGeometryError("a place or yaw is not finite; give numbers in m and rad")
-    for i, j in pairs.tolist():
-        if not (0 <= i < n and 0 <= j < n):
-            raise DegenerateGeometryError(
-                f"edge ({i}, {j}) names a vehicle that is not there; there are 0 to {n - 1}"
-            )
+    for i, j in pairs[((pairs < 0) | (pairs >= n)).any(axis=1)].tolist():
+        raise DegenerateGeometryError(
+            f"edge ({i}, {j}) names a vehicle that is not there; there are 0 to {n - 1}"
+        )
+    for i, j in pairs[((p[pairs[:, 1]] - p[pairs[:, 0]]) ** 2).sum(axis=1) < NEAREST**2].tolist():
         if i == j:
             raise DegenerateGeometryError(f"edge ({i}, {j}) is of a vehicle to itself; remove it")
-        if float(np.linalg.norm(p[j] - p[i])) < NEAREST:
-            raise DegenerateGeometryError(
-                f"vehicles {i} and {j} are at one place, so edge ({i}, {j}) has no direction; "
-                "move one of them"
-            )
+        raise DegenerateGeometryError(
+            f"vehicles {i} and {j} are at one place, so edge ({i}, {j}) has no direction; "
+            "move one of them"
+        )
     return p, psi, pairs
 
 
@@ -131,7 +130,8 @@ def rigidity_matrix(positions_w: npt.ArrayLike, yaws: npt.ArrayLike, edges: npt.
     k = np.arange(len(pairs))
     B[k, :, i, :3] = -move
     B[k, :, j, :3] = move
-    B[k, :, i, 3] = -np.cross(E_Z, np.einsum("kba,kb->ka", R, g))
+    seen = np.einsum("kba,kb->ka", R, g)
+    B[k, 0, i, 3], B[k, 1, i, 3] = seen[:, 1], -seen[:, 0]
     return B.reshape(3 * len(pairs), 4 * len(psi))
 
 
@@ -233,3 +233,14 @@ def _rank_and_volume(p: Array, psi: Array, edges: Sequence[tuple[int, int]]) -> 
     values = _singular_values(p, psi, edges)
     counted = values[values > SINGULAR * values[-1]]
     return len(counted), round(math.fsum(np.log(counted).tolist()), 9)
+
+
+def distance_row(p: Array, i: int, j: int) -> tuple[Array, float]:
+    """Return the derivative (4 n,) of the distance (m) of vehicles i and j with respect to x, y, z
+    and yaw of all, and the distance.
+    """
+    z = p[j] - p[i]
+    distance = float(np.linalg.norm(z))
+    row = np.zeros((len(p), 4))
+    row[j, :3], row[i, :3] = z / distance, -z / distance
+    return row.ravel(), distance

@@ -33,7 +33,7 @@ class NullMotion:
 
 
 def steering_velocity(
-    command: NullMotion, place_y: npt.ArrayLike, yaw: float, pace: float = 1.0
+    command: NullMotion, place_y: npt.ArrayLike, yaw: float
 ) -> tuple[Array, float]:
     """Return a vehicle's part of a commanded motion: velocity (3,) m/s in its own yaw frame, and
     yaw rate, rad/s.
@@ -45,12 +45,11 @@ def steering_velocity(
             desired shape (`desired_places`) times the scale that one measured distance tells, or
             estimated (`NetworkFilter`).
         yaw: of the vehicle less that of the one that commands, rad.
-        pace: share of the command that is flown, of `steering_pace`.
     """
     place = np.asarray(place_y, dtype=float)
     velocity = yaw_rotation(-yaw) @ np.asarray(command.velocity_y, dtype=float)
     velocity = velocity + command.yaw_rate * np.cross(E_Z, place) + command.scale_rate * place
-    return pace * velocity, pace * command.yaw_rate
+    return velocity, command.yaw_rate
 
 
 def steering_pace(eigenvalue: float, bound: float) -> float:
@@ -88,22 +87,23 @@ def separated_velocity(
         drift: (N,) m/s, mean velocity of both of a pair toward the neighbour, by which the pair
             moves together; the same at both of them.
     """
-    velocity = np.array(velocity_y, dtype=float)
+    x, y, z = np.asarray(velocity_y, dtype=float).tolist()
     others = np.asarray(neighbours_y, dtype=float).reshape(-1, 3)
     distance = np.linalg.norm(others, axis=1)
-    toward = others / np.maximum(distance, 1e-9)[:, None]
-    allowed = 0.5 * rate * (distance - least) + np.asarray(drift, dtype=float)
-    allowed = np.broadcast_to(allowed, distance.shape)
-    correction = np.zeros_like(toward)
+    toward = (others / np.maximum(distance, 1e-9)[:, None]).tolist()
+    allowed = (0.5 * rate * (distance - least) + np.asarray(drift, dtype=float)).tolist()
+    # Plain floats: for a few neighbours, numpy's calls cost more than the arithmetic.
+    removed = [0.0] * len(toward)
     for _ in range(20):  # Dykstra's projection on the half spaces
-        before = velocity.copy()
-        for k, u in enumerate(toward):
-            free = velocity + correction[k]
-            velocity = free - max(0.0, float(free @ u) - float(allowed[k])) * u
-            correction[k] = free - velocity
-        if float(np.abs(velocity - before).max(initial=0.0)) < 1e-6:
+        before = x, y, z
+        for k, (u, v, w) in enumerate(toward):
+            along = removed[k] + u * x + v * y + w * z
+            share = max(0.0, along - allowed[k])
+            change, removed[k] = removed[k] - share, share
+            x, y, z = x + change * u, y + change * v, z + change * w
+        if max(abs(x - before[0]), abs(y - before[1]), abs(z - before[2])) < 1e-6:
             break
-    return velocity
+    return np.array([x, y, z])
 
 
 def edge_weight(

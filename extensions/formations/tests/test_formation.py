@@ -43,6 +43,10 @@ CONTRADICTING = (
             ["experiment.desired=1 2 north"],
             "experiment.desired: '1 2 north' is no bearing; write 'observer observed azimuth",
         ),
+        (3, ["experiment.desired=1 2 nan 0"], "'1 2 nan 0' is no bearing"),
+        (3, ["experiment.desired=1 2 inf 0"], "'1 2 inf 0' is no bearing"),
+        (3, ["experiment.desired=2 2 0 0"], "'2 2 0 0' is of a vehicle to itself; leave it out"),
+        (3, ["experiment.desired=1 2 0 0; 1 2 9 0"], "'1 2 9 0' is given already; leave it out"),
         (4, ["experiment.fails=5"], "experiment.fails=5: there are vehicles 1 to 4"),
         (4, ["experiment.joins=6"], "experiment.joins=6: there are vehicles 1 to 4"),
         (0, [], "--vehicles 0"),
@@ -76,11 +80,11 @@ def test_the_formation_of_all_is_rigid_with_a_centroid_and_unit_distance() -> No
         assert apart.min() > 0.5
 
 
-def test_a_message_has_46_bytes_of_five_vehicles_and_no_position() -> None:
+def test_a_message_has_47_bytes_of_five_vehicles_and_no_position() -> None:
     bearing = (0.6, -0.8 * math.cos(0.3), 0.8 * math.sin(0.3))
     message = Message(1_234_567_890, 0.25, 1.5, dict.fromkeys((0, 1, 2, 4), bearing))
     data = message.encode()
-    assert len(data) == 46
+    assert len(data) == 47
     again = Message.decode(data)
     assert (again.stamp_ns, again.yaw, again.distance) == (1_234_567_890, 0.25, 1.5)
     assert again.bearings_y.keys() == {0, 1, 2, 4}

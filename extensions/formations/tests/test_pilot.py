@@ -137,6 +137,16 @@ def test_a_vehicle_that_falls_silent_is_named_and_the_others_stay_rigid() -> Non
     )
     assert flock.error(left=[3]) < 1.0
     assert min(pilot.eigenvalue for k, pilot in enumerate(flock.pilots) if k != 3) > 0.0
+    before = flock.places.copy()
+    for pilot in flock.pilots:
+        pilot.command = NullMotion((0.5, 0.0, 0.0))
+    flock.fly(3.0)
+    assert flock.error(left=[3]) < 1.5, "6 deg, where each stops for itself"
+    assert np.linalg.norm(flock.places[:3] - before[:3], axis=1).max() < 1.0
+    slow = "formation: it slows down; "
+    told = [line.removeprefix(slow) for line in flock.events() if line.startswith(slow)]
+    assert "quad4 is in the way" in told
+    assert all(line.endswith((" is in the way", " cannot fly as commanded")) for line in told)
 
 
 @pytest.mark.parametrize(

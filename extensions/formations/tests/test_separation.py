@@ -46,7 +46,7 @@ def test_a_vehicle_that_has_left_is_known_by_its_place_alone() -> None:
     other.has_left = True
     other.own = Whereabouts(0, (1.5, 0.0, 0.25), (0.0, 0.0, -0.5))
     other.send(Message(0, 0.1, 1.5, {0: (-1.0, 0.0, 0.0)}))
-    flock.all[1].arriving = flock.all[1].mail
+    flock.meet()
     heard = [*here.arrived(0), *here.arrived(1_000_000_000)]  # a message takes its time
     assert heard == [], "its bearings and yaw lead nobody"
     assert here.places[1] == other.own

@@ -10,7 +10,10 @@ from quadrotor.checkout import ROOT
 # It runs in a separate process: in this one other tests would have compiled everything already.
 PROGRAM = """
 import gc
+from types import SimpleNamespace
 from numba.core.dispatcher import Dispatcher
+from quadlab.simulated.meeting import Meeting
+from quadlab.simulated.neighbours import Neighbours
 from vehicle import mailbox
 from vehicle.flight.kernels import LATER
 from vehicle.flight.warm_up import warm_up
@@ -25,6 +28,9 @@ from vehicle.flight.stack import FlightStack
 simulated = SimulatedVehicle(SimulatorParameters())
 simulated.step()
 simulated.step()
+meeting = Meeting(Meeting.new_files(1, 1), 1, [0])
+log = SimpleNamespace(message=None)
+Neighbours(meeting, lambda: None, ["quad1"], 0, simulated, log).step()  # as in a fleet
 assert warm_up() == [], "a behavior of the warm-up was refused"
 for _, load in LATER.values():
     load()

@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.estimation.network_localisation import Case, squares
-from extensions.formations.mathematics.localisation import (
-    MotionNoise,
-    NetworkFilter,
-    cramer_rao,
-    relative,
-)
+from extensions.formations.mathematics.localisation import MotionNoise, NetworkFilter
+from extensions.formations.mathematics.network_bound import cramer_rao, relative
 from extensions.formations.mathematics.rigidity import (
     bearings,
     mean_distance,
@@ -54,6 +50,11 @@ def test_motions_tell_the_scale_only_if_they_are_to() -> None:
         sigmas[tells] = 1.0 / math.sqrt(places @ np.linalg.inv(flown.covariance) @ places)
     assert sigmas[True] < 0.2
     assert sigmas[False] == pytest.approx(0.3, rel=0.02)
+
+
+def test_one_bearing_of_two_vehicles_begins_no_filter() -> None:
+    with pytest.raises(DegenerateGeometryError, match="do not determine the shape"):
+        NetworkFilter.from_bearings(0, 2, [(1.0, 0.0, 0.0)], [(0, 1)], SIGMA)
 
 
 def test_the_bound_of_frames_at_rest_is_the_filters_covariance() -> None:
@@ -130,7 +131,7 @@ def test_swapped_identities_are_refused_by_name() -> None:
         assert flown.bearings(edges, swapped, SIGMA) == len(edges) - 2
     assert flown.refused == {(0, 1): 5, (0, 2): 5}
     np.testing.assert_allclose(flown.positions_y, before, atol=1e-6)
-    assert flown.bearing(0, 1, exact[0], SIGMA)
+    assert flown.bearings([(0, 1)], exact[:1], SIGMA) == 1
 
 
 def test_the_bound_is_across_the_null_motions() -> None:
