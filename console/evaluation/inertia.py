@@ -225,9 +225,9 @@ def estimate_inertia(
     drag_b = np.zeros((len(steps), 3))
     if forces_b is not None:
         drag_b = drag_torques(steps, rates_b, thrusts, forces_b, **model)
-    moments, found, learnt, next_at = [], [], [], 0.0
-    torque_b = np.zeros(3)
-    forgotten = FORGOTTEN * model["motor_time_constant"]
+    points: list[tuple[float, Array, Array]] = []
+    next_at = 0.0
+    torque_b, forgotten = np.zeros(3), FORGOTTEN * model["motor_time_constant"]
     learns_at = time[0] + forgotten
     for k, dt in enumerate(steps.tolist()):
         rate_b[:], thrust[:] = rates_b[k + 1], thrusts[k]
@@ -236,18 +236,15 @@ def estimate_inertia(
         estimator.step(state, actuators, bool(time[k + 1] >= learns_at), dt, drag_b[k])
         if time[k + 1] >= next_at:
             next_at = time[k + 1] + EACH
-            moments.append(time[k + 1])
-            found.append(estimator.inertia_b)
-            learnt.append(estimator.learnt_b)
+            points.append((time[k + 1], estimator.inertia_b, estimator.learnt_b))
             torque_b = np.maximum(torque_b, estimator.torque_b)
-    moments.append(time[-1])
-    found.append(estimator.inertia_b)
-    learnt.append(estimator.learnt_b)
+    points.append((time[-1], estimator.inertia_b, estimator.learnt_b))
+    moments, found, learnt = (np.array(one) for one in zip(*points, strict=True))
     lost = float(np.sum(np.maximum(np.rint(steps / period) - 1.0, 0.0)))
     return InertiaFlight(
-        np.array(moments),
-        np.array(found),
-        learnt_b=np.array(learnt),
+        moments,
+        found,
+        learnt_b=learnt,
         torque_b=torque_b,
         missing=lost / (lost + len(time)),
         truth_b=_truth_b(parameters),
