@@ -77,6 +77,7 @@ class Run:
         engine = _engine(self.workers, self.dask, self.shard)
         file, settings = checked(self.plan)
         print("\n".join(told(settings, engine.processes)), flush=True)
+        engine.check()
         return fly(CampaignFolder.begun(self.out, file, settings.cells), engine)
 
 
@@ -100,6 +101,7 @@ class Resume:
         engine = _engine(self.workers, self.dask, self.shard)
         folder = CampaignFolder(self.folder)
         folder.check_software()
+        engine.check()
         return fly(folder, engine)
 
 

@@ -50,6 +50,13 @@ class Engine:
         if not 0 <= self.workers <= MOST_WORKERS:
             raise UsageError(f"--workers {self.workers}: allowed are 1 to {MOST_WORKERS}")
 
+    def check(self) -> None:
+        """Raise QuadlabError if it cannot fly, so that nothing is begun."""
+        if self.dask:
+            from extensions.campaigns.engines.dask_engine import check_scheduler
+
+            check_scheduler(self.dask)
+
     @property
     def processes(self) -> int:
         return self.workers or os.cpu_count() or 1

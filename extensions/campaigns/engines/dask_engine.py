@@ -28,18 +28,27 @@ FIRST_WORKER = 30.0
 """s to wait for a first worker."""
 
 
-def fly_by_dask(work: Work, address: str) -> None:
-    """Fly all tasks. Raises UnreachableError, LinkError, UsageError with the worker's name."""
-    from concurrent.futures import CancelledError
-
+def check_scheduler(address: str) -> None:
+    """Raise UnreachableError, LinkError or UsageError if a scheduler's workers cannot fly."""
     try:
-        from distributed import as_completed
-        from distributed.comm.core import CommClosedError
+        import distributed  # noqa: F401
     except ImportError:
         raise UsageError("--dask needs Dask: pip install 'quadlab[campaigns]'") from None
+    with _client(address) as client:
+        _check_workers(client, address)
+
+
+def fly_by_dask(work: Work, address: str) -> None:
+    """Fly all tasks, on workers that `check_scheduler` has accepted. Raises UnreachableError,
+    LinkError, UsageError with the worker's name.
+    """
+    from concurrent.futures import CancelledError
+
+    from distributed import as_completed
+    from distributed.comm.core import CommClosedError
+
     try:
         with _client(address) as client:
-            _check_workers(client, address)
             running: dict[Future[Answer], Task] = {}
             suspects: list[Task] = []
             ended = as_completed(loop=client.loop)
