@@ -33,7 +33,8 @@ test("a press that nobody answers says after a second what else lands, a refused
   context.mock.method(performance, "now", () => now);
   context.mock.method(globalThis, "fetch", () => new Promise(() => {}));
   const told = new Map();
-  const press = new EmergencyPress({ connected: true, summary: {}, age: () => age, on: (kind, take) => told.set(kind, take) }, "anna");
+  const summary = { status: { armed: true } };
+  const press = new EmergencyPress({ connected: true, summary, age: () => age, on: (kind, take) => told.set(kind, take) }, "anna");
   press.press("land");
   assert.equal(press.state.said, "Emergency land: not acknowledged");
   now += 1100;
@@ -43,4 +44,9 @@ test("a press that nobody answers says after a second what else lands, a refused
   assert.equal(press.state.said, "Emergency land failed: the motors are off. Press again.");
   age = 3;
   assert.match(press.state.said, /Press again; Ctrl-C in quadlab's terminal lands, too\.$/);
+  age = 0;
+  summary.status.armed = false;
+  assert.equal(press.state.said, "Emergency land failed: the motors are off.", "there is nothing to press for");
+  now += 10_000;
+  assert.equal(press.state.tone, "idle");
 });

@@ -14,6 +14,7 @@ const UNTOLD = 12_000; // ms: web has given up by then
 const OVERDUE = 1; // s until a press says what else lands
 const INSTEAD = "Ctrl-C in quadlab's terminal lands, too";
 const FORGET = { acknowledged: 60, failed: 300 }; // s
+const FORGET_OFF = 10; // s, of a failed press when the motors are off
 
 const newId = () =>
   [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
@@ -125,6 +126,9 @@ export class EmergencyPress {
     const isSilent = this.events.age("status") > 1,
       unheard = press.web === false;
     if (press.phase === "failed") {
+      const isOff = !isSilent && this.events.summary.status?.armed === false;
+      if (isOff && age > FORGET_OFF) return { tone: "idle", said: "", running: "" };
+      if (isOff) return { tone: "failed", said: `${name} failed: ${press.reason}.`, running: "" };
       const again = isSilent || unheard ? `Press again; ${INSTEAD}.` : "Press again.";
       return { tone: "failed", said: `${name} failed: ${press.reason}. ${again}`, running: "" };
     }
