@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from console.evaluation.alignment import roll_pitch_yaw
@@ -35,18 +36,21 @@ def write(flight: BearingsFlight, options: Parameters, result: Result, stem: Pat
     figure = Figure(figsize=(10.0, 6.4), layout="constrained")
     styled(draw)(figure)
     figure.savefig(picture, dpi=120)
-    text.write_text(_markdown(options, result, flight, picture.name))
+    title = "Flight on bearings"
+    text.write_text(figures_as_text(title, options, result, flight.fell_back, picture.name))
     return [picture, text]
 
 
-def _markdown(options: Parameters, result: Result, flight: BearingsFlight, picture: str) -> str:
-    lines = ["# Flight on bearings", "", f"Verdict: **{result.verdict.replace('_', ' ')}**", ""]
+def figures_as_text(
+    title: str, options: Parameters, result: Result, notes: Iterable[str], picture: str
+) -> str:
+    """Return verdict, options, notes and figures as Markdown, with a picture of this file name."""
+    lines = [f"# {title}", "", f"Verdict: **{result.verdict.replace('_', ' ')}**", ""]
     lines += [result.reason, ""] if result.reason else []
     lines += [f"- `experiment.{name}` = {value}" for name, value in options]
-    lines += [f"- {text}" for text in flight.fell_back]
+    lines += [f"- {text}" for text in notes]
     lines += ["", "| figure | value | at most |", "|---|---:|---:|"]
     for name, value in result.metrics.items():
         limit = result.limits.get(name)
         lines.append(f"| {name} | {value:.5g} | {'' if limit is None else f'{limit:g}'} |")
-    lines += ["", f"![truth and estimate, and their difference]({picture})", ""]
-    return "\n".join(lines)
+    return "\n".join([*lines, "", f"![the flight in four plots]({picture})", ""])

@@ -89,3 +89,14 @@ class Together(Protocol):
     def start_places(self, count: int, seed: int) -> Sequence[tuple[float, float]]:
         """Return x and y (m) where each vehicle starts; none for quadlab's own places."""
         ...
+
+
+@runtime_checkable
+class ReportingTogether(Protocol):
+    """An experiment of several vehicles that also writes a report of all."""
+
+    def report_together(
+        self, logs: Mapping[str, Path], results: Mapping[str, Result], joint: Result, folder: Path
+    ) -> list[Path]:
+        """Return the files written. Raises UsageError when a required package is not installed."""
+        ...

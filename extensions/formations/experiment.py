@@ -181,3 +181,12 @@ class FormationExperiment:
     def judge(self, logs: Mapping[str, Path], results: Mapping[str, Result]) -> Result:
         """Return the result of all vehicles, from the truth in their logs."""
         return judge(self.parameters, self._shape(len(logs)), self._windows, logs, results)
+
+    def report_together(
+        self, logs: Mapping[str, Path], results: Mapping[str, Result], joint: Result, folder: Path
+    ) -> list[Path]:
+        """Return the files of the plots and figures. Raises UsageError without matplotlib."""
+        from extensions.formations.report import write
+
+        shape, windows = self._shape(len(logs)), self._windows
+        return write(self.parameters, shape, windows, logs, results, joint=joint, folder=folder)

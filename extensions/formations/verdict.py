@@ -53,15 +53,11 @@ def judge(
     """
     names = list(logs)
     ended = [name for name, one in results.items() if one.verdict != "passed"]
-    cut = [name for name, one in results.items() if CUT in one.metrics]
-    left = {names.index(name) for name in [*ended, *cut]}
-    left |= {options.fails - 1} if options.fails else set()
+    left = left_out(options, results)
     times = np.arange(windows.begun, windows.end, 1.0 / RATE)
     runs = {name: read_run(log) for name, log in logs.items()}
-    places, yaws = _truth(runs, times)
-    errors = np.array(
-        [_errors(shape, place, yaw, left) for place, yaw in zip(places, yaws, strict=True)]
-    )
+    places, yaws = true_places(runs, times)
+    errors = bearing_errors(shape, places, yaws, left)
     steady = (times >= windows.converged) & (times < windows.held)
     metrics = {"steady_bearing_rms_deg": _rms(errors[steady])}
     limits = {"steady_bearing_rms_deg": STEADY}
@@ -92,6 +88,13 @@ def judge(
     return result
 
 
+def left_out(options: FormationOptions, results: Mapping[str, Result]) -> set[int]:
+    """Return the vehicles that are no part of the formation that is judged, from 0."""
+    left = {k for k, one in enumerate(results.values()) if one.verdict != "passed"}
+    left |= {k for k, one in enumerate(results.values()) if CUT in one.metrics}
+    return left | ({options.fails - 1} if options.fails else set())
+
+
 def _add_own_figures(
     results: Mapping[str, Result],
     left: set[int],
@@ -119,7 +122,7 @@ def outside(places: Array) -> float:
     return float(np.maximum(low - places, places - high).max(initial=0.0))
 
 
-def _truth(runs: Mapping[str, Run], times: Array) -> tuple[Array, Array]:
+def true_places(runs: Mapping[str, Run], times: Array) -> tuple[Array, Array]:
     """Return places (N, n, 3) and yaws (N, n) at these times (N,)."""
     places, yaws = [], []
     for run in runs.values():
@@ -134,14 +137,20 @@ def _truth(runs: Mapping[str, Run], times: Array) -> tuple[Array, Array]:
     return np.stack(places, axis=1), np.stack(yaws, axis=1)
 
 
-def _errors(shape: Shape, places: Array, yaws: Array, left: set[int]) -> Array:
-    """Return the angle, deg, of each true bearing to the desired one."""
+def bearing_errors(shape: Shape, places: Array, yaws: Array, left: set[int]) -> Array:
+    """Return the angles (N, K), deg, of the true bearings to the desired ones, of those that are
+    judged.
+    """
     edges = [edge for edge in shape.desired if not left.intersection(edge)]
     wanted = np.array([shape.desired[edge] for edge in edges])
-    true = bearings(places, yaws, edges)
-    across = np.linalg.norm(np.cross(true, wanted), axis=1)
-    angles: Array = np.degrees(np.arctan2(across, (true * wanted).sum(axis=1)))
-    return angles
+
+    def errors(place: Array, yaw: Array) -> Array:
+        true = bearings(place, yaw, edges)
+        across = np.linalg.norm(np.cross(true, wanted), axis=1)
+        angles: Array = np.degrees(np.arctan2(across, (true * wanted).sum(axis=1)))
+        return angles
+
+    return np.array([errors(place, yaw) for place, yaw in zip(places, yaws, strict=True)])
 
 
 def _rms(errors: Array) -> float:

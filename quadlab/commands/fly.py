@@ -13,7 +13,6 @@ import tyro
 from console.experiments.catalogue import experiments
 from quadlab.option_types import File, Flag, Folder, Settings
 from quadlab.settings import beacon_words
-from quadrotor.errors import UsageError
 from quadrotor.json_object import JsonObject
 
 if TYPE_CHECKING:
@@ -63,17 +62,18 @@ class Fly:
     """print verdict, log and metrics as one line of JSON at the end"""
 
     def run(self) -> int:
+        if self.report:  # before the flight
+            from console.plots import require_matplotlib
+            from console.reports.writer import report_writer
+
+            require_matplotlib()
+            report_writer()
         if self.vehicles != 1:
             return self._fly_together()
-        from console.plots import require_matplotlib
-        from console.reports.writer import report_writer
         from quadlab.simulated.experiment import chosen, fly
         from quadlab.simulated.parameters import faults_to_come
 
         experiment = chosen(self.experiment)
-        if self.report:  # before the flight
-            require_matplotlib()
-            report_writer()
         done = fly(
             experiment,
             seed=self.seed,
@@ -109,10 +109,6 @@ class Fly:
     def _fly_together(self) -> int:
         from quadlab.simulated.together import fly_together
 
-        if self.report:
-            raise UsageError(
-                "--report is of one vehicle: quadlab log report LOG writes that of each log"
-            )
         done = fly_together(
             self.experiment,
             self.vehicles,
@@ -123,26 +119,29 @@ class Fly:
             board=self.board,
             true_state=self.true_state,
         )
+        files = write_reports(done) if self.report else []
         if self.json:
-            print(json.dumps(_together_json(self.experiment, done)))
+            print(json.dumps(_together_json(self.experiment, done, files)))
             return STATUS[done.verdict]
         reason = f" ({done.reason})" if done.reason else ""
         print(f"{self.experiment} x {self.vehicles}: {done.verdict.replace('_', ' ')}{reason}")
         _print_metrics(done.metrics, done.limits)
         for name, answer in done.answers.items():
             print(f"  {name}: {answer.verdict.replace('_', ' ')}, log {done.logs[name]}")
+        print("".join(f"  report {file}\n" for file in files), end="")
         speed = done.flown / done.wall
         print(f"  flown {done.flown:.1f} s in {done.wall:.2f} s: {speed:.1f} times real time")
         return STATUS[done.verdict]
 
 
-def _together_json(experiment: str, done: FlownTogether) -> dict[str, Any]:
+def _together_json(experiment: str, done: FlownTogether, files: Sequence[Path]) -> dict[str, Any]:
     flown = {"flown_s": done.flown, "wall_s": done.wall, "processor_s": done.processor}
     return {
         "experiment": experiment,
         "verdict": done.verdict,
         "reason": done.reason,
         "folder": str(done.folder),
+        "report": [str(file) for file in files],
         "metrics": done.metrics | flown | {"speed": done.flown / done.wall},
         "vehicles": {
             name: {"log": str(done.logs[name]), **asdict(answer)}
@@ -198,4 +197,21 @@ def write_report(
     files = write(log, log.parent, result=result, proposal=proposal, defaults=new_defaults)
     if isinstance(experiment, Reporting):
         files += experiment.report(log, log.parent)
+    return files
+
+
+def write_reports(done: FlownTogether) -> list[Path]:
+    """Write that of each vehicle next to its log, and what the experiment writes of all."""
+    from console.evaluation.result import Result
+    from console.experiments.together import ReportingTogether
+    from console.reports.writer import report_writer
+    from quadlab.simulated.sensors import new_defaults
+
+    write, files = report_writer(), list[Path]()
+    results = {name: one.result for name, one in done.answers.items()}
+    for name, log in done.logs.items():
+        files += write(log, log.parent, result=results[name], proposal=None, defaults=new_defaults)
+    if isinstance(done.experiment, ReportingTogether):
+        joint = Result(done.verdict, done.metrics, done.limits, done.reason)
+        files += done.experiment.report_together(done.logs, results, joint, done.folder)
     return files

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 
+from console.evaluation.result import Result
 from console.experiments.client import Client, Experiment
 from console.experiments.together import Together
 from quadlab.simulated.flight import SimulatedFlight
@@ -79,6 +80,11 @@ class Answer:
     flown: float
     separations: dict[str, float]
     collisions: list[Collision]
+
+    @property
+    def result(self) -> Result:
+        """Return its own result."""
+        return Result(self.verdict, self.metrics, self.limits, self.reason)
 
 
 @dataclass

@@ -49,11 +49,12 @@ class FlownTogether:
     """A flight of several vehicles that has ended.
 
     Attributes:
-        folder: of the logs. logs, answers: by the vehicle's name.
+        experiment: judges them all. folder: of the logs. logs, answers: by the vehicle's name.
         verdict, reason, metrics, limits: of all together.
         wall: s, of flying alone. processor: s, of all processes together.
     """
 
+    experiment: Experiment
     folder: Path
     logs: dict[str, Path]
     answers: dict[str, Answer]
@@ -250,15 +251,11 @@ def _merged(
     first: Experiment, folder: Path, logs: dict[str, Path], flown: Sequence[Answers]
 ) -> FlownTogether:
     """Judge all vehicles together: each has to pass, and none may touch another."""
-    from console.evaluation.result import Result
     from console.experiments.together import Together
 
     by_index = {k: one for part in flown for k, one in part.vehicles.items()}
     answers = {name: by_index[k] for k, name in enumerate(logs)}
-    results = {
-        name: Result(one.verdict, one.metrics, one.limits, one.reason)
-        for name, one in answers.items()
-    }
+    results = {name: one.result for name, one in answers.items()}
     joint = first.judge(logs, results) if isinstance(first, Together) else worst(results)
     apart = [distance for one in answers.values() for distance in one.separations.values()]
     touches: dict[frozenset[str], str] = {}
@@ -273,6 +270,7 @@ def _merged(
     reason = "; ".join(dict.fromkeys([*touches.values(), *filter(None, [joint.reason])]))
     limits = {**joint.limits, COLLISIONS: 0.0}
     return FlownTogether(
+        first,
         folder,
         logs,
         answers,

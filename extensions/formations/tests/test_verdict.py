@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from console.evaluation.result import Result
-from extensions.formations import verdict
+from extensions.formations import report, verdict
 from extensions.formations.options import FormationOptions
 from extensions.formations.shape import shape_of
 from extensions.formations.verdict import CUT, Windows, judge
@@ -72,3 +72,21 @@ def test_one_that_joins_may_stand_on_the_ground_until_the_formation_is_held(
     assert result.metrics["converged_s"] == pytest.approx(2.0, abs=0.1)
     assert "places_rms_cm" not in result.metrics, "nobody has estimated any"
     assert result.verdict == judged
+
+
+def test_the_report_draws_those_that_are_judged_and_lists_the_figures(
+    logs: Mapping[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report, "read_run", vars(verdict)["read_run"])
+    results = {name: Result("passed", {}, {}) for name in logs}
+    results[f"quad{JOINS}"] = Result("failed", {}, {}, "it fell")
+    options, shape = FormationOptions(), shape_of("", COUNT)
+    joint = judge(options, shape, WINDOWS, logs, results)
+    picture, text = report.write(
+        options, shape, WINDOWS, logs, results, joint=joint, folder=tmp_path
+    )
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    lines = text.read_text().splitlines()
+    assert "Verdict: **failed**" in lines
+    assert {"- quad1: passed", f"- quad{JOINS}: failed"} <= set(lines)
+    assert any(line.startswith("| separation_lack_m | 0 | 0 |") for line in lines)

@@ -6,14 +6,18 @@ import json
 import threading
 from collections import defaultdict
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
 
 from console.evaluation.result import Result
+from console.reports import writer
 from flight_log import read_log
 from quadlab.__main__ import main
+from quadlab.commands.fly import write_reports
 from quadlab.simulated.downwash import CORE, DIAMETER, downward_push, jet_speed
 from quadlab.simulated.meeting import Meeting
 from quadlab.simulated.neighbours import starts
@@ -70,6 +74,32 @@ def hop(tmp_path_factory: pytest.TempPathFactory) -> str:
 def three(tmp_path_factory: pytest.TempPathFactory, hop: str) -> dict[str, Any]:
     """Return a flight of three vehicles."""
     return flown(tmp_path_factory.mktemp("three"), hop, "--seed", "3", "--vehicles", "3")
+
+
+def test_the_reports_are_that_of_each_log_and_what_the_experiment_writes_of_all(
+    three: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logs = {name: Path(one["log"]) for name, one in three["vehicles"].items()}
+    answers = {name: SimpleNamespace(result=Result("passed", {}, {})) for name in logs}
+
+    class OfAll:
+        def report_together(self, *given: Any) -> list[Path]:
+            assert given == (logs, {name: one.result for name, one in answers.items()}, ANY, folder)
+            assert given[2].verdict == "failed"
+            return [folder / "all.md"]
+
+    folder = Path(three["folder"])
+    monkeypatch.setattr(
+        writer, "report_writer", lambda: lambda log, out, **_: [out / f"{log.stem}.html"]
+    )
+    done: Any = SimpleNamespace(
+        experiment=OfAll(), folder=folder, logs=logs, answers=answers, verdict="failed"
+    )
+    done.metrics, done.limits, done.reason = {}, {}, "they touched"
+    files = [folder / f"{name}.html" for name in logs]
+    assert write_reports(done) == [*files, folder / "all.md"]
+    done.experiment = object()
+    assert write_reports(done) == files
 
 
 def _messages(log: str) -> Messages:
@@ -135,7 +165,6 @@ def test_a_vehicle_whose_experiment_fails_comes_down_and_the_others_fly_on(
             "quad1 and quad2 would start 0.00 m apart; more than 0.75 m are needed",
         ),
         (("--vehicles", "2", "--seed", "-1"), "--seed -1: allowed 0 to"),
-        (("--vehicles", "2", "--report"), "--report is of one vehicle"),
         (
             ("--vehicles", "2", "--set", "quad2.simulator.payload=9"),
             "--set simulator.payload=9: simulator.payload = 9",
