@@ -552,18 +552,23 @@ def viewer(site: Site, operator: httpx.Client) -> Iterator[httpx.Client]:
 @pytest.fixture
 def flying(station: ScriptedStation) -> Iterator[Callable[[bool], None]]:
     """Yield a function that silences (False) or resumes a vehicle that publishes at 10 Hz."""
-    going, talking = threading.Event(), threading.Event()
+    going, talking, publishing = threading.Event(), threading.Event(), threading.Lock()
     going.set()
     talking.set()
 
     def fly() -> None:
         while going.is_set():
-            if talking.is_set():
-                station.fly()
+            with publishing:
+                if talking.is_set():
+                    station.fly()
             threading.Event().wait(0.1)
+
+    def talk(on: bool) -> None:
+        with publishing:  # once this returns, no publication is under way
+            (talking.set if on else talking.clear)()
 
     thread = threading.Thread(target=fly, daemon=True)
     thread.start()
-    yield lambda on: talking.set() if on else talking.clear()
+    yield talk
     going.clear()
     thread.join()
