@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.option_types import Flag, optional
+from quadlab.option_types import File, Flag, Folder, optional
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class Resume:
 class Merge:
     """Join the shards of a campaign into the first folder: one table, in the order of the index."""
 
-    folders: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DIR …")]
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional, optional("DIR …")]
     """folders of the same campaign"""
 
     def run(self) -> int:
@@ -129,9 +129,9 @@ class Show:
     """folder of the campaign"""
     json: Flag = False
     """print everything as JSON"""
-    report: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    report: File = None
     """write a report with figures: one HTML file"""
-    figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    figures: Folder = None
     """write the figures as SVG and PDF, with their fonts"""
 
     def run(self) -> int:

@@ -32,9 +32,7 @@ class Import:
     """Import a flight that another system recorded, as a run, after a check of units, frames and
     clocks against gravity and motion (docs/importing.md)."""
 
-    file: Annotated[
-        tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE [FILE ...]")
-    ]
+    file: Annotated[tuple[Path, ...], tyro.conf.Positional, optional("FILE [FILE …]")]
     """the recorded flight: ULog, Betaflight's or ArduPilot's log, tlog, a ROS bag, µSD of a
     Crazyflie, CSV, Parquet, HDF5, NumPy, a folder that log export wrote; several files are parts
     of one flight"""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from quadlab.log_commands.log_file import check_log_file
-from quadlab.option_types import File, Flag
+from quadlab.option_types import File, Flag, optional
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Identify:
 
     what: Annotated[Literal["residual"], tyro.conf.Positional]
     """what to fit"""
-    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG [LOG …]")]
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, optional("LOG [LOG …]")]
     """logs of one vehicle; of a single one, thirds are judged by the others"""
     name: str = "quad1"
     """namespace of the vehicle's topics"""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from quadlab.option_types import Folder
+from quadlab.option_types import File, Folder, optional
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,20 +19,20 @@ class Arena:
     """Fly control laws on courses under disturbances in compiled code, and print tables of their
     errors."""
 
-    laws: str = ""
+    laws: Annotated[str, optional("NAMES")] = ""
     """names separated by spaces, also of your own laws (default: all but those)"""
     seeds: int = 12
     """flights of each law in each cell; all laws fly the same seeds"""
-    tuned: Path | None = None
+    tuned: Folder = None
     """folder with the campaigns tune_NAME, whose best trials are the settings (default: the laws'
     own values)"""
     equal_margin: bool = False
     """scale the gains of each law by one factor until it tolerates as much latency as the first"""
     plugins: Folder = None
     """folder of your own laws (default: plugins in the data folder)"""
-    page: Path | None = None
+    page: File = None
     """Markdown file whose tables are replaced"""
-    out: Path | None = None
+    out: File = None
     """file for the error of each flight (.json, .csv), or for the table of errors (.tex)"""
 
     def run(self) -> int:
