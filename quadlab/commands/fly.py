@@ -201,7 +201,7 @@ def write_report(
 
 
 def write_reports(done: FlownTogether) -> list[Path]:
-    """Write that of each vehicle next to its log, and what the experiment writes of all."""
+    """Write a report of each vehicle next to its log, and the experiment's own report of all."""
     from console.evaluation.result import Result
     from console.experiments.together import ReportingTogether
     from console.reports.writer import report_writer

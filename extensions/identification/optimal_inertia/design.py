@@ -41,9 +41,11 @@ REPEATS = 5
 ROOM = 0.8
 """Share of the limits of the flight that a candidate may use in the model."""
 DOUBLET = LEVELS["doublet"]
-AXES = ("x", "y", "yaw")
-CRITERIA: dict[str, Callable[[list[float]], float]] = {"E": min, "D": math.prod}
-"""The value of a design for its information about the three axes, by the name of the criterion."""
+FILTER_POLE, WASHOUT_POLE = 2.0 * math.pi, 0.5
+"""rad/s, of the estimator of the inertia (`InertiaParameters`), whose module is compiled: this one
+runs in the station, which has no compiler."""
+CRITERIA: dict[str, Callable[[list[float]], float]] = {"worst_axis": min, "all_axes": math.prod}
+"""The value of a design for its information about the three axes, by criterion: E- and D-optimal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +59,6 @@ class Loop:
         tilt_max: tangent of the largest tilt of the desired force.
         torque_max: rad/s², bound of the torque.
         lag: s, of the motors.
-        filter_pole, washout_pole: rad/s, of the estimator of the inertia.
     """
 
     kp: float = 0.0
@@ -70,8 +71,6 @@ class Loop:
     tilt_max: float = math.inf
     torque_max: float = math.inf
     lag: float
-    filter_pole: float
-    washout_pole: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +145,7 @@ def respond(loop: Loop, amplitude: Array, duration: Array) -> Response:
     fast, slow, gained = np.zeros((3, len(amplitude)))
     information, most = np.zeros(ends.shape), np.zeros((3, len(amplitude)))
     follow = -math.expm1(-STEP / loop.lag)
-    share, drift = -math.expm1(-loop.filter_pole * STEP), -math.expm1(-loop.washout_pole * STEP)
+    share, drift = -math.expm1(-FILTER_POLE * STEP), -math.expm1(-WASHOUT_POLE * STEP)
     for k in range(round((ends.max() + SETTLING) / STEP)):
         level = np.floor((k * STEP - LEAD) / duration).astype(int)
         wanted = amplitude * levels[np.where(level < 0, -1, np.minimum(level, len(levels) - 1))]
@@ -192,7 +191,7 @@ def candidates(axis: str, loop: Loop, bounds: Bounds) -> list[Candidate]:
 
 
 def choose(
-    offered: dict[str, list[Candidate]], seconds: float, criterion: str = "E"
+    offered: dict[str, list[Candidate]], seconds: float, criterion: str = "worst_axis"
 ) -> tuple[Candidate, ...]:
     """Return one candidate for each axis, together within `seconds`, that are best by a criterion
     of `CRITERIA`. Raises UsageError when an axis has none, or even the shortest take longer.

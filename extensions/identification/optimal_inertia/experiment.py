@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from console.experiments.client import Client
 from console.experiments.inertia import FAR, ExcitedFlight
@@ -28,8 +29,8 @@ class OptimalInertiaOptions(Parameters):
 
     seconds: float = parameter(SECONDS, unit="s", ge=8.0, le=60.0, step=1.0)
     """for the excitation of all axes"""
-    criterion: str = parameter("E", choices=tuple(CRITERIA))
-    """E: the axis that is known least; D: all axes together"""
+    criterion: str = parameter("worst_axis", choices=tuple(CRITERIA))
+    """worst_axis: the axis that is known least (E-optimal); all_axes: all together (D-optimal)"""
     height: float = parameter(1.2, unit="m", ge=1.0, le=1.5, step=0.1)
     """of the hover"""
 
@@ -74,15 +75,7 @@ class OptimalInertia(ExcitedFlight):
 
 def design_for(value: Callable[[str], float]) -> dict[str, list[Candidate]]:
     """Return the candidates for each axis, for a vehicle whose parameters `value` returns."""
-    # Imported here: it is compiled, and the station starts without a compiler.
-    from estimation.identification.inertia_estimator import InertiaParameters
-
-    defaults = InertiaParameters()
-    filters = {
-        "lag": value("model.motor_time_constant"),
-        "filter_pole": defaults.filter_pole,
-        "washout_pole": defaults.washout_pole,
-    }
+    lag = value("model.motor_time_constant")
     level = Loop(
         kp=value("control.position.kp_xy"),
         kv=value("control.position.kv_xy"),
@@ -92,14 +85,14 @@ def design_for(value: Callable[[str], float]) -> dict[str, list[Candidate]]:
         kf=value("control.attitude.ki_xy"),
         gravity=GRAVITY,
         tilt_max=math.tan(math.radians(value("control.limits.tilt_max"))),
-        **filters,
+        lag=lag,
     )
     yaw = Loop(
         kr=value("control.attitude.kr_z"),
         kw=value("control.attitude.kw_z"),
         kf=value("control.attitude.ki_z"),
         torque_max=value("control.limits.yaw_torque_max") / value("model.inertia_zz"),
-        **filters,
+        lag=lag,
     )
     tilt = math.radians(value("behavior.trajectory_tilt_max"))
     rate = ROOM * value("behavior.trajectory_body_rate_max")
@@ -118,8 +111,9 @@ def design_for(value: Callable[[str], float]) -> dict[str, list[Candidate]]:
         angle=math.inf,
         rate=rate,
     )
+    along_x = candidates("x", level, moved)
     return {
-        "x": candidates("x", level, moved),
-        "y": candidates("y", level, moved),
+        "x": along_x,
+        "y": [replace(one, axis="y") for one in along_x],
         "yaw": candidates("yaw", yaw, turned),
     }

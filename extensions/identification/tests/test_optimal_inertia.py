@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from console.evaluation.inertia import read_inertia
+from estimation.identification.inertia_estimator import InertiaParameters
 from extensions.identification.optimal_inertia.design import (
+    FILTER_POLE,
     REPEATS,
+    WASHOUT_POLE,
     Bounds,
     Candidate,
     Loop,
@@ -24,19 +27,14 @@ from quadrotor.errors import UsageError
 from tests.support.laboratory import laboratory
 
 ROLL = Loop(
-    kp=4.0,
-    kv=3.5,
-    ki=1.0,
-    kr=60.0,
-    kw=12.0,
-    kf=10.0,
-    gravity=9.81,
-    tilt_max=1.0,
-    lag=0.047,
-    filter_pole=2.0 * math.pi,
-    washout_pole=0.5,
+    kp=4.0, kv=3.5, ki=1.0, kr=60.0, kw=12.0, kf=10.0, gravity=9.81, tilt_max=1.0, lag=0.047
 )
-YAW = Loop(kr=12.0, kw=5.0, kf=2.0, lag=0.047, filter_pole=2.0 * math.pi, washout_pole=0.5)
+YAW = Loop(kr=12.0, kw=5.0, kf=2.0, lag=0.047)
+
+
+def test_the_model_has_the_filters_of_the_estimator() -> None:
+    estimator = InertiaParameters()
+    assert (estimator.filter_pole, estimator.washout_pole) == (FILTER_POLE, WASHOUT_POLE)
 
 
 def test_information_is_the_square_of_the_amplitude_until_the_yaw_torque_is_at_its_bound() -> None:
@@ -73,8 +71,8 @@ def test_the_criterion_says_what_is_best_and_the_time_is_kept() -> None:
     shortest = sum(one[0].seconds for one in offered.values())
     assert [one.information for one in choose(offered, shortest)] == [4.0, 1.0]
     longer = shortest + 6.0  # two more doublets of three seconds
-    assert [one.information for one in choose(offered, longer, "E")] == [4.0, 1.7]
-    assert [one.information for one in choose(offered, longer, "D")] == [5.0, 1.5]
+    assert [one.information for one in choose(offered, longer, "worst_axis")] == [4.0, 1.7]
+    assert [one.information for one in choose(offered, longer, "all_axes")] == [5.0, 1.5]
     with pytest.raises(UsageError, match=r"9\.4 s at least, and 9 s were given"):
         choose(offered, 9.0)
     with pytest.raises(UsageError, match="yaw"):

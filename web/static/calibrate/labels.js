@@ -26,9 +26,9 @@ export const CALIBRATIONS = {
     needs: "free room to fly; it shakes about each axis",
   },
   inertia_optimal: {
-    label: "Inertia, in less time",
-    gives: "the same from the doublets that promise the most for the vehicle's gains and limits",
-    needs: "free room to fly; larger movements than for the inertia",
+    label: "Quick inertia",
+    gives: "the inertia about three axes, from the movements that show most within the vehicle's limits",
+    needs: "free room to fly; it moves further than for Inertia",
   },
   drag: {
     label: "Drag",
