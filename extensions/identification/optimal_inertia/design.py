@@ -45,7 +45,7 @@ FILTER_POLE, WASHOUT_POLE = 2.0 * math.pi, 0.5
 """rad/s, of the estimator of the inertia (`InertiaParameters`), whose module is compiled: this one
 runs in the station, which has no compiler."""
 CRITERIA: dict[str, Callable[[list[float]], float]] = {"worst_axis": min, "all_axes": math.prod}
-"""The value of a design for its information about the three axes, by criterion: E- and D-optimal."""
+"""The value of a design for its information about the axes, by criterion: E- and D-optimal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
