@@ -84,7 +84,8 @@ def fed_forward(
 
     The acceleration (m/s^2), with its two derivatives, is what force over mass has to give in
     addition to the feedback: that of the reference plus the drag at its velocity, less the
-    estimated disturbing force. The torque is the disturbing torque and that of the drag.
+    estimated disturbing force but for its share `lift` along z_B, which is subtracted from the
+    thrust. The torque is the disturbing torque and that of the drag.
     """
     by_mass = 1.0 / model.mass
     drag = model.drag * by_mass
@@ -92,10 +93,12 @@ def fed_forward(
     pushed = along(acceleration_w, drag, vector(reference.velocity_w))
     pushed_dot = along(jerk_w, drag, acceleration_w)
     drag_b = scale(-model.drag, to_body(axes, vector(reference.velocity_w)))
+    across_w = along(vector(disturbance.force_w), -disturbance.lift, axes[2])
+    pushed_ddot = along(vector(reference.snap_w), drag, jerk_w)
     return (
-        along(pushed, -by_mass, vector(disturbance.force_w)),
+        along(pushed, -by_mass, across_w),
         along(pushed_dot, -by_mass, vector(disturbance.force_rate_w)),
-        along(vector(reference.snap_w), drag, jerk_w),
+        along(pushed_ddot, -by_mass, vector(disturbance.force_curve_w)),
         add(vector(disturbance.torque_b), drag_torque(model.drag_lever, drag_b)),
     )
 
@@ -178,7 +181,7 @@ def step_one(
     # u_1 = f_d . z_B. Departs from print: it is not below zero. Upside down it would be negative,
     # which no rotor can give, and the common scaling would remove the torques that turn the vehicle
     # upright.
-    thrust = dot(force, axes[2])
+    thrust = dot(force, axes[2]) - memory.disturbance.lift
     thrust = 0.0 if thrust < 0.0 else thrust  # keeps a NaN, which max() would hide
     e_R = attitude_error(axes, desired)
     integral_b = vector(memory.attitude_integral_b)

@@ -112,14 +112,15 @@ def _estimate(
     integral = Polynomial([a.ki_xy, a.kr_xy])
     motion = integral * Polynomial([p.ki_xy, p.kp_xy, p.kv_xy])  # s^2 M
     tilt = lag * s**3 + integral + a.kw_xy * s**2  # s B
-    taken = integral * rate + RATE_POLE * a.kw_xy * s**2  # s O, times s + b
+    # s O, times (s + b)^2: angle, rate and angular acceleration of the force's direction.
+    taken = (integral * rate + RATE_POLE * a.kw_xy * s**2) * rate + RATE_POLE**2 * s**3
     if a.rates == "exact":
         motion += a.kw_xy * s**2 * Polynomial([p.ki_xy, p.kp_xy]) + p.ki_xy * s**3
         tilt += s * Polynomial([a.kw_xy * p.kv_xy + p.kp_xy, p.kv_xy])
-        taken += s * (a.kw_xy * p.kv_xy + p.kp_xy) * rate + RATE_POLE * p.kv_xy * s**2
+        taken += (s * (a.kw_xy * p.kv_xy + p.kp_xy) * rate + RATE_POLE * p.kv_xy * s**2) * rate
     if force == 0.0:
         return motion, s**3 * tilt
-    left = rate * Polynomial([force, 1.0])
+    left = rate**2 * Polynomial([force, 1.0])
     return motion * left + force * taken * s**3, s**3 * (tilt * left - force * taken)
 
 

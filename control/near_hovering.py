@@ -108,7 +108,8 @@ def hover_one(
     x, y, z = hovering_torque(error, omega_b, integral_b, gains, J)
     x, y, z = x - off[0], y - off[1], z - off[2]
     bound = gains.yaw_torque_max
-    thrusts, scaling = allocate((wanted[0], x, y, min(bound, max(-bound, z))), model)
+    thrust = wanted[0] - memory.disturbance.lift
+    thrusts, scaling = allocate((thrust, x, y, min(bound, max(-bound, z))), model)
 
     if airborne and scaling == 1.0 and not limited:
         wind(memory.position_integral_w, e_p, dt, gains.position_integral_max)

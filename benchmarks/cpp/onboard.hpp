@@ -127,9 +127,10 @@ inline void control(ControlMemory& m, const State& state, const Reference& r, co
     Vec omega = load(state.angular_velocity_b);
     const double by_mass = 1.0 / mass, drag = model.drag * by_mass;
     Vec reference_acceleration = load(r.acceleration_w), reference_jerk = load(r.jerk_w);
-    Vec acceleration = reference_acceleration + drag * load(r.velocity_w) - by_mass * load(m.disturbing_force_w);
+    Vec across = load(m.disturbing_force_w) - m.disturbing_lift * R.z;
+    Vec acceleration = reference_acceleration + drag * load(r.velocity_w) - by_mass * across;
     Vec jerk = reference_jerk + drag * reference_acceleration - by_mass * load(m.disturbing_force_rate_w);
-    Vec snap = load(r.snap_w) + drag * reference_jerk;
+    Vec snap = load(r.snap_w) + drag * reference_jerk - by_mass * load(m.disturbing_force_curve_w);
     Vec e_p = load(r.position_w) - load(state.position_w);
     Vec e_v = load(r.velocity_w) - load(state.velocity_w);
     Vec f = load(g.kp) * e_p + load(g.kv) * e_v + load(g.ki) * load(m.position_integral_w);
@@ -171,7 +172,7 @@ inline void control(ControlMemory& m, const State& state, const Reference& r, co
              {last[0][2], last[1][2], last[2][2]}};
     }
 
-    double thrust = dot(f, R.z);
+    double thrust = dot(f, R.z) - m.disturbing_lift;
     thrust = thrust < 0.0 ? 0.0 : thrust;
     Vec e_R = 0.5 * Vec{dot(R.z, D.y) - dot(R.y, D.z), dot(R.x, D.z) - dot(R.z, D.x),
                         dot(R.y, D.x) - dot(R.x, D.y)};

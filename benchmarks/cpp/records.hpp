@@ -33,7 +33,7 @@ struct Observer {
 struct ObserverMemory {
     int64_t running;
     double rotor_speeds[4], velocity_w[3], angular_velocity_b[3], acceleration_w[3];
-    double slow_acceleration_w[3], turn_b[3], force_share, torque_share;
+    double z_w[3], slow_acceleration_w[3], rate_w[3], slow_rate_w[3], turn_b[3], force_share, torque_share;
 };
 
 struct Settings {
@@ -63,7 +63,8 @@ struct EstimatorMemory {
 struct ControlMemory {
     double position_integral_w[3], attitude_integral_b[3], desired_attitude[3][3];
     int64_t tilt_limited;
-    double disturbing_force_w[3], disturbing_force_rate_w[3], disturbing_torque_b[3];
+    double disturbing_force_w[3], disturbing_lift, disturbing_force_rate_w[3], disturbing_force_curve_w[3];
+    double disturbing_torque_b[3];
     double force_begun, torque_begun, force_ended_w[3], torque_ended_b[3];
 };
 

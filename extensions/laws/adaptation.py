@@ -11,8 +11,7 @@ with error e = z^ - z, A_s = -a and the sampling time T:
 A constant disturbance is found but for the share a T, so slow poles a are the accurate ones. The
 force is split as in print: along z_B, where thrust cancels it, and across. A wrong mass or a weak
 rotor is all along z_B, and stays there as the vehicle turns; filtered in world axes it would lag.
-Departs from print: commands reach the predictor through the rotors' lag, and the thrust points
-where it did in the middle of the period.
+Departs from print: commands reach the predictor through the rotors' lag.
 """
 
 from __future__ import annotations
@@ -24,8 +23,7 @@ import numpy as np
 from control.disturbance_observer import RATE_POLE, modelled
 from quadrotor.compiled import compiled
 from quadrotor.records import Item
-from quadrotor.vectors import Axes, Vector, along, axes_of, dot, quaternion, vector
-from quadrotor.vehicle_model import GRAVITY
+from quadrotor.vectors import axes_of, dot, quaternion, vector
 
 Two = tuple[float, float]
 ADAPTATION = np.dtype(
@@ -63,17 +61,6 @@ def rest(m: Item, state: Item, actuators: Item) -> None:
 
 
 @compiled(inner=True)
-def middle_of(push_w: Vector, axes: Axes, state: Item, dt: float) -> Vector:
-    """Return the acceleration (m/s^2) push_w with the thrust along z_B of dt / 2 (s) ago.
-
-    Half a period of 2 ms at 2 rad/s is 0.02 m/s^2, or 5 mm at a position gain of 4 1/s^2.
-    """
-    o = state.angular_velocity_b
-    back = -0.5 * dt * (dot(push_w, axes[2]) + GRAVITY * axes[2][2])
-    return along(along(push_w, back * o[1], axes[0]), -back * o[0], axes[1])
-
-
-@compiled(inner=True)
 def adapt(
     m: Item, tuning: tuple[Two, Two], state: Item, model: Item, actuators: Item, dt: float
 ) -> None:
@@ -85,7 +72,6 @@ def adapt(
     poles, cutoffs = tuning
     axes = axes_of(quaternion(state.quaternion_wb))
     push_w, turn_b = modelled(m, state, quaternion(actuators.motor_references), model, dt)
-    push_w = middle_of(push_w, axes, state, dt)
     # -Phi^-1 mu with A_s = -a: a exp(-a T) / (exp(-a T) - 1) e
     gain, spin = poles[0] / math.expm1(poles[0] * dt), poles[1] / math.expm1(poles[1] * dt)
     keep, keep_spin = -math.expm1(-cutoffs[0] * dt), -math.expm1(-cutoffs[1] * dt)

@@ -74,15 +74,39 @@ def test_what_it_finds_is_the_disturbance_behind_its_low_pass() -> None:
     one.step(2.0)  # faded in, nothing found
     assert one.force == pytest.approx([0, 0, 0], abs=1e-9)
     push, turn = np.array([0.6, -0.4, 0.3]), np.array([0.5, -0.3, 0.2])
-    one.step(0.4, push, turn)
+    one.step(0.4, push)
     reached = MODEL.mass * push * -math.expm1(-4.0 * 0.4)
     assert one.force == pytest.approx(reached, rel=0.01)
+    one.step(3.0, push)
+    assert one.force == pytest.approx(MODEL.mass * push, rel=1e-3)
+    one.step(0.4, push, turn)
     J = np.array([MODEL.inertia_xx, MODEL.inertia_yy, MODEL.inertia_zz])
     twisted = J * turn * -math.expm1(-2.0 * 0.4)
     # One axis after the other, because three at once couple, which the model includes.
     assert one.torque == pytest.approx(twisted, rel=0.05)
-    one.step(3.0, push)
-    assert one.force == pytest.approx(MODEL.mass * push, rel=1e-3)
+
+
+def test_what_thrust_lacks_turns_with_the_vehicle_and_wind_does_not() -> None:
+    lost, push_w, rate = 0.2 * HOVER, np.array([0.0, 0.8, 0.0]), 1.5
+    late = rate / 14.0  # rad, what a low pass in world axes would be behind
+    for is_lost in (True, False):
+        one = CommandPermission(settings(fade=0.1))
+        for k in range(500):  # about x, from -45 degrees
+            angle = rate * (k + 1) * DT - 0.25 * math.pi
+            half, back = 0.5 * angle, angle - 0.5 * rate * DT
+            one.state["quaternion_wb"] = math.cos(half), math.sin(half), 0.0, 0.0
+            one.state["angular_velocity_b"] = rate, 0.0, 0.0
+            z_w = np.array([0.0, -math.sin(angle), math.cos(angle)])
+            thrust_w = HOVER * np.array([0.0, -math.sin(back), math.cos(back)])
+            acting_w = -lost / HOVER * thrust_w if is_lost else push_w
+            one.step(DT, (thrust_w + acting_w) / MODEL.mass - (0.0, 0.0, GRAVITY))
+        lift = float(one.out["lift"][0])
+        if is_lost:
+            assert lift == pytest.approx(-lost, rel=1e-3)
+            assert one.force == pytest.approx(-lost * z_w, abs=0.01 * late * lost)
+        else:
+            assert lift == pytest.approx(push_w @ z_w, abs=late * 0.8)
+            assert one.force == pytest.approx(push_w, abs=late * 0.8)
 
 
 def test_the_force_has_its_rate_while_it_grows() -> None:
@@ -90,19 +114,24 @@ def test_the_force_has_its_rate_while_it_grows() -> None:
     grown = []
     for k in range(600):
         one.step(DT, (0.001 * k, 0.0, 0.0))
-        grown.append((one.force[0], float(one.out["force_rate_w"][0, 0])))
-    forces, rates = np.array(grown[-200:]).T
+        rates = (float(one.out[name][0, 0]) for name in ("force_rate_w", "force_curve_w"))
+        grown.append((one.force[0], *rates))
+    forces, rates, curves = np.array(grown[-200:]).T
     assert rates == pytest.approx(np.gradient(forces, DT), rel=0.04)
+    assert curves == pytest.approx(np.gradient(rates, DT), abs=0.01 * rates.max())
 
 
 def test_bounds_hold_and_a_bounded_force_has_no_rate() -> None:
     one = CommandPermission(
         settings(force_max=0.5, torque_max=0.01, torque_bandwidth=5.0, fade=0.1)
     )
-    one.step(1.0, (3.0, 0.0, -3.0), (5.0, 0.0, 0.0))
+    one.step(1.0, (3.0, 0.0, -3.0))
     assert one.force == pytest.approx([0.5, 0.0, -0.5])
+    assert one.out["lift"][0] == pytest.approx(-0.5)
+    for rate in ("force_rate_w", "force_curve_w"):
+        assert one.out[rate][0] == pytest.approx([0, 0, 0])
+    one.step(1.0, turn=(5.0, 0.0, 0.0))
     assert one.torque[0] == pytest.approx(0.01)
-    assert one.out["force_rate_w"][0] == pytest.approx([0, 0, 0])
 
 
 def test_nothing_jumps_when_it_takes_off_is_switched_off_and_on_again() -> None:

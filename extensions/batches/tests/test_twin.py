@@ -37,7 +37,8 @@ def test_a_recorded_flight_gives_both_the_same_thrusts(twin: CppTwin) -> None:
     for one in (ours, theirs):  # the state of an observer
         found = one["controller"]["disturbance"]
         found["force_w"], found["torque_b"] = (0.5, -0.3, 0.2), (0.01, -0.02, 0.005)
-        found["force_rate_w"] = (0.1, 0.2, -0.3)
+        found["lift"], found["force_rate_w"] = 0.15, (0.1, 0.2, -0.3)
+        found["force_curve_w"] = (2.0, -1.0, 3.0)
     thrusts = np.zeros((2, len(imu), 4))
     onboard_steps(ours, settings, imu, thrusts[0], True, PERIOD)
     twin.steps(theirs, settings, imu, thrusts[1], PERIOD)

@@ -212,8 +212,7 @@ class Adaptation:
         direction = z - 0.5 * dt * R @ np.cross(w, Z)
         drag = m.drag / m.mass * x.velocity_w
         # Thrust less drag along z_B is what turns with it.
-        pushed = u[0] / m.mass - drag @ z
-        v_dot = u[0] / m.mass * z - G * Z - drag + pushed * (direction - z)
+        v_dot = u[0] / m.mass * direction - G * Z - drag
         twist = m.drag_lever * np.cross(Z, -m.drag * R.T @ x.velocity_w)
         w_dot = (u[1:] + twist - np.cross(w, J * w)) / J
         a, b = poles
@@ -235,7 +234,7 @@ class Adaptation:
 
 
 class Geometric:
-    """The paper's law, eqs. 4 and 5, less an estimated disturbance: force, its rate, torque."""
+    """The paper's law, eqs. 4 and 5, less an estimated disturbance: force, its rates, torque."""
 
     def __init__(self) -> None:
         self.integral_w, self.integral_b = np.zeros(3), np.zeros(3)
@@ -243,14 +242,21 @@ class Geometric:
     def step(self, off: Any, x: Any, r: Any, k: Any, m: Any, dt: float) -> tuple[Array, float]:
         R, w, J = matrix(x.quaternion_wb), x.angular_velocity_b, m.inertia_b
         n, (e_p, e_v) = feed_forward(r, m), errors(x, r)
-        n = Motion(n.a - off.force_w / m.mass, n.b - off.force_rate_w / m.mass, n.c)
+        across_w = off.force_w - off.lift * R[:, 2]
+        n = Motion(
+            n.a - across_w / m.mass,
+            n.b - off.force_rate_w / m.mass,
+            n.c - off.force_curve_w / m.mass,
+        )
         wanted = m.mass * (n.a + k.kp * e_p + k.kv * e_v + k.ki * self.integral_w + G * Z)
         f = limited(wanted, m.mass * G, k.tan_tilt_max)
         D, _, _ = attitude(Motion(f, np.zeros(3), np.zeros(3)), r)
         rates = attitude(Motion(n.a + G * Z, n.b, n.c), r)[1:]
         turn = pd_turn(R, w, D, rates, k) + k.kf * self.integral_b
         torque = off.torque_b - m.drag * m.drag_lever * np.cross(Z, R.T @ r.velocity_w)
-        wrench, share = allocated(f @ R[:, 2], J * turn + np.cross(w, J * w) - torque, k, m)
+        wrench, share = allocated(
+            f @ R[:, 2] - off.lift, J * turn + np.cross(w, J * w) - torque, k, m
+        )
         if share == 1.0 and np.array_equal(f, wanted):
             bounds = k.position_integral_max, k.attitude_integral_max
             self.integral_w = np.clip(self.integral_w + e_p * dt, -bounds[0], bounds[0])

@@ -58,6 +58,9 @@ def test_a_law_equals_its_equations(name: str) -> None:
     assert 0 < scaled < FLIGHTS * TICKS  # with and without saturation
 
 
+SIZES = {"force_w": 0.5, "lift": 0.3, "force_rate_w": 1.0, "force_curve_w": 5.0, "torque_b": 0.05}
+
+
 def test_the_papers_law_equals_its_equations_with_any_disturbance_that_an_observer_found() -> None:
     rng = np.random.default_rng(2)
     controller, control = GeometricController(), new_control_parameters()
@@ -70,8 +73,8 @@ def test_the_papers_law_equals_its_equations_with_any_disturbance_that_an_observ
         script = Geometric()
         for _ in range(TICKS):
             x, r, off = random_state(rng), random_reference(rng), controller.disturbance
-            for name, size in (("force_w", 0.5), ("force_rate_w", 1.0), ("torque_b", 0.05)):
-                off[name] = rng.normal(0.0, size, 3)
+            for name, size in SIZES.items():
+                off[name] = rng.normal(0.0, size, off[name].shape)
             wanted, _ = script.step(plain(off), plain(x), plain(r), k, m, DT)
             controller.step(x, r, True, DT, out)
             worst = max(worst, float(np.abs(out["wrench"][0] - wanted).max()))
