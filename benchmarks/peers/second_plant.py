@@ -19,7 +19,8 @@ from functools import partial
 from benchmarks.harness import Report, Row, Size, Target
 from benchmarks.peers.raptor import Raptor
 from benchmarks.peers.rotorpy_plant import RotorPyPlant, ends_of, law_of
-from extensions.laws.arena.cells import Disturbance, courses, entries
+from extensions.laws.arena.cells import Disturbance, entries
+from extensions.laws.arena.courses import courses
 from extensions.laws.arena.flights import FIRST_SEED, fly_cell
 from quadrotor.vehicle_model import VehicleModel
 

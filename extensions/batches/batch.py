@@ -23,6 +23,7 @@ from bearing_sim.tracker import TrackerParameters
 from control.laws import CompiledLaw, settings_of
 from control.parameters import GEOMETRIC, ControlParameters
 from control.trajectories.figure_eight import FigureEight
+from control.trajectories.trajectory import Trajectory, sample_many
 from estimation.parameters import EstimationParameters
 from extensions.batches.laws import entry, laws_of, records_of
 from extensions.batches.loop import CASE, HISTORY, LATEST, OUTCOME
@@ -30,7 +31,7 @@ from extensions.batches.noise import seeded
 from extensions.batches.onboard import new_onboard, new_settings
 from extensions.batches.sensing import new_tracker
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.records import STATE, Record
+from quadrotor.records import REFERENCE, STATE, Record
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import PLANT, SUBSTEP, new_plant
@@ -57,7 +58,8 @@ class Scenario:
         model: the controller's vehicle model; None for the truth.
         control: gains, and the law: the paper's or one of an extension.
         tracker: settings of the simulated tracker; its seed is not used.
-        trajectory: flown after the hover with which `fly_batch` begins.
+        trajectory: flown after the hover with which `fly_batch` begins; those other than the 8 are
+            sampled once for each batch, in Python.
         seed: seed of all random numbers of this flight, any whole number.
         offset_w: m, offset of the start from the trajectory's beginning.
         disturbance_w: N, a constant force.
@@ -72,7 +74,7 @@ class Scenario:
     control: ControlParameters = field(default_factory=ControlParameters)
     estimation: EstimationParameters = field(default_factory=EstimationParameters)
     tracker: TrackerParameters = field(default_factory=TrackerParameters)
-    trajectory: FigureEight = field(default_factory=_eight)
+    trajectory: FigureEight | Trajectory = field(default_factory=_eight)
     seed: int = 1
     offset_w: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_w: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -159,6 +161,8 @@ def fly_batch(
     outcome, history = np.zeros(size, OUTCOME), np.zeros((size, kept), HISTORY)
     for name in HISTORY.names or ():
         history[name] = np.nan
+    courses = {id(one.trajectory): one.trajectory for one in scenarios}
+    sampled = {key: _course(one, ticks, period) for key, one in courses.items()}
     laws = laws_of((one.control.law for one in scenarios), others or {})
     fresh, fly = new_onboard(), entry()
     turn, workers = count(), min(threads or os.cpu_count() or 1, size)
@@ -168,13 +172,13 @@ def fly_batch(
         # Each thread has its own copies: neighbours in an array share cache lines, and two cores
         # that write to one wait for each other at every step.
         case, plant, judged = _apart(CASE), _apart(PLANT), _apart(OUTCOME)
-        flown = case, plant, onboard, judged
         while (k := next(turn)) < size:  # one at a time, so that threads finish together
             one = slice(k, k + 1)
             onboard[:], case[:], plant[:], judged[:] = fresh, cases[one], plants[one], outcome[one]
             motors[:] = 0.0
             law, control = laws[scenarios[k].control.law], scenarios[k].control
             own = law.new_memory(), settings_of(control, control.law)
+            flown = case, plant, onboard, sampled[id(scenarios[k].trajectory)], judged
             fly(*flown, history[k], motors, law.step, own, records_of(case, onboard))
             plants[one], outcome[one] = plant, judged
 
@@ -186,6 +190,14 @@ def fly_batch(
                 done.result()
     final: Record = plants["x"].copy().view(STATE).reshape(size)
     return BatchResult(outcome, final, history if kept else None)
+
+
+def _course(trajectory: FigureEight | Trajectory, ticks: int, period: float) -> Record:
+    """Return the REFERENCE records of all periods (s) of a trajectory, none for the 8."""
+    if isinstance(trajectory, FigureEight):
+        return np.zeros(0, REFERENCE)
+    rows = min(ticks, math.ceil(trajectory.duration / period) + 1)
+    return sample_many(trajectory, period * np.arange(rows))
 
 
 def _apart(kind: np.dtype[np.void]) -> Record:
@@ -237,7 +249,7 @@ def prepare(scenarios: Sequence[Scenario]) -> tuple[Record, Record]:
         model = one.model or one.truth
         key = (id(one.trajectory), id(model), id(one.control), id(one.estimation))
         if key not in made:
-            made[key] = new_settings(one.trajectory, model, one.control, one.estimation)
+            made[key] = new_settings(_eight_of(one.trajectory), model, one.control, one.estimation)
         case["settings"] = made[key]
         if (id(one.truth),) not in made:
             made[id(one.truth),] = new_plant(one.truth)
@@ -251,6 +263,15 @@ def prepare(scenarios: Sequence[Scenario]) -> tuple[Record, Record]:
         case["true_state"], case["whole_references"] = one.true_state, one.whole_references
         _place(plant, case["settings"]["eight"]["center"][0], one)
     return cases, plants
+
+
+def _eight_of(trajectory: FigureEight | Trajectory) -> FigureEight:
+    """Return the trajectory, or an 8 about its start."""
+    if isinstance(trajectory, FigureEight):
+        return trajectory
+    start = sample_many(trajectory, np.zeros(1))[0]
+    x, y, z = start["position_w"].tolist()
+    return FigureEight((x, y, z), float(start["yaw"]))
 
 
 def _place(plant: Record, center: Array, one: Scenario) -> None:

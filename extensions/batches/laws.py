@@ -15,7 +15,7 @@ from extensions.batches.loop import CASE, HISTORY, OUTCOME, fly
 from extensions.batches.onboard import new_onboard
 from quadrotor.compiled import compiled
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.records import Record
+from quadrotor.records import REFERENCE, Record
 from vehicle.simulator.plant import PLANT
 
 
@@ -50,7 +50,10 @@ def entry() -> Callable[..., None]:
     pointer = numba.types.FunctionType(
         numba.types.void(*map(kind_of, example_arguments(NOTHING, settings)))
     )
-    records = case, np.zeros(1, PLANT), onboard, np.zeros(1, OUTCOME), np.zeros(0, HISTORY)
+    records = (
+        *(case, np.zeros(1, PLANT), onboard, np.zeros(0, REFERENCE)),
+        *(np.zeros(1, OUTCOME), np.zeros(0, HISTORY)),
+    )
     own = NOTHING.new_memory(), settings
     kinds = [*map(kind_of, (*records, np.zeros((2, 4)))), pointer]
     compiler: Any = fly

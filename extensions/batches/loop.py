@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from control.laws import Own, Records, Step
+from control.trajectories.figure_eight import figure_eight_at
 from estimation.complementary_filter import predict_one
 from extensions.batches.noise import normals
-from extensions.batches.onboard import SETTINGS, look_ahead, steer
+from extensions.batches.onboard import SETTINGS, control, observe_disturbance
 from extensions.batches.sensing import TRACKER, read_imu, track
 from quadrotor.compiled import compiled
 from quadrotor.records import Item, Record
@@ -186,6 +187,24 @@ def _see(c: Item, p: Item, v: Item, k: int) -> None:
 
 
 @compiled(inner=True)
+def _refer(c: Item, course: Record, k: int, reference: Item) -> None:
+    """Write the reference k periods into the trajectory: that of the 8 if `course` is empty."""
+    if course.shape[0] == 0:
+        figure_eight_at(c.settings.eight, k * 1e-9 * c.pace.period_ns, reference)
+        return
+    row = course[min(max(0, k), course.shape[0] - 1)]
+    for i in range(3):
+        reference.position_w[i] = row.position_w[i]
+        reference.velocity_w[i] = row.velocity_w[i]
+        reference.acceleration_w[i] = row.acceleration_w[i]
+        reference.jerk_w[i] = row.jerk_w[i]
+        reference.snap_w[i] = row.snap_w[i]
+    reference.yaw = row.yaw
+    reference.yaw_rate = row.yaw_rate
+    reference.yaw_acceleration = row.yaw_acceleration
+
+
+@compiled(inner=True)
 def _meanwhile(c: Item, plant: Record, k: int, wanted: Array, drawn: Array) -> None:
     """Let commands arrive late, and the wind blow, in period k.
 
@@ -207,6 +226,7 @@ def fly(
     case: Record,
     plant: Record,
     onboard: Record,
+    course: Record,
     outcome: Record,
     history: Record,
     motors: Array,
@@ -220,6 +240,7 @@ def fly(
     Runge-Kutta steps of the plant.
 
     Args:
+        course: (K,) REFERENCE of each period, the last one held; empty for the 8 of the settings.
         history: (K,) HISTORY, written until it is full.
         motors: (2, 4) counts, the motor references and their carried rounding errors.
         law: called with `own` and `records`, which are parts of case and onboard, where the case's
@@ -237,13 +258,13 @@ def fly(
     r.crash_time = math.nan
     _begin(c, p, v)
     for k in range(ticks):
-        t = (k - hover_ticks) * period
         _see(c, p, v, k)
+        observe_disturbance(v, c.settings, airborne, period)
+        _refer(c, course, k - hover_ticks, v.reference)
         if c.other_law == 1:
-            look_ahead(v, c.settings, t, airborne, period)
             law(own, records, airborne, airborne, period)
         else:
-            steer(v, c.settings, t, airborne, period)
+            control(v, c.settings, airborne, period)
         if to_keep == 0 and kept < history.shape[0]:
             _keep(k * period, p.x, v, history[kept])
             kept, to_keep = kept + 1, keep_every

@@ -1,6 +1,6 @@
 """The laws of one onboard step as one compiled function: the item-level ones of the vehicle's tick.
 
-estimate (Sec. 6.1) -> reference (the 8 to its fourth derivative) -> eqs. 4 and 5 with feed-forward
+estimate (Sec. 6.1) -> reference (to its fourth derivative) -> eqs. 4 and 5 with feed-forward
 -> allocation. `vehicle.flight.stack` composes them in Python, with plugins, behaviors and safety.
 """
 
@@ -50,7 +50,7 @@ ONBOARD = np.dtype(
 
 
 def new_settings(
-    trajectory: FigureEight,
+    eight: FigureEight,
     model: VehicleModel,
     control: ControlParameters,
     estimation: EstimationParameters,
@@ -60,7 +60,7 @@ def new_settings(
     out["estimation"] = estimation_record(estimation)
     out["control"] = control_record(control)
     out["model"] = model.record()
-    out["eight"] = trajectory._eight
+    out["eight"] = eight._eight
     out["observer"] = observer_record(control.disturbance)
     return out
 
@@ -75,8 +75,8 @@ def new_onboard() -> Record:
 
 
 @compiled(inner=True)
-def look_ahead(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
-    """Observe the disturbance, and write the reference t (s) into the trajectory."""
+def observe_disturbance(v: Item, s: Item, airborne: bool, dt: float) -> None:
+    """Write what the law has to subtract, if the observer is on."""
     if s.observer.force == 1 or s.observer.torque == 1:
         found, carried = v.controller.disturbance, False
         observe_one(
@@ -90,13 +90,11 @@ def look_ahead(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
             dt=dt,
             out=found,
         )
-    figure_eight_at(s.eight, t, v.reference)
 
 
 @compiled(inner=True)
-def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
-    """Compute the actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
-    look_ahead(v, s, t, airborne, dt)
+def control(v: Item, s: Item, airborne: bool, dt: float) -> None:
+    """Compute the actuators of the ONBOARD record v for its state and reference."""
     step_one(
         v.controller,
         v.state,
@@ -107,3 +105,11 @@ def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
         dt=dt,
         actuators=v.actuators,
     )
+
+
+@compiled(inner=True)
+def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
+    """Compute the actuators of the ONBOARD record v for its state, t (s) into the 8."""
+    observe_disturbance(v, s, airborne, dt)
+    figure_eight_at(s.eight, t, v.reference)
+    control(v, s, airborne, dt)

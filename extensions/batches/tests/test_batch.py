@@ -14,7 +14,7 @@ from control.trajectories.figure_eight import FigureEight
 from control.trajectories.trajectory import sample_many
 from extensions.batches.batch import BatchResult, Scenario, fly_batch, prepare
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.records import STATE
+from quadrotor.records import STATE, Record
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.simulator.parameters import SimulatorParameters
 
@@ -61,6 +61,23 @@ def test_the_8_on_the_true_state_is_flown_to_a_millimetre() -> None:
     assert one["estimate_rms"] == 0.0
     assert one["saturated_share"] == 0.0
     assert math.radians(5) < one["tilt_max"] < math.radians(10)
+
+
+def test_any_trajectory_is_flown_from_its_samples_as_the_8_is() -> None:
+    class Sampled:
+        """An 8 that nobody knows for one."""
+
+        duration = FigureEight((0.0, 0.0, 1.0)).duration
+
+        def sample(self, t: float, reference: Record) -> None:
+            FigureEight((0.0, 0.0, 1.0)).sample(t, reference)
+
+    both = [Scenario(seed=4), Scenario(seed=4, trajectory=Sampled())]
+    flown = fly_batch(both, 14.0, hover=2.0, history_rate=50.0)
+    assert flown.history is not None
+    for name in ("truth", "position_reference_w", "yaw_reference"):
+        np.testing.assert_allclose(flown.history[name][1], flown.history[name][0], atol=1e-9)
+    assert flown.outcome["position_rms"][1] == pytest.approx(flown.outcome["position_rms"][0])
 
 
 def test_the_8_on_noisy_sensors_is_flown_to_some_millimetres() -> None:

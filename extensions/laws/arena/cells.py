@@ -1,15 +1,14 @@
-"""The entries, courses and disturbances of the arena."""
+"""The entries and disturbances of the arena."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 
+from bearing_sim.tracker import TrackerParameters
 from control.laws import extended, new_control_parameters
 from control.parameters import GEOMETRIC, ControlParameters
 from control.presets import preset_values
-from control.trajectories.figure_eight import FigureEight
 from extensions.laws.arena.own_laws import OwnLaw
 from quadrotor.errors import UsageError
 from quadrotor.parameter_description import ParameterValue
@@ -74,10 +73,16 @@ class Disturbance:
     Attributes:
         truth: of `SimulatorParameters`.
         identified: of the model, for entries that know the drag.
+        tracker: of `TrackerParameters`.
     """
 
     truth: Mapping[str, float] = field(default_factory=dict)
     identified: Mapping[str, float] = field(default_factory=dict)
+    tracker: Mapping[str, float] = field(default_factory=dict)
+
+    def tracked(self) -> TrackerParameters:
+        """Return the tracker."""
+        return TrackerParameters().model_copy(update=dict(self.tracker))
 
     def world(self) -> SimulatorParameters:
         """Return the true vehicle."""
@@ -90,28 +95,24 @@ class Disturbance:
 
 
 ROTOR_DRAG = {"rotor_drag_x": 0.42, "rotor_drag_y": 0.52, "drag_lever": 0.02}
+WIND = {"drag": 0.3, "gust_time": 1.0}
+ROUGH_SENSORS = {"accelerometer_noise": 0.5, "gyroscope_noise": 1.0}
+ROUGH_TRACKER = {
+    **{"rate": 50.0, "position_noise": 0.003, "attitude_noise": 0.5},
+    **{"delay": 0.03, "drop_out": 0.05},
+}
+"""m/s^2 and deg/s each sample; Hz, m, deg, s, and the share of poses lost."""
 DISTURBANCES = {
     "nominal": Disturbance(),
     "mass + 20 %": Disturbance({"payload": 0.262}),
     "drag": Disturbance(ROTOR_DRAG, {"drag": 0.47, "drag_lever": 0.02}),
-    "wind 6 m/s, gusts": Disturbance(
-        {"drag": 0.3, "wind_x": 6.0, "gust": 1.0, "gust_time": 1.0}, {"drag": 0.3}
-    ),
+    "wind 6 m/s, gusts": Disturbance(WIND | {"wind_x": 6.0, "gust": 1.0}, {"drag": 0.3}),
     "motor - 15 %": Disturbance({"motor_gain_left": 0.85}),
     "latency 20 ms": Disturbance({"command_latency": 0.02}),
+    "mass + 50 %": Disturbance({"payload": 0.654}),
+    "wind 12 m/s, gusts": Disturbance(WIND | {"wind_x": 12.0, "gust": 2.0}, {"drag": 0.3}),
+    "low battery": Disturbance({"thrust_efficiency": 0.85}),
+    "rough sensors": Disturbance(ROUGH_SENSORS, tracker=ROUGH_TRACKER),
 }
-"""Rotor drag is that of the preset `rough`; the wind acts through the drag of the body."""
-
-
-def courses() -> dict[str, FigureEight]:
-    """Return the 8 of the paper, the same at twice the rate, and a larger one, at last so fast that
-    motors saturate.
-    """
-    centre = (0.0, 0.0, 1.5)
-    quick = partial(FigureEight, centre, period=4.0, laps=6)
-    return {
-        "8 in 8 s": FigureEight(centre),
-        "8 in 4 s": quick(ramp=4.0, yaw_amplitude=0.3),
-        "3 m x 1.5 m in 4 s": quick(ramp=6.0, yaw_amplitude=0.2, width=3.0, height=1.5),
-        "3 m x 1.5 m in 3 s": quick(period=3.0, ramp=6.0, yaw_amplitude=0.1, width=3.0, height=1.5),
-    }
+"""Rotor drag is that of the preset `rough`; the wind acts through the drag of the body. A battery
+at 14.0 V gives 85 % of the thrust at its nominal 15.2 V."""

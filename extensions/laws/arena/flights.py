@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +13,9 @@ import numpy as np
 from control.controller import GeometricController
 from control.laws import example_arguments, extended, new_control_parameters, settings_of
 from control.parameters import GEOMETRIC
-from control.trajectories.figure_eight import FigureEight
-from extensions.laws.arena.cells import DISTURBANCES, Disturbance, Entry, courses
+from control.trajectories.trajectory import Trajectory
+from extensions.laws.arena.cells import DISTURBANCES, Disturbance, Entry
+from extensions.laws.arena.courses import PERIOD, courses
 from extensions.laws.arena.results import Cell
 from quadrotor.compiled import direct
 from quadrotor.errors import UsageError
@@ -26,8 +28,6 @@ HOVER = 8.0
 """s of hover before a course: what is judged is no longer the start's transient."""
 TOLERATED = 2.0
 """Multiple of a law's error without latency up to which a latency counts as tolerated."""
-PERIOD = 0.002
-"""s, of a tick."""
 FIRST_SEED = 101
 """First seed of the flights; no setting of a law was tried with these seeds."""
 
@@ -55,17 +55,13 @@ def door(name: str) -> Any:
 
 
 def fly_cell(
-    entry: Entry, disturbance: Disturbance, course: FigureEight, seeds: Sequence[int]
+    entry: Entry, disturbance: Disturbance, course: Trajectory, seeds: Sequence[int]
 ) -> Flown:
     """Fly a course once for each seed."""
     fly_batch, scenario = door("batch"), door("Scenario")
     control, truth, model = entry.control(), disturbance.world(), disturbance.model(entry)
-    made = [
-        scenario(
-            truth=truth, model=model, control=control, trajectory=course, seed=seed, ground=False
-        )
-        for seed in seeds
-    ]
+    one = partial(scenario, truth, model, control, tracker=disturbance.tracked())
+    made = [one(trajectory=course, seed=seed, ground=False) for seed in seeds]
     own = {entry.law: entry.own.compiled} if entry.own else {}
     threads = 1 if own else None  # the law is one object
     flown = fly_batch(

@@ -20,7 +20,8 @@ import numpy as np
 
 from control.trajectories.figure_eight import FigureEight
 from extensions.laws.arena.cells import Entry
-from extensions.laws.arena.flights import PERIOD, door
+from extensions.laws.arena.courses import PERIOD
+from extensions.laws.arena.flights import door
 from quadrotor.errors import UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle.simulator.parameters import SimulatorParameters

@@ -7,7 +7,7 @@ import pytest
 
 from control.laws import example_arguments, extended, new_control_parameters, settings_of
 from control.parameters import control_record
-from extensions.laws.arena.cells import courses
+from extensions.laws.arena.courses import courses
 from extensions.laws.geometric_l1 import MEMORY
 from quadrotor.compiled import direct
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state

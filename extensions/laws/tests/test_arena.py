@@ -5,18 +5,25 @@ from __future__ import annotations
 import csv
 import json
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bearing_sim.tracker import TrackerParameters
+from control.trajectories.trajectory import sample_many
 from extensions.laws.arena import table
-from extensions.laws.arena.cells import DISTURBANCES, chosen, courses, entries
+from extensions.laws.arena.cells import DISTURBANCES, chosen, entries
 from extensions.laws.arena.command import Arena
+from extensions.laws.arena.courses import MOTION, PERIOD, courses
 from extensions.laws.arena.flights import fly_cell, tick_time
 from extensions.laws.arena.results import Cell
 from extensions.laws.tests.equations import LAWS
 from quadrotor.errors import StorageError, UsageError
+from quadrotor.records import REFERENCE
+from quadrotor.vehicle_model import VehicleModel
+from vehicle.simulator.parameters import SimulatorParameters
 
 SEEDS = (1, 2)
 EIGHT = courses()["8 in 8 s"]
@@ -27,6 +34,28 @@ SEARCHES = [path for path in PLANS if path.stem.startswith("tune_")]
 def errors(law: str, disturbance: str, course: str = "8 in 8 s") -> float:
     rms = fly_cell(entries()[law], DISTURBANCES[disturbance], courses()[course], SEEDS).rms
     return float(np.max(np.where(np.isnan(rms), np.inf, rms)))
+
+
+def test_courses_begin_and_end_at_rest_and_each_record_is_the_derivative_of_the_last() -> None:
+    for name, course in courses().items():
+        at = sample_many(course, PERIOD * np.arange(round(course.duration / PERIOD) + 1))
+        moving = [field for field in REFERENCE.names or () if field not in ("position_w", "yaw")]
+        for end in (at[0], at[-1]):
+            assert max(np.abs(end[field]).max() for field in moving) < 1e-6, name
+        if name == "steps":
+            assert {*at["position_w"][:, 0].tolist()} == {0.0, 0.5}
+            continue
+        for low, high in pairwise(MOTION):
+            slope = np.gradient(at[low], PERIOD, axis=0)[1:-1]
+            largest = np.abs(at[high]).max()
+            assert np.abs(slope - at[high][1:-1]).max() < 0.01 * largest, (name, high)
+
+
+def test_a_disturbance_names_what_a_vehicle_and_a_tracker_have() -> None:
+    for one in DISTURBANCES.values():
+        assert {*one.truth} <= {*SimulatorParameters.model_fields}
+        assert {*one.identified} <= {*VehicleModel.model_fields}
+        assert {*one.tracker} <= {*TrackerParameters.model_fields}
 
 
 @pytest.mark.parametrize("law", [*entries()])
