@@ -17,12 +17,12 @@ motors G = 1 / (tau s + 1) next to the true ones. Broken there, L becomes (L + Q
 torque's at the motors and in yaw, the force's in height. Sideways it holds the measured motion
 against the measured tilt, neither of which is behind the desired tilt or the motors: those two
 cuts do not see it. The loop `estimate` does, broken at the measured motion x. With d the force
-subtracted, whose rate is fed forward behind a low pass W = b / (s + b),
+subtracted, whose two derivatives are fed forward behind low passes W = b / (s + b) and W^2,
 
     B theta = -M x - O d,    d = Q (s^2 x - theta),    L = (M + O Q s^2) / (s^2 (B - O Q))
 
     M = P A                                 B = (tau s + 1) s^2 + A + k_w s
-    O = A + k_w s W                                               with the nominal rates
+    O = A + k_w s W + s^2 W^2                                     with the nominal rates
     M + k_w (k_p s + k_i) + k_i s           B + k_w k_v + k_p + k_v s
     O + k_w k_v + k_p + k_v s W                                   with the exact ones
 
