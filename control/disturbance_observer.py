@@ -25,23 +25,12 @@ import math
 
 import numpy as np
 
+from control.modelled_motion import modelled
 from control.parameters import DisturbanceParameters
 from quadrotor.compiled import compiled, direct
 from quadrotor.records import ACTUATORS, STATE, Item, Record
-from quadrotor.rigid_body import drag_torque, gyroscopic_ratios, motor_share, rotors
-from quadrotor.vectors import (
-    Vector,
-    add,
-    along,
-    axes_of,
-    dot,
-    quaternion,
-    scale,
-    times,
-    to_body,
-    vector,
-)
-from quadrotor.vehicle_model import GRAVITY, Four, VehicleModel
+from quadrotor.vectors import axes_of, dot, quaternion, scale, vector
+from quadrotor.vehicle_model import Four, VehicleModel
 
 RATE_POLE = 20.0
 """Low pass, in rad/s, of the force's rate, which turns the vehicle before its tilt is wrong."""
@@ -124,7 +113,6 @@ def observe_one(
         carried: whether the ground carries part of the weight; the estimate is held.
     """
     m = memory
-    n = m.rotor_speeds
     target = quaternion(actuators.motor_references)
     if not flying:
         _forget(m, target, out)
@@ -134,12 +122,12 @@ def observe_one(
         return  # a NaN would persist
     pole, spin = settings.force_bandwidth, settings.torque_bandwidth
     keep, keep_spin = -math.expm1(-pole * dt), -math.expm1(-spin * dt)
-    z_w = axes_of(quaternion(state.quaternion_wb))[2]
     if m.running <= 0 or carried:
         if m.running <= 0:
             m.running = 1 if m.running == 0 else 2
+        z_w = axes_of(quaternion(state.quaternion_wb))[2]
         for i in range(4):
-            n[i] = target[i]
+            m.rotor_speeds[i] = target[i]
         for i in range(3):  # start the model's motion such that the estimate continues
             away = m.acceleration_w[i] * dt * (1.0 - keep) / keep
             m.velocity_w[i] = state.velocity_w[i] - away
@@ -147,27 +135,40 @@ def observe_one(
             away = m.turn_b[i] * dt * (1.0 - keep_spin) / keep_spin
             m.angular_velocity_b[i] = state.angular_velocity_b[i] - away
     else:
-        push_w, turn = modelled(m, state, target, model, dt)
-        blur = -math.expm1(-RATE_POLE * dt)
-        carried = dot(vector(m.acceleration_w), vector(m.z_w)) * dt * (1.0 - keep) / keep
-        for i in range(3):
-            w, v = m.velocity_w, m.angular_velocity_b
-            w[i] += dt * push_w[i] - carried * (z_w[i] - m.z_w[i])
-            m.z_w[i] = z_w[i]
-            away = keep * (state.velocity_w[i] - w[i])
-            w[i] += away
-            m.acceleration_w[i] = away / dt
-            v[i] += dt * turn[i]
-            away = keep_spin * (state.angular_velocity_b[i] - v[i])
-            v[i] += away
-            m.turn_b[i] = away / dt
-        lift = dot(vector(m.acceleration_w), z_w)
-        for i in range(3):
-            across = m.acceleration_w[i] - lift * z_w[i]
-            m.slow_acceleration_w[i] += blur * (across - m.slow_acceleration_w[i])
-            m.rate_w[i] = RATE_POLE * (across - m.slow_acceleration_w[i])
-            m.slow_rate_w[i] += blur * (m.rate_w[i] - m.slow_rate_w[i])
+        _advance(m, state, target, (keep, keep_spin), model, dt)
     _take(m, settings, model, dt, out)
+
+
+@compiled(inner=True)
+def _advance(
+    m: Item, state: Item, target: Four, keeps: tuple[float, float], model: Item, dt: float
+) -> None:
+    """Advance the model's motion, and with it the estimate, over the last dt (s).
+
+    Args:
+        keeps: shares of the difference of measured and modelled motion that are taken over.
+    """
+    keep, keep_spin = keeps
+    push_w, turn = modelled(m, state, target, model, dt)
+    z_w = axes_of(quaternion(state.quaternion_wb))[2]
+    turned = dot(vector(m.acceleration_w), vector(m.z_w)) * dt * (1.0 - keep) / keep
+    w, v = m.velocity_w, m.angular_velocity_b
+    for i in range(3):
+        w[i] += dt * push_w[i] - turned * (z_w[i] - m.z_w[i])
+        m.z_w[i] = z_w[i]
+        away = keep * (state.velocity_w[i] - w[i])
+        w[i] += away
+        m.acceleration_w[i] = away / dt
+        v[i] += dt * turn[i]
+        away = keep_spin * (state.angular_velocity_b[i] - v[i])
+        v[i] += away
+        m.turn_b[i] = away / dt
+    blur, lift = -math.expm1(-RATE_POLE * dt), dot(vector(m.acceleration_w), z_w)
+    for i in range(3):
+        across = m.acceleration_w[i] - lift * z_w[i]
+        m.slow_acceleration_w[i] += blur * (across - m.slow_acceleration_w[i])
+        m.rate_w[i] = RATE_POLE * (across - m.slow_acceleration_w[i])
+        m.slow_rate_w[i] += blur * (m.rate_w[i] - m.slow_rate_w[i])
 
 
 @compiled(inner=True)
@@ -187,51 +188,6 @@ def _forget(m: Item, target: Four, out: Item) -> None:
         out.force_w[i] = out.force_rate_w[i] = out.force_curve_w[i] = out.torque_b[i] = 0.0
         out.force_ended_w[i] = out.torque_ended_b[i] = 0.0
     out.lift = out.force_begun = out.torque_begun = 0.0
-
-
-@compiled(inner=True)
-def modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tuple[Vector, Vector]:
-    """Return the model's accelerations: linear (m/s^2, world axes), angular (rad/s^2, body axes).
-
-    The rotors' speeds, `m.rotor_speeds`, follow their references `target`; the accelerations are
-    those of the middle of the step, in which the thrust pointed where z_B was half a step ago: at 2
-    rad/s that of now is 0.02 m/s^2 off after 1 ms, or 5 mm at a position gain of 4 1/s^2.
-    """
-    n = m.rotor_speeds
-    before = n[0], n[1], n[2], n[3]
-    share = motor_share(model.motor_time_constant, dt)
-    for i in range(4):
-        n[i] += share * (target[i] - n[i])
-    middle = (
-        0.5 * (before[0] + n[0]),
-        0.5 * (before[1] + n[1]),
-        0.5 * (before[2] + n[2]),
-        0.5 * (before[3] + n[3]),
-    )
-    thrust, x, y, z = rotors(
-        middle, model.motor_slope, model.motor_offset, model.arm, model.torque_ratio
-    )
-    q, lift = quaternion(state.quaternion_wb), thrust / model.mass
-    pushed_w = (
-        2.0 * lift * (q[1] * q[3] + q[0] * q[2]),
-        2.0 * lift * (q[2] * q[3] - q[0] * q[1]),
-        lift * (1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])) - GRAVITY,
-    )
-    axes, o = axes_of(q), vector(state.angular_velocity_b)
-    pushed_w = along(
-        along(pushed_w, -0.5 * dt * lift * o[1], axes[0]), 0.5 * dt * lift * o[0], axes[1]
-    )
-    push_w = along(pushed_w, -model.drag / model.mass, vector(state.velocity_w))
-    J = vector(model.inertia_b)
-    inverse = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
-    ratios = gyroscopic_ratios(J, inverse)
-    drag_b = scale(-model.drag, to_body(axes, vector(state.velocity_w)))
-    turn = times(add((x, y, z), drag_torque(model.drag_lever, drag_b)), inverse)
-    return push_w, (
-        turn[0] - ratios[0] * o[1] * o[2],
-        turn[1] - ratios[1] * o[2] * o[0],
-        turn[2] - ratios[2] * o[0] * o[1],
-    )
 
 
 @compiled(inner=True)

@@ -31,7 +31,7 @@ from extensions.batches.noise import seeded
 from extensions.batches.onboard import new_onboard, new_settings
 from extensions.batches.sensing import new_tracker
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.records import REFERENCE, STATE, Record
+from quadrotor.records import STATE, Record
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import PLANT, SUBSTEP, new_plant
@@ -158,11 +158,8 @@ def fly_batch(
     cases["late"] = [_late(one.truth.command_latency, period) for one in scenarios]
     cases["pace"]["judge_every"] = max(1, round(JUDGE_PERIOD / period))
     cases["pace"]["keep_every"] = keep_every
-    outcome, history = np.zeros(size, OUTCOME), np.zeros((size, kept), HISTORY)
-    for name in HISTORY.names or ():
-        history[name] = np.nan
-    courses = {id(one.trajectory): one.trajectory for one in scenarios}
-    sampled = {key: _course(one, ticks, period) for key, one in courses.items()}
+    outcome, history = np.zeros(size, OUTCOME), np.full((size, kept), np.nan, HISTORY)
+    sampled = _courses(scenarios, ticks, period)
     laws = laws_of((one.control.law for one in scenarios), others or {})
     fresh, fly = new_onboard(), entry()
     turn, workers = count(), min(threads or os.cpu_count() or 1, size)
@@ -192,12 +189,15 @@ def fly_batch(
     return BatchResult(outcome, final, history if kept else None)
 
 
-def _course(trajectory: FigureEight | Trajectory, ticks: int, period: float) -> Record:
-    """Return the REFERENCE records of all periods (s) of a trajectory, none for the 8."""
-    if isinstance(trajectory, FigureEight):
-        return np.zeros(0, REFERENCE)
-    rows = min(ticks, math.ceil(trajectory.duration / period) + 1)
-    return sample_many(trajectory, period * np.arange(rows))
+def _courses(scenarios: Sequence[Scenario], ticks: int, period: float) -> dict[int, Record]:
+    """Return the REFERENCE records of each trajectory's periods (s), by its id; none of an 8."""
+    found = {}
+    for one in {id(one.trajectory): one.trajectory for one in scenarios}.values():
+        rows = 0
+        if not isinstance(one, FigureEight):
+            rows = min(ticks, math.ceil(one.duration / period) + 1)
+        found[id(one)] = sample_many(one, period * np.arange(rows, dtype=np.float64))
+    return found
 
 
 def _apart(kind: np.dtype[np.void]) -> Record:

@@ -251,9 +251,8 @@ def fly(
     ticks, period, substeps = pace.ticks, 1e-9 * pace.period_ns, pace.substeps
     hover_ticks, judge_every, keep_every = pace.hover_ticks, pace.judge_every, pace.keep_every
     airborne = ticks > 0  # a plain True would be compiled as another type
-    dt = period / substeps
+    dt, drawn = period / substeps, np.zeros((1, 3))
     share = motor_share(p.model.motor_time_constant, dt)
-    drawn = np.zeros((1, 3))
     to_judge = to_keep = kept = flown = saturated = 0
     r.crash_time = math.nan
     _begin(c, p, v)

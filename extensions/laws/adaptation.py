@@ -20,7 +20,8 @@ import math
 
 import numpy as np
 
-from control.disturbance_observer import RATE_POLE, modelled
+from control.disturbance_observer import RATE_POLE
+from control.modelled_motion import modelled
 from quadrotor.compiled import compiled
 from quadrotor.records import Item
 from quadrotor.vectors import axes_of, dot, quaternion, vector

@@ -21,6 +21,10 @@ KNOW_DRAG = ("flatness_indi", "nmpc")
 """Laws whose sources have the drag in their model."""
 
 
+FEWER = {"nmpc": 3}
+"""Divisors of the number of seeds, for laws whose flights take a hundred times as long."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """A law with its settings.

@@ -22,7 +22,7 @@ class Arena:
     laws: Annotated[str, optional("NAMES")] = ""
     """names separated by spaces, also of your own laws (default: all but those)"""
     seeds: int = 12
-    """flights of each law in each cell; all laws fly the same seeds"""
+    """flights of each law in each cell, of nmpc a third; all laws fly the same seeds"""
     tuned: Folder = None
     """folder with the campaigns tune_NAME, whose best trials are the settings (default: the laws'
     own values)"""
@@ -81,7 +81,9 @@ class Arena:
         from extensions.laws.arena.flights import tolerated_latency
 
         has_base = any(one.entry == laws[0].name == "geometric" for one in cells)
-        lines = ["", f"Median position error of {self.seeds} seeds, mm rms{settings}:", ""]
+        fewer = [f"{one.entry} {len(one.rms)}" for one in cells if len(one.rms) < self.seeds]
+        seeds = " (".join([f"{self.seeds} seeds", *(f"{told})" for told in dict.fromkeys(fewer))])
+        lines = ["", f"Median position error of {seeds}, mm rms{settings}:", ""]
         lines += table.errors_table(cells)
         if has_base and len(laws) > 1:
             lines += ["", "The same over that of `geometric`, seed by seed:", ""]

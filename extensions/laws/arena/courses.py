@@ -93,7 +93,7 @@ def _summed(one: Trajectory, other: Trajectory) -> Record:
 def _through(places: list[list[float]], spacing: float) -> Record:
     """Return the path of minimum snap from CENTRE through places, one every `spacing` s."""
     points = np.array([START, *((*place, 0.0) for place in places), START])
-    return _rows(minimum_snap(points, spacing * np.arange(len(points))))
+    return _rows(minimum_snap(points, spacing * np.arange(len(points), dtype=np.float64)))
 
 
 def _steps() -> Record:

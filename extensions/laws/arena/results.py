@@ -51,8 +51,13 @@ class Cell:
         return _interval(np.where(np.isnan(self.rms), np.inf, self.rms))
 
     def ratio_to(self, other: Cell) -> tuple[float, float, float]:
-        """Return the median of the ratios of errors, seed by seed, and its 95 % interval."""
-        ratios = np.where(np.isnan(self.rms), np.inf, self.rms / other.rms)
+        """Return the median of the ratios of errors, seed by seed, and its 95 % interval.
+
+        The seeds are those that both have flown.
+        """
+        both = min(len(self.rms), len(other.rms))
+        own = self.rms[:both]
+        ratios = np.where(np.isnan(own), np.inf, own / other.rms[:both])
         return float(np.median(ratios)), *_interval(ratios)
 
 

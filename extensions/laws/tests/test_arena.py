@@ -38,7 +38,8 @@ def errors(law: str, disturbance: str, course: str = "8 in 8 s") -> float:
 
 def test_courses_begin_and_end_at_rest_and_each_record_is_the_derivative_of_the_last() -> None:
     for name, course in courses().items():
-        at = sample_many(course, PERIOD * np.arange(round(course.duration / PERIOD) + 1))
+        ticks = np.arange(round(course.duration / PERIOD) + 1, dtype=np.float64)
+        at = sample_many(course, PERIOD * ticks)
         moving = [field for field in REFERENCE.names or () if field not in ("position_w", "yaw")]
         for end in (at[0], at[-1]):
             assert max(np.abs(end[field]).max() for field in moving) < 1e-6, name
