@@ -81,8 +81,8 @@ class Arena:
         from extensions.laws.arena.flights import tolerated_latency
 
         has_base = any(one.entry == laws[0].name == "geometric" for one in cells)
-        fewer = [f"{one.entry} {len(one.rms)}" for one in cells if len(one.rms) < self.seeds]
-        seeds = " (".join([f"{self.seeds} seeds", *(f"{told})" for told in dict.fromkeys(fewer))])
+        fewer = {one.entry: len(one.rms) for one in cells if len(one.rms) < self.seeds}
+        seeds = ", ".join([f"{self.seeds} seeds", *(f"{n} for {law}" for law, n in fewer.items())])
         lines = ["", f"Median position error of {seeds}, mm rms{settings}:", ""]
         lines += table.errors_table(cells)
         if has_base and len(laws) > 1:
