@@ -14,7 +14,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from console.catalogue.catalogue import Catalogue
+from console.checks.preflight import PERIOD as PREFLIGHT
+from console.checks.startup import PERIOD as CHECKS
+from console.link.identification import PERIOD as IDENTIFICATION
 from console.link.outbox import WARN
+from console.rounds import run_rounds
+from console.runs.housekeeping import PERIOD as HOUSEKEEPING
 from console.station_parts import StationOptions, StationParts
 from quadrotor.errors import LinkError
 from vehicle_link.transport import time_sync
@@ -45,13 +50,17 @@ class BaseStation:
         self.answers = partial(time_sync.answers, clock)
         if problem:
             self.warn(f"the previous beacon layout was not restored: {problem}")
+        # What may wait for an answer of the vehicle, or for a disk that hangs, has its own thread.
         loops = {
             "beat": parts.heartbeat.run,
-            "identification": parts.identification.run,
             "polling": parts.polling.run,
-            "housekeeping": parts.housekeeping.run,
-            "preflight": parts.preflight.run,
-            "checks": parts.startup_checks.run,
+            "tidying": parts.housekeeping.begin,
+            "identification": partial(run_rounds, {parts.identification.update: IDENTIFICATION}),
+            "preflight": partial(run_rounds, {parts.preflight.tick: PREFLIGHT}),
+            "checks": partial(
+                run_rounds,
+                {parts.startup_checks.tick: CHECKS, parts.housekeeping.check: HOUSEKEEPING},
+            ),
         }
         parts.serve()
         parts.subscriptions.begin()
@@ -78,7 +87,6 @@ class BaseStation:
         parts.subscriptions.close()
         parts.node.close()
         parts.history_writer.close()
-        parts.event_writer.close()
 
     def warn(self, line: str) -> None:
         """Publish a warning event of this vehicle."""

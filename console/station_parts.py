@@ -27,6 +27,7 @@ from console.commands.lease_service import LeaseService
 from console.commands.marks import MarkService
 from console.commands.stick_control import StickHandler
 from console.context import StationContext
+from console.disk_worker import DiskWorker
 from console.exchange.heartbeat import Heartbeat
 from console.exchange.message_handlers import MessageHandlers
 from console.exchange.pictures import PictureRecording
@@ -229,12 +230,18 @@ class StationParts:
         )
 
     @cached_property
+    def list_worker(self) -> DiskWorker:
+        """Return the writer of the lists of changes and of events, which are one file."""
+        return DiskWorker("lists")
+
+    @cached_property
     def history_writer(self) -> ParameterHistoryWriter:
-        return ParameterHistoryWriter(self.history, partial(self.alarms.set, "history"))
+        alarm = partial(self.alarms.set, "history")
+        return ParameterHistoryWriter(self.history, alarm, self.list_worker)
 
     @cached_property
     def event_writer(self) -> EventWriter:
-        return EventWriter(EventBook(self.catalogue.engine, self.options.vehicle))
+        return EventWriter(EventBook(self.catalogue.engine, self.options.vehicle), self.list_worker)
 
     # ------------------------------------------------------------------ commands and flights
     @cached_property

@@ -50,11 +50,6 @@ class Preflight:
         self._published: tuple[object, ...] = ()
         self._published_at = float("-inf")
 
-    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
-        """Run until `closing`; `guard` calls a function and survives its defects."""
-        while not closing.wait(PERIOD):
-            guard(self.tick)
-
     def before_arming(self, requester: str) -> None:
         """Raise RefusedError with all the reasons why the vehicle must not be armed now."""
         facts = self._gather()

@@ -67,11 +67,10 @@ class StartupChecks:
         self._due = self._has_warned = False
         context.node.serve("station/checks", SERVICES["checks"], self._answer)
 
-    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
-        """Run until `closing`; `guard` calls a function and survives its defects."""
-        while not closing.wait(PERIOD):
-            self._watch.compare()
-            guard(self._check_when_due)
+    def tick(self) -> None:
+        """Compare the clocks, and check everything when that is due; called every PERIOD."""
+        self._watch.compare()
+        self._check_when_due()
 
     @property
     def found(self) -> list[Check]:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import threading
 import time
-from collections.abc import Callable
 
 from console.link.monitor import LinkMonitor
 from console.link.permission import OBSERVER
@@ -28,18 +26,13 @@ DOWN_FOR = 3.0
 
 
 class VehicleIdentification:
-    """Identifies the vehicle, in its own thread (`run`), because an answer may take a second."""
+    """Identifies the vehicle; an answer may take a second."""
 
     def __init__(self, node: Node, vehicle: str, link: LinkMonitor) -> None:
         self._vehicle, self._link = vehicle, link
         self._whoami = WhoAmI(node)
         self._due = self._down_since = self._probe_due = 0.0
         self._probed: ProbeResult | None = None
-
-    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
-        """Run until `closing`; `guard` calls a function and survives its defects."""
-        while not closing.wait(PERIOD):
-            guard(self.update)
 
     def update(self) -> None:
         """Identify the vehicle if that is due."""

@@ -32,13 +32,15 @@ RETRY = 1.0
 
 
 class ParameterHistoryWriter:
-    """Collects changes from any thread and writes them in its own, because the disk may be slow.
+    """Collects changes from any thread and writes them in a worker's, as the disk may be slow.
 
     Args:
         alarm: called with the reason when nothing can be written, and with None when it can again.
     """
 
-    def __init__(self, history: ParameterHistory, alarm: Callable[[str | None], None]) -> None:
+    def __init__(
+        self, history: ParameterHistory, alarm: Callable[[str | None], None], worker: DiskWorker
+    ) -> None:
         self._history = history
         self._alarm = alarm
         self._lock = threading.Lock()
@@ -48,7 +50,7 @@ class ParameterHistoryWriter:
         last = history.flight()
         self._is_open = last is not None and not last.is_over
         self._closing = threading.Event()
-        self._worker = DiskWorker("parameter history")
+        self._worker = worker
 
     def changed(self, change: ParameterChange, received_ns: int) -> None:
         """Write a change that an authority published, and any earlier change whose message was
@@ -94,6 +96,7 @@ class ParameterHistoryWriter:
         self._adopt(self._history.known(), values, 0, AT_START)
 
     def close(self) -> None:
+        """Write what is queued, or give it up, and end the worker."""
         self._closing.set()
         self._worker.close(CLOSE_PATIENCE)
 

@@ -17,7 +17,6 @@ from console.disk_worker import DiskWorker
 
 KEPT, SPARE = 500, 100
 """Number of events that are kept, and of older ones that may remain until they are removed."""
-CLOSE_PATIENCE = 3.0
 
 
 class Base(DeclarativeBase):
@@ -91,15 +90,11 @@ class EventBook:
 
 
 class EventWriter:
-    """Writer of the book in a thread of its own, because the disk may be slow."""
+    """Writer of the book in a worker's thread, because the disk may be slow."""
 
-    def __init__(self, book: EventBook) -> None:
-        self._book = book
-        self._worker = DiskWorker("events")
+    def __init__(self, book: EventBook, worker: DiskWorker) -> None:
+        self._book, self._worker = book, worker
 
     def put(self, event: KeptEvent) -> None:
         """Queue an event, from any thread."""
         self._worker.put(partial(self._book.add, event))
-
-    def close(self) -> None:
-        self._worker.close(CLOSE_PATIENCE)

@@ -23,7 +23,7 @@ DAY = 86_400.0
 
 
 class Housekeeping:
-    """The housekeeping of runs and disk; its methods are called periodically by one thread.
+    """The housekeeping of runs and disk.
 
     Args:
         recording: returns the recorder's present status.
@@ -51,12 +51,10 @@ class Housekeeping:
         self._purged = -PURGE_PERIOD
         self._purge_problem: str | None = None
 
-    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
-        """Tidy once if this station purges, then check every PERIOD until the station closes."""
+    def begin(self, _: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
+        """Tidy once if this station purges."""
         if self._purges:
             guard(self.tidy)
-        while not closing.wait(PERIOD):
-            guard(self.check)
 
     def tidy(self) -> None:
         """Tidy once, in the background: a present flight must not wait for old files."""

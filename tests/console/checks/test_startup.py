@@ -62,16 +62,9 @@ class Station:
 
     def live(self, facts: Sequence[Facts]) -> None:
         """Find these facts, one a second."""
-        remaining = list(facts)
-
-        def has_closed(_: float) -> bool:
-            if not remaining:
-                return True
-            self._now, self._second = remaining.pop(0), self._second + 1
-            return False
-
-        closing: Any = SimpleNamespace(wait=has_closed)
-        self._checks.run(closing, lambda act: act())
+        for self._now in facts:
+            self._second += 1
+            self._checks.tick()
 
     @property
     def attention(self) -> set[str]:

@@ -17,8 +17,9 @@ from typing import Any
 import pytest
 
 from console.link import identification
-from console.link.identification import VehicleIdentification
+from console.link.identification import PERIOD, VehicleIdentification
 from console.link.monitor import LinkMonitor
+from console.rounds import run_rounds
 from tests.waiting import free_port
 from vehicle_link.identity import THE_ONE
 from vehicle_link.security.authority import Role, TlsFiles, ensure_certificates
@@ -42,7 +43,8 @@ class Station:
         self.link.follow(Radio(f"127.0.0.1:{port}", tls, loopback, lambda: silent))
         asks = VehicleIdentification(Node(self.hub, "/quad1", "station"), "quad1", self.link)
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=asks.run, args=(self._closing, lambda act: act()))
+        turns = {asks.update: PERIOD}, self._closing, lambda act: act()
+        self._thread = threading.Thread(target=run_rounds, args=turns)
         self._thread.start()
 
     @property

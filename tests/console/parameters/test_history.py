@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from console.catalogue.catalogue import Catalogue
+from console.disk_worker import DiskWorker
 from console.parameters.history import ParameterHistory
 from console.parameters.history_writer import (
     AT_RESTART,
@@ -38,7 +39,7 @@ class Bench:
         self.alarms: list[str | None] = []
         self.catalogue = Catalogue(data)
         self.history = ParameterHistory(self.catalogue.engine, "quad1")
-        self.witness = ParameterHistoryWriter(self.history, self.alarms.append)
+        self.witness = ParameterHistoryWriter(self.history, self.alarms.append, DiskWorker("lists"))
         self.replica = ParameterReplica(self.history.known())
         self.stamp = 1_000
 
