@@ -51,7 +51,7 @@ class BaseStation:
         if problem:
             self.warn(f"the previous beacon layout was not restored: {problem}")
         # What may wait for an answer of the vehicle, or for a disk that hangs, has its own thread.
-        loops = {
+        loops: dict[str, Callable[..., None]] = {
             "beat": parts.heartbeat.run,
             "polling": parts.polling.run,
             "tidying": parts.housekeeping.begin,
