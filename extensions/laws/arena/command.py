@@ -21,6 +21,8 @@ class Arena:
 
     laws: Annotated[str, optional("NAMES")] = ""
     """names separated by spaces, also of your own laws (default: all but those)"""
+    courses: Annotated[str, optional("NAMES")] = ""
+    """names separated by semicolons (default: all twelve)"""
     seeds: int = 12
     """flights of each law in each cell, of nmpc a third; all laws fly the same seeds"""
     tuned: Folder = None
@@ -38,6 +40,7 @@ class Arena:
     def run(self) -> int:
         from extensions.laws.arena import table
         from extensions.laws.arena.cells import chosen
+        from extensions.laws.arena.courses import chosen_courses
         from extensions.laws.arena.flights import fly_arena, tick_time
         from extensions.laws.arena.margins import at_equal_margin
         from extensions.laws.arena.own_laws import own_laws
@@ -54,6 +57,7 @@ class Arena:
             table.check_out(self.out)
         folder = self.plugins or data_folder(None) / PLUGINS
         offer_laws(folder)
+        there = chosen_courses(self.courses)
         laws, settings = chosen(self.laws, own_laws(folder)), ""
         if self.tuned is not None:
             laws, budget = tuned(laws, self.tuned)
@@ -62,7 +66,7 @@ class Arena:
             laws, margin = at_equal_margin(laws)
             settings = f"{settings}; {margin}"
         ticks = {one.name: tick_time(one) for one in laws}
-        flown = fly_arena(laws, self.seeds, lambda line: print(line, file=sys.stderr))
+        flown = fly_arena(laws, self.seeds, there, lambda line: print(line, file=sys.stderr))
         cells = [replace(cell, tick=ticks[cell.entry]) for cell in flown]
         lines = self._tables(laws, cells, settings)
         for one in laws:

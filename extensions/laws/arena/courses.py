@@ -10,6 +10,7 @@ from control.trajectories.circle import Circle
 from control.trajectories.figure_eight import FigureEight
 from control.trajectories.minimum_snap import minimum_snap
 from control.trajectories.trajectory import Trajectory, grid_sampler
+from quadrotor.errors import UsageError
 from quadrotor.records import REFERENCE, Record
 
 PERIOD = 0.002
@@ -65,6 +66,21 @@ def courses() -> dict[str, Trajectory]:
         "3 m x 1.5 m in 3 s": large(period=3.0, yaw_amplitude=0.1),
         **{name: Course(rows) for name, rows in made.items()},
     }
+
+
+def chosen_courses(names: str) -> dict[str, Trajectory]:
+    """Return the courses of these names, separated by semicolons; for none, all.
+
+    Raises UsageError.
+    """
+    there = courses()
+    wanted = [name.strip() for name in names.split(";") if name.strip()]
+    for name in wanted:
+        if name not in there:
+            raise UsageError(
+                f"--courses {name!r} is not in the arena; there are {'; '.join(there)}"
+            )
+    return {name: there[name] for name in wanted or there}
 
 
 def _rows(trajectory: Trajectory) -> Record:

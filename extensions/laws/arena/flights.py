@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -80,16 +80,21 @@ def fly_cell(
     return Flown(rms, float(flown.of_flown("saturated_share").mean()), effort)
 
 
-def fly_arena(entries: Sequence[Entry], seeds: int, tell: Callable[[str], None]) -> Iterator[Cell]:
+def fly_arena(
+    entries: Sequence[Entry],
+    seeds: int,
+    there: Mapping[str, Trajectory],
+    tell: Callable[[str], None],
+) -> Iterator[Cell]:
     """Fly every entry on every course under every disturbance, on the same seeds, the slow ones on
     the first of them.
     """
-    for course, eight in courses().items():
+    for course, path in there.items():
         for name, disturbance in DISTURBANCES.items():
             tell(f"{course}, {name}")
             for entry in entries:
                 own = max(2, seeds // FEWER.get(entry.name, 1))
-                flown = fly_cell(entry, disturbance, eight, range(FIRST_SEED, FIRST_SEED + own))
+                flown = fly_cell(entry, disturbance, path, range(FIRST_SEED, FIRST_SEED + own))
                 yield Cell(entry.name, course, name, *flown)
 
 
