@@ -168,6 +168,10 @@ def test_flights_are_written_as_csv_and_the_table_as_latex(tmp_path: Path) -> No
 def test_mistakes_are_told_before_the_first_flight(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--laws 'mpc' is not in the arena; there are geometric"):
         chosen("geometric mpc")
+    with pytest.raises(
+        UsageError, match="--courses '8' is not in the arena; there are 8 in 8 s; 8"
+    ):
+        Arena(courses="8 in 8 s; 8").run()
     with pytest.raises(UsageError, match="allowed are 2 or more"):
         Arena(seeds=1).run()
     with pytest.raises(UsageError, match=r"--out a\.txt: allowed are \.json, \.csv, \.tex"):
