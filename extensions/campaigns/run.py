@@ -24,6 +24,7 @@ from extensions.campaigns.search.study import SearchWork, check_library
 from extensions.campaigns.search.told import none_feasible, outcome, told_plan
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.shard import WHOLE, Shard
+from extensions.campaigns.stop import kept_when_stopped
 from extensions.campaigns.table import numbers
 from quadrotor.errors import UsageError
 
@@ -122,7 +123,7 @@ def fly(folder: CampaignFolder, engine: Engine) -> int:
     """Fly what has no row yet; return the exit status.
 
     It is 1 when a flight raised an error, was too long or killed its workers, as these have no
-    figures. Raises QuadlabError; the rows so far are kept, also at Ctrl-C.
+    figures. Raises QuadlabError; the rows so far are kept, also at Ctrl-C and SIGTERM.
     """
     shard = engine.shard
     if folder.plan.plan.search and shard != WHOLE:
@@ -130,7 +131,7 @@ def fly(folder: CampaignFolder, engine: Engine) -> int:
             f"--shard {shard.number}/{shard.of}: a search chooses each trial by those before; use "
             "--workers or --dask"
         )
-    with folder.owned(shard):
+    with kept_when_stopped(folder.path), folder.owned(shard):
         if shard == WHOLE:
             folder.mend()
         done = folder.done()
