@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
 
 from benchmarks.harness import Row, Size
 from extensions.campaigns.design import Cells
@@ -17,7 +21,9 @@ from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import fly_task
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.plan import parse_plan
+from extensions.campaigns.settings import Settings
 from extensions.campaigns.shard import WHOLE
+from extensions.campaigns.summary import command_of
 from extensions.campaigns.table import numbers
 from quadrotor.records import Array
 
@@ -30,39 +36,67 @@ class Flown:
 
     Args:
         name: of the plan's file.
-        size: a quick run has few seeds, a smoke run flies the first two cells once, here.
+        size: a quick run has few seeds, a smoke run flies its first cells once, here.
+        flights: at least so many, by the number of seeds; 0 for those of the plan.
+        smoke: cells of a smoke run.
     """
 
-    def __init__(self, name: str, size: Size) -> None:
+    def __init__(self, name: str, size: Size, *, flights: int = 0, smoke: int = 2) -> None:
         path = PLANS / f"{name}.toml"
         text = path.read_text()
-        if size is not Size.FULL:
-            seeds = size.of(0, QUICK_SEEDS, 1)
+        seeds = size.of(0, QUICK_SEEDS, 1)
+        if flights:
+            seeds = math.ceil(flights / Cells(parse_plan(text, path).plan).number)
+        if seeds:
             text = re.sub(r"^seeds = \d+$", f"seeds = {seeds}", text, flags=re.MULTILINE)
         file = parse_plan(text, path)
         self.plan = file.plan
         with TemporaryDirectory(prefix="quadlab-plan-") as made:
             folder = CampaignFolder.begun(Path(made, name), file, Cells(file.plan))
             if size is Size.SMOKE:
-                folder.add(fly_task(folder.task([0, 1])), WHOLE)
+                folder.add(fly_task(folder.task(range(min(smoke, folder.flights)))), WHOLE)
             else:
                 work = Work(folder, WHOLE, range(folder.flights))
                 fly_locally(work, os.cpu_count() or 1)
                 work.write()
                 folder.finish()
             self.table = folder.table()
+        self._settings = Settings(file, Cells(file.plan))
 
     def values(self, metric: str, **factors: Any) -> Array:
         """Return a metric of the flights with these values of factors; infinite for one without."""
-        chosen = np.ones(self.table.num_rows, bool)
-        for name, value in factors.items():
-            chosen &= np.array(self.table[name].to_pylist()) == value
+        chosen = self._chosen(factors)
+        if metric not in self.table.column_names:
+            return np.full(int(chosen.sum()), np.inf)
         found: Array = numbers(self.table, metric)[chosen]
         return np.where(np.isfinite(found), found, np.inf)
 
-    def pairs(self, first: str, second: str) -> list[tuple[Any, Any]]:
-        """Return the pairs of values of two factors that were flown, in their order."""
-        columns = (self.table[name].to_pylist() for name in (first, second))
+    def metrics(self, **factors: Any) -> set[str]:
+        """Return the metrics that a flight with these values of factors has."""
+        columns = self.table.filter(pa.array(self._chosen(factors)))
+        return {name for name in columns.column_names if columns[name].null_count < len(columns)}
+
+    def count(self, metric: str, **factors: Any) -> int:
+        """Return the number of flights of which a metric is 1: of which it is true."""
+        return int((self.values(metric, **factors) == 1.0).sum())
+
+    def _chosen(self, factors: Mapping[str, Any]) -> npt.NDArray[np.bool_]:
+        chosen = np.ones(self.table.num_rows, bool)
+        for name, value in factors.items():
+            chosen &= np.array(self.table[name].to_pylist()) == value
+        return chosen
+
+    def notes(self, wanted: npt.NDArray[np.bool_], what: str = "") -> list[str]:
+        """Return lines on some flights: what they did, and the command that flies each again."""
+        indices, reasons = self.table["index"].to_pylist(), self.table["reason"].to_pylist()
+        return [
+            f"{reasons[k] or what}: `{command_of(self._settings, indices[k])}`"
+            for k in np.flatnonzero(wanted)
+        ]
+
+    def combinations(self, *factors: str) -> list[tuple[Any, ...]]:
+        """Return the combinations of values of some factors that were flown, in their order."""
+        columns = (self.table[name].to_pylist() for name in factors)
         return list(dict.fromkeys(zip(*columns, strict=True)))
 
     def rows(self, down: str, across: str, metric: str, unit: float, symbol: str) -> list[Row]:
@@ -73,7 +107,7 @@ class Flown:
             unit: of the table in that of the metric, as 1e3 for mm of m. symbol: its name.
         """
         found: dict[str, Row] = {}
-        for one, other in self.pairs(down, across):
+        for one, other in self.combinations(down, across):
             values = unit * self.values(metric, **{down: one, across: other})
             figures = found.setdefault(one, Row(one, {})).figures
             figures[f"{other}, {symbol}"] = float(np.median(values))

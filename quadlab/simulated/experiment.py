@@ -86,7 +86,9 @@ def fly(
         experiment.check()
     path, vehicle = _own_log(experiment, seed, out) if member is None else (member.log, member.name)
     facts = {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board}
-    flight = _new_flight(parameters, kind, plugins, (path, vehicle, facts), true_state, member)
+    own = getattr(experiment, "flight", None)
+    log = path, vehicle, facts
+    flight = _new_flight(parameters, kind, plugins, log, true_state, member, own=own)
     if print_instructions:
         flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()
@@ -108,8 +110,14 @@ def _new_flight(
     log: tuple[Path, str, dict[str, str]],
     true_state: bool,
     member: Member | None,
+    *,
+    own: type[SimulatedFlight] | None,
 ) -> SimulatedFlight:
-    """Return the flight with its simulated vehicle and its log (path, vehicle, facts)."""
+    """Return the flight with its simulated vehicle and its log (path, vehicle, facts).
+
+    Args:
+        own: the experiment's own kind of flight.
+    """
     from quadlab.simulated.flight import SimulatedFlight, TrueState
     from quadlab.simulated.flight_log import FlightLog
     from quadrotor.parameters import ParameterStore
@@ -120,9 +128,8 @@ def _new_flight(
     neighbours = member.neighbours(simulated, written) if member is not None else None
     estimator = TrueState(simulated) if true_state else None
     load_kernels()
-    return SimulatedFlight(
-        parameters, simulated, written, estimator, plugins, kind, neighbours=neighbours
-    )
+    made = own or SimulatedFlight
+    return made(parameters, simulated, written, estimator, plugins, kind, neighbours=neighbours)
 
 
 def check_seed(seed: int) -> None:

@@ -13,7 +13,13 @@ import pytest
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.stop import StoppedBySignal, kept_when_stopped
 from extensions.campaigns.tests.conftest import rows
-from extensions.campaigns.tests.disturbed import kill_workers, rows_of, started, until
+from extensions.campaigns.tests.disturbed import (
+    kill_workers,
+    rows_of,
+    started,
+    until,
+    workers_of,
+)
 
 CASES = 'experiment = "cases.py"\nseeds = 8\n[fixed]\n"experiment.height" = 1.5\n'
 LOGGED = CASES + '[keep]\nlogs = "all"\n'
@@ -99,8 +105,11 @@ def test_a_run_that_is_asked_to_end_says_in_one_line_how_it_goes_on(bench: Any) 
     out = bench.folder / "out"
     run = started("run", bench.plan(CASES.replace("= 8", "= 400")), "--out", out, "--workers", 1)
     assert until(lambda: rows_of(out) >= 1, run)
+    workers = workers_of(run.pid)
     run.terminate()
     _, said = run.communicate()
+    assert len(workers) == 1
+    assert not Path("/proc", str(workers[0])).exists()
     assert run.returncode == 128 + signal.SIGTERM
     told = [line for line in said.splitlines() if " of 400" not in line]  # progress
     assert told == [f"quadlab: SIGTERM: the rows so far are kept; quadlab campaign resume {out}"]
