@@ -63,7 +63,6 @@ FOLDERS = {
         "failures",
         "identification",
         "rough_world",
-        "hostile_flights",
         "hostile_plugins",
         "foreign_laws",
         "law_rescues",
@@ -79,6 +78,7 @@ FOLDERS = {
         "campaign_size",
         "disturbances",
         "fleet_flight",
+        "hostile_flights",
         "tracking_faults",
     ),
     "page": (
@@ -124,7 +124,6 @@ OWN_OPTIONS = {
         "firmware",
         "hostile_bytes",
         "hostile_doors",
-        "hostile_flights",
         "hostile_plugins",
         "law_rescues",
     ),
