@@ -56,7 +56,6 @@ FOLDERS = {
     "explanation": ("explanations", "diagnosis", "fault_verdicts"),
     "firmware": ("firmware",),
     "flights": (
-        "bearing_flights",
         "board_flights",
         "faults",
         "fleet",
@@ -73,6 +72,7 @@ FOLDERS = {
         "camera_flight",
     ),
     "campaigns": (
+        "bearing_flights",
         "campaigns",
         "campaign_kills",
         "campaign_size",

@@ -38,10 +38,18 @@ class Flown:
         name: of the plan's file.
         size: a quick run has few seeds, a smoke run flies its first cells once, here.
         flights: at least so many, by the number of seeds; 0 for those of the plan.
-        smoke: cells of a smoke run.
+        smoke: cells of a smoke run. short: values of fixed settings with which it is short.
     """
 
-    def __init__(self, name: str, size: Size, *, flights: int = 0, smoke: int = 2) -> None:
+    def __init__(
+        self,
+        name: str,
+        size: Size,
+        *,
+        flights: int = 0,
+        smoke: int = 2,
+        short: Mapping[str, float] = {},
+    ) -> None:
         path = PLANS / f"{name}.toml"
         text = path.read_text()
         seeds = size.of(0, QUICK_SEEDS, 1)
@@ -49,6 +57,10 @@ class Flown:
             seeds = math.ceil(flights / Cells(parse_plan(text, path).plan).number)
         if seeds:
             text = re.sub(r"^seeds = \d+$", f"seeds = {seeds}", text, flags=re.MULTILINE)
+        for setting, value in short.items() if size is Size.SMOKE else ():
+            text = re.sub(
+                rf'^"{setting}" = .*$', f'"{setting}" = {value}', text, flags=re.MULTILINE
+            )
         file = parse_plan(text, path)
         self.plan = file.plan
         with TemporaryDirectory(prefix="quadlab-plan-") as made:
