@@ -57,7 +57,6 @@ FOLDERS = {
     "firmware": ("firmware",),
     "flights": (
         "board_flights",
-        "faults",
         "fleet",
         "failures",
         "identification",
@@ -77,6 +76,7 @@ FOLDERS = {
         "campaign_kills",
         "campaign_size",
         "disturbances",
+        "faults",
         "fleet_flight",
         "hostile_flights",
         "tracking_faults",

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from benchmarks.harness import Row, Size
+from console.experiments.client import Experiment
 from extensions.campaigns.design import Cells
 from extensions.campaigns.engines.local_engine import fly_locally
 from extensions.campaigns.engines.work import Work
@@ -25,6 +26,8 @@ from extensions.campaigns.settings import Settings
 from extensions.campaigns.shard import WHOLE
 from extensions.campaigns.summary import command_of
 from extensions.campaigns.table import numbers
+from quadlab.simulated.experiment import chosen as experiment_of
+from quadlab.simulated.experiment import fly
 from quadrotor.records import Array
 
 PLANS = Path(__file__).parent / "plans"
@@ -38,6 +41,7 @@ class Flown:
         name: of the plan's file.
         size: a quick run has few seeds, a smoke run flies its first cells once, here.
         flights: at least so many, by the number of seeds; 0 for those of the plan.
+        seeds: of each cell in a quick run.
         smoke: cells of a smoke run. short: values of fixed settings with which it is short.
     """
 
@@ -47,16 +51,17 @@ class Flown:
         size: Size,
         *,
         flights: int = 0,
+        seeds: int = QUICK_SEEDS,
         smoke: int = 2,
         short: Mapping[str, float] = {},
     ) -> None:
         path = PLANS / f"{name}.toml"
         text = path.read_text()
-        seeds = size.of(0, QUICK_SEEDS, 1)
+        chosen = size.of(0, seeds, 1)
         if flights:
-            seeds = math.ceil(flights / Cells(parse_plan(text, path).plan).number)
-        if seeds:
-            text = re.sub(r"^seeds = \d+$", f"seeds = {seeds}", text, flags=re.MULTILINE)
+            chosen = math.ceil(flights / Cells(parse_plan(text, path).plan).number)
+        if chosen:
+            text = re.sub(r"^seeds = \d+$", f"seeds = {chosen}", text, flags=re.MULTILINE)
         for setting, value in short.items() if size is Size.SMOKE else ():
             text = re.sub(
                 rf'^"{setting}" = .*$', f'"{setting}" = {value}', text, flags=re.MULTILINE
@@ -105,6 +110,20 @@ class Flown:
             f"{reasons[k] or what}: `{command_of(self._settings, indices[k])}`"
             for k in np.flatnonzero(wanted)
         ]
+
+    def again(self, row: int) -> Experiment:
+        """Fly the flight of a row again; return its experiment, with what that has kept."""
+        index, file = self.table["index"][row].as_py(), self._settings.file
+        experiment = experiment_of(file.experiment)
+        with TemporaryDirectory(prefix="quadlab-again-") as made:
+            fly(
+                experiment,
+                seed=self._settings.cells.seed(index),
+                words=self._settings.words(index // self.plan.seeds),
+                out=Path(made),
+                board=self.plan.board,
+            )
+        return experiment
 
     def combinations(self, *factors: str) -> list[tuple[Any, ...]]:
         """Return the combinations of values of some factors that were flown, in their order."""
