@@ -25,6 +25,7 @@ from extensions.campaigns.beginning import (
     RECORD,
     ROWS,
     make,
+    read_record,
     software,
     write_record,
 )
@@ -54,8 +55,7 @@ class CampaignFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        with os_errors(lambda why: f"{path} is no campaign ({why}: {RECORD}); give its folder"):
-            self.record: dict[str, Any] = json.loads((path / RECORD).read_text())
+        self.record = read_record(path)
         if self.record.get("protocol") != PROTOCOL:
             raise StorageError(f"{path} is of another version of quadlab's campaigns; update it")
         self._files = RowFiles(path)
@@ -95,9 +95,9 @@ class CampaignFolder:
         """
         path = path.expanduser()
         if not (path / RECORD).exists():
-            if path.exists() and any(one.name not in MADE for one in path.iterdir()):
-                raise UsageError(f"--out {path} holds other files; give a new folder")
             with os_errors(lambda why: f"--out {path} cannot be written ({why})"):
+                if path.exists() and any(one.name not in MADE for one in path.iterdir()):
+                    raise UsageError(f"--out {path} holds other files; give a new folder")
                 make(path, file, cells)
         found = cls(path)
         if found.record["plan"] != file.identity:

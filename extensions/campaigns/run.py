@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from extensions.campaigns.engines.local_engine import fly_locally
 from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import UNFLOWN, Outcome, fly_task
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.plan import COMPILED, SALTELLI, PlanFile, read_plan
+from extensions.campaigns.plan import COMPILED, SALTELLI, Plan, PlanFile, read_plan
 from extensions.campaigns.search.study import SearchWork, check_library
 from extensions.campaigns.search.told import none_feasible, outcome, told_plan
 from extensions.campaigns.settings import Settings
@@ -27,6 +28,9 @@ from extensions.campaigns.shard import WHOLE, Shard
 from extensions.campaigns.stop import kept_when_stopped
 from extensions.campaigns.table import numbers
 from quadrotor.errors import UsageError
+
+if TYPE_CHECKING:
+    from pyarrow import Table
 
 SPEED = {True: 4500.0, False: 15.0}
 """Times real time that a worker flies, compiled or not, for the estimate before the first flight.
@@ -172,7 +176,17 @@ def _ended(folder: CampaignFolder) -> int:
     if is_search and not (found := outcome(folder, table)).best:
         print(f"quadlab: {none_feasible(found)}", file=sys.stderr)
         return 1
+    if table is not None and counted["passed"] and (lost := _lacking(folder.plan.plan, table)):
+        print(f"quadlab: no flight has {lost}; correct metrics or limits", file=sys.stderr)
+        return 1
     return 1 if any(counted[name] for name in UNFLOWN) else 0
+
+
+def _lacking(plan: Plan, table: Table) -> str:
+    """Return the metrics that a plan keeps, or limits, and no flight has; none that it drops."""
+    limited = [name for name in plan.limits if name in plan.metrics or not plan.metrics]
+    wanted = dict.fromkeys([*plan.metrics, *limited])
+    return ", ".join(repr(name) for name in wanted if name not in table.column_names)
 
 
 def _keep_worst(folder: CampaignFolder) -> None:

@@ -13,13 +13,7 @@ import pytest
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.stop import StoppedBySignal, kept_when_stopped
 from extensions.campaigns.tests.conftest import rows
-from extensions.campaigns.tests.disturbed import (
-    kill_workers,
-    rows_of,
-    started,
-    until,
-    workers_of,
-)
+from extensions.campaigns.tests.disturbed import kill_workers, rows_of, started, until, workers_of
 
 CASES = 'experiment = "cases.py"\nseeds = 8\n[fixed]\n"experiment.height" = 1.5\n'
 LOGGED = CASES + '[keep]\nlogs = "all"\n'
