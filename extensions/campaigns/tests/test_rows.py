@@ -164,6 +164,20 @@ def test_a_changed_plan_is_another_campaign(bench: Any) -> None:
     assert "is no campaign" in bench.refused("show", bench.folder / "full")
 
 
+def test_the_plan_in_a_folder_is_not_changed_afterwards(bench: Any) -> None:
+    flown = bench.flown(COMPILED, "out")
+    plan = flown.path / "plan.toml"
+    plan.write_text(plan.read_text().replace("seeds = 5", "seeds = 6"))
+    assert "plan.toml was changed since" in bench.refused("resume", flown.path)
+
+
+def test_damaged_rows_are_told_in_one_line(bench: Any) -> None:
+    flown = bench.flown(COMPILED, "out")
+    next(flown.rows.iterdir()).write_bytes(b"PAR1")
+    for action in ("show", "resume"):
+        assert "rows is damaged" in bench.refused(action, flown.path)
+
+
 def test_rows_of_other_software_are_not_mixed_in(bench: Any) -> None:
     flown = bench.flown(COMPILED, "out")
     record = json.loads((flown.path / RECORD).read_text())
