@@ -139,9 +139,9 @@ def _timeouts(report: Report, size: Size) -> dict[str, Any]:
         held += [timeout] if good == moments else []
         tilts.append(most)
         failed.append(100.0 * (1 - good / moments))
-        figures = {"measured": most, "upright": f"{good} of {moments}"}
+        figures: dict[str, float | str] = {"measured": most, "upright": f"{good} of {moments}"}
         figures["reference"] = f"≤ {TIMEOUT_MAX:g} s lands"
-        report.rows.append(Row(f"commands held for {timeout:g} s: largest tilt, deg", {**figures}))
+        report.rows.append(Row(f"commands held for {timeout:g} s: largest tilt, deg", figures))
     steepest = float(flown.values("steepest_deg").max())
     report.conditions.append(f"steepest of the steep 8: {steepest:.0f}°")
     what = "longest timeout that always lands well, s"

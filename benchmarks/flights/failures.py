@@ -25,7 +25,9 @@ from benchmarks.campaigns.planned import Flown
 from benchmarks.flights.failing_flights import CORRUPTED
 from benchmarks.flights.touch_down import IMPACT_MAX, UPRIGHT, Outcome
 from benchmarks.harness import Report, Row, Size, Target
+from quadrotor.records import Array
 
+Numbers = Sequence[float] | Array
 REAL_SEEDS = 2, 0, 0  # of each size
 REAL_FAILURES = (
     "web",
@@ -85,7 +87,7 @@ def report(flown: Flown) -> Report:
     return found
 
 
-def _targets(lost: int, impacts: Sequence[float], tilts: Sequence[float]) -> list[Target]:
+def _targets(lost: int, impacts: Numbers, tilts: Numbers) -> list[Target]:
     return [
         Target(f"flights of {len(impacts)} that did not land", lost, 0),
         Target("hardest touch-down, m/s", max(impacts), IMPACT_MAX),
@@ -154,7 +156,7 @@ def report_of_real(outcomes: Sequence[Outcome]) -> Report:
     return found
 
 
-def _both(values: Sequence[float], digits: int) -> str:
+def _both(values: Numbers, digits: int) -> str:
     return f"{np.median(values):.{digits}f} / {max(values):.{digits}f}"
 
 

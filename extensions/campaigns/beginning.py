@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -20,6 +19,7 @@ from extensions.campaigns.plan import OWN, PlanFile
 from flight_log.provenance import provenance, revision
 from quadrotor.checkout import PACKAGES, PREFIX, ROOT
 from quadrotor.errors import StorageError, os_errors
+from quadrotor.json_object import JsonObject
 
 PLAN, RECORD, ROWS, LOGS = "plan.toml", "campaign.json", "rows", "logs"
 LOCK = "run.lock"
@@ -73,12 +73,11 @@ def write_record(path: Path, record: Mapping[str, object]) -> None:
         new.write_text(json.dumps(record, indent=1) + "\n")
 
 
-def read_record(path: Path) -> dict[str, Any]:
+def read_record(path: Path) -> JsonObject:
     """Return what a campaign was begun with. Raises StorageError for a folder without one."""
     with os_errors(lambda why: f"{path} is no campaign ({why}: {RECORD}); give its folder"):
         data = (path / RECORD).read_bytes()
     try:
-        found: dict[str, Any] = msgspec.json.decode(data, type=dict[str, Any])
+        return msgspec.json.decode(data, type=dict)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise StorageError(f"{path / RECORD} is damaged ({error}); run its plan again") from None
-    return found

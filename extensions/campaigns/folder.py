@@ -55,7 +55,7 @@ class CampaignFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.record = read_record(path)
+        self.record: dict[str, Any] = dict(read_record(path))
         if self.record.get("protocol") != PROTOCOL:
             raise StorageError(f"{path} is of another version of quadlab's campaigns; update it")
         self._files = RowFiles(path)

@@ -17,6 +17,7 @@ import numpy as np
 from extensions.campaigns.closed_loop import check_compiled
 from extensions.campaigns.design import Cells
 from extensions.campaigns.engines.local_engine import fly_locally
+from extensions.campaigns.engines.stop import kept_when_stopped
 from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import UNFLOWN, Outcome, fly_task
 from extensions.campaigns.folder import CampaignFolder
@@ -25,7 +26,6 @@ from extensions.campaigns.search.study import SearchWork, check_library
 from extensions.campaigns.search.told import none_feasible, outcome, told_plan
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.shard import WHOLE, Shard
-from extensions.campaigns.stop import kept_when_stopped
 from extensions.campaigns.table import numbers
 from quadrotor.errors import UsageError
 

@@ -86,9 +86,8 @@ def fly(
         experiment.check()
     path, vehicle = _own_log(experiment, seed, out) if member is None else (member.log, member.name)
     facts = {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board}
-    own = getattr(experiment, "flight", None)
-    log = path, vehicle, facts
-    flight = _new_flight(parameters, kind, plugins, log, true_state, member, own=own)
+    made, log = getattr(experiment, "flight", None), (path, vehicle, facts)
+    flight = _new_flight(parameters, kind, plugins, log, true_state, member, made=made)
     if print_instructions:
         flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()
@@ -111,12 +110,10 @@ def _new_flight(
     true_state: bool,
     member: Member | None,
     *,
-    own: type[SimulatedFlight] | None,
+    made: type[SimulatedFlight] | None,
 ) -> SimulatedFlight:
-    """Return the flight with its simulated vehicle and its log (path, vehicle, facts).
-
-    Args:
-        own: the experiment's own kind of flight.
+    """Return the flight, of the experiment's own kind if it has one, with its simulated vehicle and
+    its log (path, vehicle, facts).
     """
     from quadlab.simulated.flight import SimulatedFlight, TrueState
     from quadlab.simulated.flight_log import FlightLog
@@ -128,8 +125,8 @@ def _new_flight(
     neighbours = member.neighbours(simulated, written) if member is not None else None
     estimator = TrueState(simulated) if true_state else None
     load_kernels()
-    made = own or SimulatedFlight
-    return made(parameters, simulated, written, estimator, plugins, kind, neighbours=neighbours)
+    kind_of = made or SimulatedFlight
+    return kind_of(parameters, simulated, written, estimator, plugins, kind, neighbours=neighbours)
 
 
 def check_seed(seed: int) -> None:

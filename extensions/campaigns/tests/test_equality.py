@@ -10,8 +10,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
+from extensions.campaigns.engines.stop import StoppedBySignal, kept_when_stopped
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.stop import StoppedBySignal, kept_when_stopped
 from extensions.campaigns.tests.conftest import rows
 from extensions.campaigns.tests.disturbed import kill_workers, rows_of, started, until, workers_of
 
