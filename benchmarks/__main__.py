@@ -56,25 +56,31 @@ FOLDERS = {
     "explanation": ("explanations", "diagnosis", "fault_verdicts"),
     "firmware": ("firmware",),
     "flights": (
-        "bearing_flights",
         "board_flights",
-        "faults",
         "fleet",
         "failures",
         "identification",
         "rough_world",
-        "hostile_flights",
         "hostile_plugins",
         "foreign_laws",
         "law_rescues",
         "oscillation",
-        "tracking_faults",
         "tracking_systems",
         "starved",
         "real_flights",
         "camera_flight",
     ),
-    "campaigns": ("campaigns", "campaign_kills", "campaign_size", "disturbances", "fleet_flight"),
+    "campaigns": (
+        "bearing_flights",
+        "campaigns",
+        "campaign_kills",
+        "campaign_size",
+        "disturbances",
+        "faults",
+        "fleet_flight",
+        "hostile_flights",
+        "tracking_faults",
+    ),
     "page": (
         "replay",
         "sticks",
@@ -118,13 +124,12 @@ OWN_OPTIONS = {
         "firmware",
         "hostile_bytes",
         "hostile_doors",
-        "hostile_flights",
         "hostile_plugins",
         "law_rescues",
     ),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
-    "only": ("hostile_plugins",),
+    "only": ("failures", "hostile_plugins"),
     "flights": (
         "fault_verdicts",
         "hostile_flights",
@@ -169,7 +174,11 @@ def main() -> int:
         type=int,
         help="of fault_verdicts, hostile_flights, or a kind of hostile_plugins and law_rescues",
     )
-    parser.add_argument("--only", help="of hostile_plugins: law, estimator, behavior or sensor")
+    parser.add_argument(
+        "--only",
+        help="of hostile_plugins: law, estimator, behavior or sensor; of failures: another plan, "
+        "as betaflight, crazyflie, c or rough",
+    )
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
     parser.add_argument(
         "--against", help="of up_cost, late_ticks: another checkout, measured in turns"

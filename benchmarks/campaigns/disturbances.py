@@ -44,7 +44,7 @@ def run(size: Size = Size.FULL) -> Report:
     report.rows = flown.rows("world", "gains", ERROR, 1e3, "mm")
     on = {
         world: 1e3 * float(np.median(flown.values(ERROR, world=world, gains="on")))
-        for world, gains in flown.pairs("world", "gains")
+        for world, gains in flown.combinations("world", "gains")
         if gains == "on"
     }
     off = 1e3 * float(np.median(flown.values(ERROR, world=NOMINAL, gains="off")))

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.flights.failing_flights import CORRUPTED, CORRUPTED_FOR, SETTINGS, conditions
+from benchmarks.flights.failing_flights import CORRUPTED, CORRUPTED_FOR, DRAG, SETTINGS, conditions
 from benchmarks.flights.failing_ground import NAME, Ground, NotFlownError, until
 from benchmarks.flights.touch_down import TOUCHING, Outcome, TouchDown
 from benchmarks.harness import free_port
@@ -117,7 +117,7 @@ def fly_real(failure: str, start: str, seed: int) -> Outcome:
 
 
 def _fly_once(failure: str, start: str, seed: int) -> Outcome:
-    outcome = Outcome(failure, start, seed, real=True)
+    outcome = Outcome(failure, start, seed)
     with tempfile.TemporaryDirectory(prefix="quadlab-failures-") as folder, ExitStack() as stack:
         processes = Processes(stack, Path(folder))
         try:
@@ -135,7 +135,7 @@ def _set_up(
     """Start everything."""
     link_port, real_station = free_port(), failure in WITH_STATION
     ground = Ground(stack, folder, link_port, real_station)
-    truth = {"seed": seed, **conditions(seed)}
+    truth = {"seed": seed, "drag": DRAG, **conditions(seed)}
     words = [word for name, value in truth.items() for word in ("--set", f"{name}={value}")]
     processes.start(
         "simulator",

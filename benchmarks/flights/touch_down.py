@@ -20,7 +20,6 @@ class Outcome:
     failure: str
     start: str
     seed: int
-    real: bool  # real processes in real time, else simulated time
     impact: float = math.nan  # largest vertical speed at touch-down
     tilt: float = math.nan  # at touch-down
     tilt_max: float = 0.0  # since the failure

@@ -1,7 +1,4 @@
-"""A flight of the whole stack in simulated time, with the truth recorded and faults on request.
-
-No log is written.
-"""
+"""Flights of the whole stack in simulated time, with the truth recorded and faults on request."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from quadlab.simulated.flight import SimulatedFlight, TrueState
-from quadlab.simulated.parameters import with_groups
+from quadlab.simulated.parameters import FlightParameters, with_groups
 from quadlab.simulated.sensors import new_flight_parameters
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
@@ -28,7 +25,7 @@ TOUCHING = 0.005
 
 
 class Events:
-    """Log that stores events and drops every other message."""
+    """Texts of the vehicle's events, in their order; a log that drops every other message."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -40,45 +37,31 @@ class Events:
         return lambda *_: None
 
 
-class WatchedFlight(SimulatedFlight):
-    """One flight on full sensors: noisy, biased, 10-bit IMU and the tracker.
-
-    Args:
-        seed: seed of all noise.
-        settings: of vehicle, `simulator`, `tracker`, as `--set` accepts them.
-        true_state: fly on the true state instead of an estimate.
-        board: the vehicle's board, one of those that can be simulated.
-        plugins: folder of users' control laws and estimators.
+class Observed(SimulatedFlight):
+    """A flight that sees the truth at each sample, and whose flight process can stand still.
 
     Attributes:
+        events: of the vehicle.
         frozen: whether the flight process is stopped: nothing is sent to the microcontroller.
         hardest: largest speed at touch-down, m/s.
         most_tilted: rad, since this was last set to 0.
     """
 
     def __init__(
-        self,
-        seed: int = 1,
-        settings: dict[str, ParameterValue] | None = None,
-        *,
-        true_state: bool = False,
-        board: str = MIKROKOPTER,
-        plugins: Path | None = None,
+        self, parameters: FlightParameters, simulated: SimulatedVehicle, *others: Any, **named: Any
     ) -> None:
-        kind = find_kind(board)
-        options = kind.configured({})
-        parameters = with_groups(new_flight_parameters(), {"board": options})
-        parameters.seed(seed)
-        ParameterStore(parameters).preset(kind.simulated_parameters | (settings or {}))
-        firmware = firmware_of(board, options)
-        self.robot = SimulatedVehicle(parameters.simulator, firmware=firmware)
+        super().__init__(parameters, simulated, *others, **named)
+        self.robot = simulated
         self.events = Events()
         self.frozen = False
         self.hardest = self.most_tilted = 0.0
         self._trace: list[tuple[float, ...]] = []
-        estimator = TrueState(self.robot) if true_state else None
-        log: Any = self.events
-        super().__init__(parameters, self.robot, log, estimator, plugins, kind)
+
+    def _drain_outbox(self) -> None:
+        for message in self.stack.outbox:
+            if isinstance(message, mailbox.Event):
+                self.events.event(message)
+        super()._drain_outbox()
 
     # ------------------------------------------------------------------ the truth
     def advance(self) -> None:
@@ -150,3 +133,33 @@ class WatchedFlight(SimulatedFlight):
         """Change the simulated robot in flight: `payload`, `wind_x`, …"""
         self.parameters.simulator = self.parameters.simulator.model_copy(update=values)
         self.robot.configure(self.parameters.simulator)
+
+
+class WatchedFlight(Observed):
+    """One flight on full sensors: noisy, biased, 10-bit IMU and the tracker. No log is written.
+
+    Args:
+        seed: seed of all noise.
+        settings: of vehicle, `simulator`, `tracker`, as `--set` accepts them.
+        true_state: fly on the true state instead of an estimate.
+        board: the vehicle's board, one of those that can be simulated.
+        plugins: folder of users' control laws and estimators.
+    """
+
+    def __init__(
+        self,
+        seed: int = 1,
+        settings: dict[str, ParameterValue] | None = None,
+        *,
+        true_state: bool = False,
+        board: str = MIKROKOPTER,
+        plugins: Path | None = None,
+    ) -> None:
+        kind = find_kind(board)
+        options = kind.configured({})
+        parameters = with_groups(new_flight_parameters(), {"board": options})
+        parameters.seed(seed)
+        ParameterStore(parameters).preset(kind.simulated_parameters | (settings or {}))
+        robot = SimulatedVehicle(parameters.simulator, firmware=firmware_of(board, options))
+        estimator = TrueState(robot) if true_state else None
+        super().__init__(parameters, robot, Events(), estimator, plugins, kind)

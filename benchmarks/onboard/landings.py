@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.flights.faults import in_a_copy
 from benchmarks.flights.watched_flight import TOUCHING, WatchedFlight
 from benchmarks.harness import Report, Row, Size, Target
+from benchmarks.onboard.in_a_copy import in_a_copy
 from extensions.crazyflie import NAME as CRAZYFLIE
 from quadrotor.motor_state import MotorState
 from quadrotor.parameter_description import ParameterValue

@@ -28,7 +28,7 @@ def touch_down(path: Path, name: str) -> float:
 
     Raises LogFormatError.
     """
-    outcome = Outcome("", "", 0, real=True)
+    outcome = Outcome("", "", 0)
     observer: TouchDown | None = None
     for message in read_log(path, {f"/quad1/{name}"}):
         stamp_ns, state = decode_odometry(message.payload)

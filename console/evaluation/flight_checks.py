@@ -85,11 +85,11 @@ def with_checks(result: Result, figures: Mapping[str, float]) -> Result:
     if not figures:
         return result
     limits = {name: LIMITS[name] for name in figures if name in LIMITS}
-    failed = any(not figures[name] <= limit for name, limit in limits.items())
-    verdict, reason = (FAILED, "") if failed else (result.verdict, result.reason)
     # The experiment's own figures come first, and count where both have one.
     all_figures = result.metrics | dict(figures) | result.metrics
     all_limits = result.limits | limits | result.limits
+    failed = any(not all_figures[name] <= all_limits[name] for name in limits)
+    verdict, reason = (FAILED, "") if failed else (result.verdict, result.reason)
     return Result(verdict, all_figures, all_limits, reason)
 
 

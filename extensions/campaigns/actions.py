@@ -100,7 +100,7 @@ class Resume:
 
         engine = _engine(self.workers, self.dask, self.shard)
         folder = CampaignFolder(self.folder)
-        folder.check_software()
+        folder.check_alike()
         engine.check()
         return fly(folder, engine)
 

@@ -89,7 +89,7 @@ class FlyingAgain(Workshop):
             if run.exists():
                 again.name = "ready"
                 return again
-            folder.check_software()
+            folder.check_alike()
             self.put(again, (folder.path, index, run), lambda why: why or self._entered(run))
             return again
 

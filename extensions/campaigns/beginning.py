@@ -11,11 +11,15 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+import msgspec
+
 from console.atomic_file import replacing
 from extensions.campaigns.design import Cells
 from extensions.campaigns.plan import OWN, PlanFile
 from flight_log.provenance import provenance, revision
 from quadrotor.checkout import PACKAGES, PREFIX, ROOT
+from quadrotor.errors import StorageError, os_errors
+from quadrotor.json_object import JsonObject
 
 PLAN, RECORD, ROWS, LOGS = "plan.toml", "campaign.json", "rows", "logs"
 LOCK = "run.lock"
@@ -67,3 +71,13 @@ def make(path: Path, file: PlanFile, cells: Cells) -> None:
 def write_record(path: Path, record: Mapping[str, object]) -> None:
     with replacing(path / RECORD) as new:
         new.write_text(json.dumps(record, indent=1) + "\n")
+
+
+def read_record(path: Path) -> JsonObject:
+    """Return what a campaign was begun with. Raises StorageError for a folder without one."""
+    with os_errors(lambda why: f"{path} is no campaign ({why}: {RECORD}); give its folder"):
+        data = (path / RECORD).read_bytes()
+    try:
+        return msgspec.json.decode(data, type=dict)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise StorageError(f"{path / RECORD} is damaged ({error}); run its plan again") from None

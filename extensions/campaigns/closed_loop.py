@@ -16,6 +16,7 @@ from quadrotor.extensions import registry
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, Section, parameter
 from quadrotor.records import Record
+from quadrotor.similar_names import did_you_mean
 
 if TYPE_CHECKING:
     from console.experiments.client import Client
@@ -93,6 +94,10 @@ def check_compiled(settings: Settings) -> None:
     for name, is_lacking in lacking.items():
         if is_lacking:
             raise UsageError(f"{name}: {COMPILED} has none; fly figure_eight, or remove it")
+    for name in (*plan.metrics, *plan.limits, *(plan.search.metrics if plan.search else ())):
+        if name not in FIGURES:
+            hint = did_you_mean(name, FIGURES) or f"there are {', '.join(FIGURES)}"
+            raise UsageError(f"{COMPILED} has no metric {name!r}; {hint}")
     _door("batch")
 
 

@@ -18,7 +18,9 @@ MOST_FLIGHTS = 10_000_000
 
 
 class Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
 
 class Range(Part):
@@ -78,7 +80,7 @@ class Distribution(Part):
 class Correlation(Part):
     """Two factors of a sampled design that are not independent."""
 
-    factors: tuple[str, str]
+    factors: tuple[str, str] = Field(strict=False)
     """their names"""
     rho: float = Field(gt=-1.0, lt=1.0)
     """correlation of the normal scores of both (a Gaussian copula): each keeps its distribution"""

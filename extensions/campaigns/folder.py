@@ -25,6 +25,7 @@ from extensions.campaigns.beginning import (
     RECORD,
     ROWS,
     make,
+    read_record,
     software,
     write_record,
 )
@@ -54,8 +55,7 @@ class CampaignFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        with os_errors(lambda why: f"{path} is no campaign ({why}: {RECORD}); give its folder"):
-            self.record: dict[str, Any] = json.loads((path / RECORD).read_text())
+        self.record: dict[str, Any] = dict(read_record(path))
         if self.record.get("protocol") != PROTOCOL:
             raise StorageError(f"{path} is of another version of quadlab's campaigns; update it")
         self._files = RowFiles(path)
@@ -95,9 +95,9 @@ class CampaignFolder:
         """
         path = path.expanduser()
         if not (path / RECORD).exists():
-            if path.exists() and any(one.name not in MADE for one in path.iterdir()):
-                raise UsageError(f"--out {path} holds other files; give a new folder")
             with os_errors(lambda why: f"--out {path} cannot be written ({why})"):
+                if path.exists() and any(one.name not in MADE for one in path.iterdir()):
+                    raise UsageError(f"--out {path} holds other files; give a new folder")
                 make(path, file, cells)
         found = cls(path)
         if found.record["plan"] != file.identity:
@@ -106,7 +106,7 @@ class CampaignFolder:
                 f"{file.identity}): a changed plan, or a changed file that it names, is a new "
                 "campaign; give another --out"
             )
-        found.check_software()
+        found.check_alike()
         if file.plan.logs:
             found._add_logs(file)
         return found
@@ -123,8 +123,8 @@ class CampaignFolder:
             write_record(self.path, self.record)
         self.flights, self._begun = cells.flights, self._identity()
 
-    def check_software(self) -> None:
-        """Raise UsageError if other software would fly the rest: the rows would not be alike."""
+    def check_alike(self) -> None:
+        """Raise UsageError if the rest would be flown by another plan, or other software."""
         then, now = self.record["software"], software()
         differing = [name for name in now if then.get(name) != now[name]]
         if differing:
@@ -133,6 +133,11 @@ class CampaignFolder:
                 f"{self.path} was begun with another quadlab ({name} {then.get(name)}, revision "
                 f"{self.record['revision']['git_revision'][:10]}; now {now[name]}): its rows would "
                 "not be alike; fly it with that one, or begin another campaign"
+            )
+        if self.plan.identity != self.record["plan"]:
+            raise UsageError(
+                f"{self.path / PLAN} was changed since: its rows would not be alike; undo that, or "
+                "begin another campaign"
             )
 
     @contextlib.contextmanager
@@ -189,18 +194,12 @@ class CampaignFolder:
         return min(self.flights, self.read_files(rows))
 
     def read_files(self, reading: Callable[[list[Path]], T]) -> T:
-        """Return what a function makes of the files of rows, all of the same moment.
-
-        Raises StorageError if they cannot be read.
-        """
+        """Return what a function makes of the files of rows at one moment. Raises StorageError."""
         with os_errors(lambda why: f"the rows of {self.path} cannot be read ({why})"):
             return self._files.read(reading)
 
     def add(self, outcomes: Sequence[Outcome], shard: Shard) -> None:
-        """Write rows as one more file, and logs.
-
-        Raises StorageError, also for a folder that was deleted, or replaced, since it was opened.
-        """
+        """Write rows as one more file, and logs. Raises StorageError, as `check_there` does."""
         self.check_there()
         for one in outcomes:
             if one.log is not None:

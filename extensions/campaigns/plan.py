@@ -157,6 +157,10 @@ class Plan(Part):
         return (*(self.search.parameters if self.search else ()), *self.factors)
 
 
+VALUE_KINDS = "bool", "int", "float", "str"
+"""Names of what a value can be, as errors have them."""
+
+
 @dataclass(frozen=True)
 class PlanFile:
     """A plan, its text, and the folder to which the names of files in it are relative.
@@ -244,7 +248,11 @@ def read_plan(path: Path, *, is_kept: bool = False) -> PlanFile:
     """Return the plan of a file, or of a campaign. Raises StorageError, UsageError."""
     advice = "quadlab campaign new writes a plan"
     with os_errors(lambda why: f"the plan {path} cannot be read ({why}); {advice}"):
-        text = path.read_text()
+        data = path.read_bytes()
+    try:
+        text = data.decode("utf-8-sig")  # some editors write a mark at the beginning
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path} is no UTF-8 text: byte {error.start}; save it as UTF-8") from None
     return parse_plan(text, path, is_kept=is_kept)
 
 
@@ -255,7 +263,7 @@ def parse_plan(text: str, path: Path, *, is_kept: bool = False) -> PlanFile:
         if plan.logs:
             plan = over_logs.expanded(plan, path.parent, path.parent / OWN if is_kept else None)
         return PlanFile(plan, text, path.parent, is_kept)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except tomllib.TOMLDecodeError as error:
         raise UsageError(f"{path} is not TOML: {error}") from None
     except ValidationError as error:
         raise UsageError(f"{path}: {_said(error)}") from None
@@ -263,6 +271,9 @@ def parse_plan(text: str, path: Path, *, is_kept: bool = False) -> PlanFile:
 
 def _said(error: ValidationError) -> str:
     first, *others = error.errors()
+    if first["loc"] and first["loc"][-1] in VALUE_KINDS:  # one value, refused as each kind
+        first = first | {"loc": first["loc"][:-1], "type": "value"}
+        others = [one for one in others if one["loc"][:-1] != first["loc"]]
     place = [str(part) for part in first["loc"] if part not in ("list", "range", "distribution")]
     where = ".".join(f'"{part}"' if "." in part else part for part in place)
     said = first["msg"].removeprefix("Value error, ")
@@ -272,6 +283,10 @@ def _said(error: ValidationError) -> str:
         said = f"is not known; {said}"
     elif first["type"] == "missing":
         said = "is missing"
+    elif first["type"] == "value":
+        said = f"{first['input']!r} is no value; take a finite number, a text, true or false"
+    elif first["type"] == "too_short" and not first["input"]:
+        said = "is empty; write a value, or leave it out"
     elif first["type"] not in ("value_error",):
         said = f"{said[0].lower()}{said[1:]}, not {first['input']!r}"
     more = f" (and {len(others)} more)" if others else ""

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from extensions.campaigns.beginning import ROWS
-from quadrotor.errors import QuadlabError
+from quadrotor.errors import QuadlabError, StorageError
 
 T = TypeVar("T")
 
@@ -48,14 +48,23 @@ class RowFiles:
 
         It is called again if they were joined in the meantime: what it has then found may be of
         files that are gone, or of the same rows in two files.
+
+        Raises StorageError for a file that is damaged.
         """
+        import pyarrow as pa
+
         end = time.monotonic() + LONGEST
         while True:
             before = self._identity()
             try:
                 found = reading(self.paths)
-            except (OSError, QuadlabError):
+            except (OSError, QuadlabError, pa.ArrowInvalid) as error:
                 if self._is_settled(before) or time.monotonic() > end:
+                    if isinstance(error, pa.ArrowInvalid):
+                        raise StorageError(
+                            f"a file in {self.place} is damaged ({error}); remove it, then quadlab "
+                            "campaign resume"
+                        ) from None
                     raise
             else:
                 if self._is_settled(before) or time.monotonic() > end:

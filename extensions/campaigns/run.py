@@ -10,22 +10,27 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from extensions.campaigns.closed_loop import check_compiled
 from extensions.campaigns.design import Cells
 from extensions.campaigns.engines.local_engine import fly_locally
+from extensions.campaigns.engines.stop import kept_when_stopped
 from extensions.campaigns.engines.work import Work
 from extensions.campaigns.flights import UNFLOWN, Outcome, fly_task
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.plan import COMPILED, SALTELLI, PlanFile, read_plan
+from extensions.campaigns.plan import COMPILED, SALTELLI, Plan, PlanFile, read_plan
 from extensions.campaigns.search.study import SearchWork, check_library
 from extensions.campaigns.search.told import none_feasible, outcome, told_plan
 from extensions.campaigns.settings import Settings
 from extensions.campaigns.shard import WHOLE, Shard
 from extensions.campaigns.table import numbers
 from quadrotor.errors import UsageError
+
+if TYPE_CHECKING:
+    from pyarrow import Table
 
 SPEED = {True: 4500.0, False: 15.0}
 """Times real time that a worker flies, compiled or not, for the estimate before the first flight.
@@ -122,7 +127,7 @@ def fly(folder: CampaignFolder, engine: Engine) -> int:
     """Fly what has no row yet; return the exit status.
 
     It is 1 when a flight raised an error, was too long or killed its workers, as these have no
-    figures. Raises QuadlabError; the rows so far are kept, also at Ctrl-C.
+    figures. Raises QuadlabError; the rows so far are kept, also at Ctrl-C and SIGTERM.
     """
     shard = engine.shard
     if folder.plan.plan.search and shard != WHOLE:
@@ -130,7 +135,7 @@ def fly(folder: CampaignFolder, engine: Engine) -> int:
             f"--shard {shard.number}/{shard.of}: a search chooses each trial by those before; use "
             "--workers or --dask"
         )
-    with folder.owned(shard):
+    with kept_when_stopped(folder.path), folder.owned(shard):
         if shard == WHOLE:
             folder.mend()
         done = folder.done()
@@ -171,7 +176,17 @@ def _ended(folder: CampaignFolder) -> int:
     if is_search and not (found := outcome(folder, table)).best:
         print(f"quadlab: {none_feasible(found)}", file=sys.stderr)
         return 1
+    if table is not None and counted["passed"] and (lost := _lacking(folder.plan.plan, table)):
+        print(f"quadlab: no flight has {lost}; correct metrics or limits", file=sys.stderr)
+        return 1
     return 1 if any(counted[name] for name in UNFLOWN) else 0
+
+
+def _lacking(plan: Plan, table: Table) -> str:
+    """Return the metrics that a plan keeps, or limits, and no flight has; none that it drops."""
+    limited = [name for name in plan.limits if name in plan.metrics or not plan.metrics]
+    wanted = dict.fromkeys([*plan.metrics, *limited])
+    return ", ".join(repr(name) for name in wanted if name not in table.column_names)
 
 
 def _keep_worst(folder: CampaignFolder) -> None:

@@ -74,7 +74,8 @@ class Settings:
         try:
             return flight_parameters(self.experiment, find_kind(plan.board), 1, self._shared())
         except UsageError as error:
-            raise UsageError(str(error).replace("--set ", "fixed: ", 1)) from None
+            said = str(error).replace("--set ", "fixed: ", 1).replace("--set: ", "", 1)
+            raise UsageError(said.replace("--board ", "board: ", 1)) from None
 
     def _shared(self) -> list[str]:
         plan = self.file.plan

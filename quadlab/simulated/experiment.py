@@ -86,7 +86,8 @@ def fly(
         experiment.check()
     path, vehicle = _own_log(experiment, seed, out) if member is None else (member.log, member.name)
     facts = {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board}
-    flight = _new_flight(parameters, kind, plugins, (path, vehicle, facts), true_state, member)
+    made, log = getattr(experiment, "flight", None), (path, vehicle, facts)
+    flight = _new_flight(parameters, kind, plugins, log, true_state, member, made=made)
     if print_instructions:
         flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()
@@ -108,8 +109,12 @@ def _new_flight(
     log: tuple[Path, str, dict[str, str]],
     true_state: bool,
     member: Member | None,
+    *,
+    made: type[SimulatedFlight] | None,
 ) -> SimulatedFlight:
-    """Return the flight with its simulated vehicle and its log (path, vehicle, facts)."""
+    """Return the flight, of the experiment's own kind if it has one, with its simulated vehicle and
+    its log (path, vehicle, facts).
+    """
     from quadlab.simulated.flight import SimulatedFlight, TrueState
     from quadlab.simulated.flight_log import FlightLog
     from quadrotor.parameters import ParameterStore
@@ -120,9 +125,8 @@ def _new_flight(
     neighbours = member.neighbours(simulated, written) if member is not None else None
     estimator = TrueState(simulated) if true_state else None
     load_kernels()
-    return SimulatedFlight(
-        parameters, simulated, written, estimator, plugins, kind, neighbours=neighbours
-    )
+    kind_of = made or SimulatedFlight
+    return kind_of(parameters, simulated, written, estimator, plugins, kind, neighbours=neighbours)
 
 
 def check_seed(seed: int) -> None:

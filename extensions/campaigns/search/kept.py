@@ -7,9 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
+
 from console.atomic_file import replacing
 from extensions.campaigns.factors import Value
-from quadrotor.errors import UsageError, os_errors
+from quadrotor.errors import StorageError, UsageError, os_errors
 
 NAME = "trials.json"
 
@@ -23,9 +25,12 @@ class Kept:
 
 
 def read_trials(folder: Path) -> Kept:
-    """Return the trials of a campaign's folder; none if it has no search."""
+    """Return the trials of a campaign's folder; none if it has no search. Raises StorageError."""
     place = folder / NAME
-    return Kept(**json.loads(place.read_text())) if place.exists() else Kept()
+    try:
+        return msgspec.json.decode(place.read_bytes(), type=Kept) if place.exists() else Kept()
+    except msgspec.DecodeError as error:
+        raise StorageError(f"{place} is damaged ({error}); run its plan again") from None
 
 
 def keep_trials(

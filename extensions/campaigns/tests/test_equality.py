@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import shutil
+import signal
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
 
+from extensions.campaigns.engines.stop import StoppedBySignal, kept_when_stopped
 from extensions.campaigns.folder import CampaignFolder
 from extensions.campaigns.tests.conftest import rows
-from extensions.campaigns.tests.disturbed import kill_workers, rows_of, started, until
+from extensions.campaigns.tests.disturbed import kill_workers, rows_of, started, until, workers_of
 
 CASES = 'experiment = "cases.py"\nseeds = 8\n[fixed]\n"experiment.height" = 1.5\n'
 LOGGED = CASES + '[keep]\nlogs = "all"\n'
@@ -91,3 +93,46 @@ def test_the_rows_of_a_folder_that_was_replaced_are_left_alone(bench: Any) -> No
     with pytest.raises(Exception, match="was deleted or replaced"):
         flown.finish()
     assert rows(other).equals(before)
+
+
+def test_a_run_that_is_asked_to_end_says_in_one_line_how_it_goes_on(bench: Any) -> None:
+    out = bench.folder / "out"
+    run = started("run", bench.plan(CASES.replace("= 8", "= 400")), "--out", out, "--workers", 1)
+    assert until(lambda: rows_of(out) >= 1, run)
+    workers = workers_of(run.pid)
+    run.terminate()
+    _, said = run.communicate()
+    assert len(workers) == 1
+    assert not Path("/proc", str(workers[0])).exists()
+    assert run.returncode == 128 + signal.SIGTERM
+    told = [line for line in said.splitlines() if " of 400" not in line]  # progress
+    assert told == [f"quadlab: SIGTERM: the rows so far are kept; quadlab campaign resume {out}"]
+    assert 0 < rows_of(out) < 400
+
+
+def test_only_the_first_signal_counts_and_one_that_was_ignored_stays_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    kept = []
+
+    def stopped() -> None:
+        with kept_when_stopped(tmp_path):
+            signal.raise_signal(signal.SIGHUP)
+            try:
+                signal.raise_signal(signal.SIGINT)
+            finally:
+                signal.raise_signal(signal.SIGINT)
+                signal.raise_signal(signal.SIGTERM)
+                kept.append("rows")
+
+    try:
+        with pytest.raises(StoppedBySignal) as stop:
+            stopped()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert stop.value.code == 130
+    assert kept == ["rows"]
+    assert capsys.readouterr().err.count("\n") == 1
+    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler

@@ -104,7 +104,13 @@ REFUSED = {
     'experiment = "hover"\nsed = 3': r"sed: is not known; did you mean seed or seeds\?",
     "seeds = 3": "experiment: is missing",
     'experiment = "hover"\nseeds = 0': "seeds: input should be greater than or equal to 1, not 0",
+    'experiment = "hover"\nseeds = true': "seeds: input should be a valid integer, not True",
     "experiment = hover": "is not TOML",
+    '[factors]\n"simulator.drag" = [nan]': "0: nan is no value; take a f",
+    '[factors]\n"simulator.drag" = []': "is empty; write a value",
+    'experiment = "closed_loop"\nlimits = { position_rms = 0.1 }': (
+        "has no metric 'position_rms'; did you mean position_rms_m"
+    ),
     'experiment = "hovr"': "unknown experiment 'hovr'",
     'experiment = "hover"\nboard = "none"': "none",
     'experiment = "own.py"': "there is no file",
@@ -156,6 +162,14 @@ def test_a_plan_that_cannot_be_flown_is_refused_with_one_line(text: str, bench: 
     line = bench.refused("run", bench.plan(whole), "--out", bench.folder / "out")
     assert re.search(REFUSED[text], line), line
     assert not (bench.folder / "out").exists()
+
+
+def test_the_bytes_of_a_plan_are_utf_8_with_or_without_a_mark(bench: Any) -> None:
+    plan = bench.plan("")
+    plan.write_bytes('experiment = "closed_loop" # \u00b0'.encode("utf-16"))
+    assert "plan.toml is no UTF-8 text: byte 0; save it as" in bench.refused("check", plan)
+    plan.write_bytes('experiment = "closed_loop" # \u00b0'.encode("utf-8-sig"))
+    assert bench.quadlab("check", plan)[0] == 0
 
 
 def _with_experiment(text: str) -> str:

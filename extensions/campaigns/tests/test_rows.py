@@ -164,6 +164,20 @@ def test_a_changed_plan_is_another_campaign(bench: Any) -> None:
     assert "is no campaign" in bench.refused("show", bench.folder / "full")
 
 
+def test_the_plan_in_a_folder_is_not_changed_afterwards(bench: Any) -> None:
+    flown = bench.flown(COMPILED, "out")
+    plan = flown.path / "plan.toml"
+    plan.write_text(plan.read_text().replace("seeds = 5", "seeds = 6"))
+    assert "plan.toml was changed since" in bench.refused("resume", flown.path)
+
+
+def test_damaged_rows_are_told_in_one_line(bench: Any) -> None:
+    flown = bench.flown(COMPILED, "out")
+    next(flown.rows.iterdir()).write_bytes(b"PAR1")
+    for action in ("show", "resume"):
+        assert "rows is damaged" in bench.refused(action, flown.path)
+
+
 def test_rows_of_other_software_are_not_mixed_in(bench: Any) -> None:
     flown = bench.flown(COMPILED, "out")
     record = json.loads((flown.path / RECORD).read_text())
@@ -216,3 +230,21 @@ def test_a_folder_without_rows_says_so(bench: Any) -> None:
     next(flown.rows.iterdir()).unlink()
     with pytest.raises(StorageError, match="no rows yet"):
         flown.table()
+
+
+def test_a_folder_that_is_none_is_told_in_one_line(bench: Any) -> None:
+    (bench.folder / "file").touch()
+    plan = bench.plan(COMPILED)
+    assert "Not a directory" in bench.refused("run", plan, "--out", bench.folder / "file")
+    flown = bench.flown(COMPILED, "one")
+    for text in ("{", "[]", ""):
+        (flown.path / "campaign.json").write_text(text)
+        assert "campaign.json is damaged" in bench.refused("show", flown.path)
+
+
+def test_metrics_that_no_flight_has_are_told_at_the_end(bench: Any) -> None:
+    plan = 'experiment = "cases.py"\n' + "[limits]\nheight_m = 2.0\nwidth_m = 1.0\n"
+    bench.flown(plan, "out")
+    status, _, said = bench.quadlab("resume", bench.folder / "out")
+    assert status == 1
+    assert said == "quadlab: no flight has 'width_m'; correct metrics or limits\n"

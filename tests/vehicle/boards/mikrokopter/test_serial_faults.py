@@ -88,7 +88,7 @@ def test_with_5_percent_of_all_bytes_damaged_it_flies_the_8_on_and_lands(seed: i
 @pytest.mark.parametrize("failure", ["port 0", "port 1", "both ports"])
 def test_a_port_pulled_in_flight_is_landed(failure: str) -> None:
     flight = FailingFlight(2).hover(settling=0.0)
-    outcome = Outcome(failure, "hover 1 m", 2, real=False)
+    outcome = Outcome(failure, "hover 1 m", 2)
     watch_failure(flight, failure, outcome)
     assert outcome.verdict == "landed", outcome
     assert outcome.drift < 0.5

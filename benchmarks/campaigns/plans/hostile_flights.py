@@ -1,14 +1,10 @@
-"""Flights with wrong measurements: whether the estimate recovers, is handed over, or is lost
-silently.
+"""Wrong measurements in flight: whether the estimate recovers, is handed over, or is lost silently.
 
-    python -m benchmarks hostile_flights --flights 1000
-    python -m benchmarks hostile_flights --seed 367 --flights 1
-
-Each flight hovers or flies the figure 8 in simulated time. Then one or more things go wrong with
-the poses or bearings that it flies on, and it is watched for some seconds. A flight is
+The vehicle hovers or flies the figure 8 in simulated time. Then one or more things go wrong with
+the poses or bearings that it flies on, and it is watched for some seconds. The flight is
 
 - recovered: it flies on and at the end its estimate is near the truth again,
-- handed over: another estimator or the tracker took over, or the vehicle landed by itself,
+- handed_over: another estimator or the tracker took over, or the vehicle landed by itself,
 - refused: it was not armed, or the hand-over to bearings was refused,
 - reported: the estimate is off at the end, and flags or `converged` report it,
 - silent: the estimate was off for a while and nothing reported it,
@@ -18,17 +14,17 @@ the poses or bearings that it flies on, and it is watched for some seconds. A fl
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from bearing_sim.beacons import Beacons, format_layout, parse_layout
-from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Size, Target
+from benchmarks.campaigns.watching import Watching
+from benchmarks.flights.watched_flight import Observed
 from estimation.estimator import Estimator
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
+from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import POSE_SAMPLE
 from quadrotor.rotations import (
     norm,
@@ -38,22 +34,11 @@ from quadrotor.rotations import (
     quaternion_multiply,
 )
 from vehicle.modes import Flag
-from vehicle.simulator.presets import preset_values
 
-FLIGHTS = 60
-SECONDS = 8.0
-"""Time, in s, for which a flight is watched after the first fault."""
 GAP = 2.0
 """Duration, in s, of a gap without bearings or poses."""
 HELD = 0.5
 """Time, in s, for which an estimate must be off to count as off."""
-WAYS = {
-    "error_state on poses": ("error_state", "poses", True),
-    "complementary on poses": ("complementary", "poses", True),
-    "error_state on bearings": ("error_state", "bearings", True),
-    "error_state on bearings, no tracker": ("error_state", "bearings", False),
-}
-"""Estimator, its measurements, and whether the tracker is available."""
 NEAR = {"poses": (0.10, 10.0), "bearings": (0.30, 10.0)}
 """Largest error of an estimate, in m and deg, by its measurements; on bearings as
 `fallback.disagreement_max` allows."""
@@ -67,10 +52,11 @@ OUTLIERS, MISSING, BEACON, LAYOUT, CLOCK, START, THROWN = FAULTS = (
     "begun 1 m and 60 deg off",
     "in flight thrown off by so much",
 )
-ONLY_BEARINGS = (BEACON, LAYOUT)
+ONLY_BEARINGS = BEACON, LAYOUT
 """Faults of the beacons. THROWN is used only alone: with others the attitude may be unobservable.
 """
 SEVERAL = "several at once"
+VERDICTS = "recovered", "handed_over", "reported", "refused", "silent", "lost"
 TELLING = (
     Flag.NO_POSE | Flag.TRACKER_JUMPED | Flag.ESTIMATE_DRIFTED | Flag.BEACON_OFF | Flag.RESCUED
 )
@@ -81,43 +67,19 @@ IMPACT = 1.0
 """Touch-down speed, in m/s, beyond which a vehicle is lost."""
 
 
-@dataclass
-class Outcome:
-    """The outcome of one flight.
-
-    Attributes:
-        largest: m, largest error of the estimate in flight.
-        final: m, error at the end.
-        silent: s, longest time for which it was off without a report.
-    """
-
-    seed: int
-    way: str
-    faults: tuple[str, ...]
-    verdict: str
-    largest: float
-    final: float
-    silent: float
-    events: list[str] = field(default_factory=list)
-
-
-class HostileFlight(WatchedFlight):
+class HostileFlight(Observed):
     """A flight whose measurements can be made wrong.
 
-    Args:
-        way: a key of WAYS.
-        rough: whether it flies in the rough world.
+    Attributes:
+        source: of the measurements that it flies on, "poses" or "bearings".
+        largest: m, largest error of the estimate. silent: s, longest time for which it was off
+            without a report.
     """
 
-    def __init__(self, seed: int, way: str, rough: bool) -> None:
-        self.estimator, self.source, self.witness = WAYS[way]
-        rough_world = preset_values("rough" if rough else "clean")
-        settings: dict[str, ParameterValue] = {
-            **{f"simulator.{name}": value for name, value in rough_world.items()},
-            "estimation.estimator": self.estimator,
-        }
-        super().__init__(seed, settings)
-        self.chance = np.random.default_rng((seed, 21))
+    def __init__(self, *others: Any, **named: Any) -> None:
+        super().__init__(*others, **named)
+        self.source = "poses"
+        self.chance = np.random.default_rng((self.parameters.simulator.seed, 21))
         self.silent = self.largest = self.off = 0.0
         self.handed = self.left = False
         self._watching, self._good_ns = False, 0
@@ -133,26 +95,31 @@ class HostileFlight(WatchedFlight):
         """Return the sensor whose measurements are made wrong."""
         return TRACKER if self.source == "poses" else BEARINGS
 
-    def begin(self, thrown_off: bool) -> None:
+    def begin(self, *, bearings: bool, tracker: bool, thrown_off: bool) -> None:
         """Take off, hand over to bearings and start to fly.
 
-        The estimator to fly on starts at a wrong place if `thrown_off`. Raises RefusedError.
+        Args:
+            bearings: whether to fly on bearings. tracker: whether the tracker stays then.
+            thrown_off: whether the estimator to fly on starts at a wrong place.
+
+        Raises RefusedError.
         """
         navigation = self.stack.navigation
+        estimator = self.parameter("estimation.estimator")
+        self.source = "bearings" if bearings else "poses"
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
         self.wait(0.2)
-        if self.source == "bearings":
-            shadow = {"estimation.shadow": self.estimator, "estimation.shadow_source": "bearings"}
-            self.change({**shadow})
+        if bearings:
+            self.change({"estimation.shadow": estimator, "estimation.shadow_source": "bearings"})
         elif thrown_off:
             self._throw_off(navigation.active)
             self.wait(3.0)
         self.hover(1.0, 1.5)
-        if self.source == "bearings":
+        if bearings:
             if thrown_off and navigation.shadow is not None:
                 self._throw_off(navigation.shadow)
             self._hand_over()
-            if not self.witness:
+            if not tracker:
                 self.set(TRACKER, drop_out=1.0)
                 self.wait(1.0)
         if self.chance.random() < 0.5:
@@ -249,86 +216,71 @@ class HostileFlight(WatchedFlight):
         if self.silent > HELD:
             return "silent"
         if self.handed:
-            return "handed over"
+            return "handed_over"
         return "recovered" if self.near else "reported"
 
 
-def fly(seed: int) -> Outcome:
-    """Fly one flight; way, world, faults and their moments follow from the seed."""
-    chance = np.random.default_rng((seed, 20))
-    way = list(WAYS)[seed % len(WAYS)]
-    flight = HostileFlight(seed, way, rough=chance.random() < 0.5)
-    able = [one for one in FAULTS if flight.source == "bearings" or one not in ONLY_BEARINGS]
-    if chance.random() < 0.5:
-        faults = [able[int(chance.integers(len(able)))]]
-    else:
-        able.remove(THROWN)
-        several = int(chance.integers(2, len(able) + 1))
-        faults = chance.permutation(able)[:several].tolist()
-    latest = 3.0 if len(faults) > 1 else 0.5
-    try:
-        flight.begin(START in faults)
-    except RefusedError as error:
-        return Outcome(seed, way, tuple(faults), "refused", 0.0, 0.0, 0.0, [str(error)])
-    plan = [(float(chance.uniform(0.0, latest)), flight.go_wrong, one) for one in faults]
-    plan += [(t + GAP, flight.mend, one) for t, _, one in plan]
-    passed = 0.0
-    for t, act, one in sorted(plan, key=lambda item: item[0]):
-        flight.wait(t - passed)
-        passed = t
-        act(one)
-    flight.wait(SECONDS + latest - passed)
-    return Outcome(
-        seed,
-        way,
-        tuple(faults),
-        flight.verdict,
-        flight.largest,
-        flight.off,
-        flight.silent,
-        [text for text in flight.events.texts if not text.startswith("bearings: no")][-8:],
-    )
+class HostileOptions(Parameters):
+    """Options: what goes wrong, and on what the vehicle flies."""
+
+    fault: str = parameter(OUTLIERS, choices=(*FAULTS, SEVERAL))
+    """of the measurements"""
+    on_bearings: bool = parameter(False)
+    """whether it flies on bearings rather than on poses"""
+    tracker: bool = parameter(True)
+    """whether the tracker stays while it flies on bearings"""
+    watched: float = parameter(8.0, unit="s", ge=1.0, le=60.0)
+    """after the first fault"""
 
 
-def run(size: Size = Size.FULL, flights: int = FLIGHTS, seed: int = 1) -> Report:
-    """Run the benchmark for `python -m benchmarks`, from the first seed on."""
-    return report([fly(seed + k) for k in range(size.of(flights, 12, 2))])
+class HostileFlights(Watching):
+    """A flight whose measurements lie."""
 
+    name, flight = "hostile_flights", HostileFlight
 
-def report(outcomes: Sequence[Outcome]) -> Report:
-    """Return one row for each way and fault: a fault alone, or among others."""
-    verdicts = ("recovered", "handed over", "reported", "refused", "silent", "lost")
-    near = ", ".join(f"{m:g} m, {deg:g} deg on {on}" for on, (m, deg) in NEAR.items())
-    found = Report(
-        "hostile_flights",
-        "Flights whose measurements lie",
-        [
-            f"{len(outcomes)} flights, hover or figure 8, half of them in the rough world; half "
-            f"with one fault, half with several; watched for {SECONDS:g} s",
-            f"near the truth: {near}; "
-            f"silent: farther for {HELD:g} s while converged and without a flag",
-        ],
-    )
-    for way in WAYS:
-        for fault in (*FAULTS, SEVERAL):
-            mine = [
-                o
-                for o in outcomes
-                if o.way == way
-                and (o.faults == (fault,) or (fault == SEVERAL and len(o.faults) > 1))
-            ]
-            if mine:
-                counts = {v: float(sum(o.verdict == v for o in mine)) for v in verdicts}
-                far = {"largest error, m": max(o.largest for o in mine)}
-                found.rows.append(Row(f"{way}: {fault}", {"flights": len(mine), **counts, **far}))
-    for o in outcomes:
-        if o.verdict in ("silent", "lost"):
-            found.notes.append(
-                f"seed {o.seed}, {o.way}, {', '.join(o.faults)}: {o.verdict}, {o.silent:.1f} s, "
-                f"{o.final:.2f} m off at the end, {o.largest:.2f} m at most; "
-                f"events: {' / '.join(o.events)}"
+    def __init__(self) -> None:
+        super().__init__()
+        self.parameters: HostileOptions = HostileOptions()
+
+    def fly(self, client: HostileFlight) -> None:
+        """Fly, make the measurements wrong, and watch."""
+        options, chance = self.parameters, client.chance
+        faults = self._faults(chance)
+        latest = 3.0 if len(faults) > 1 else 0.5
+        try:
+            client.begin(
+                bearings=options.on_bearings, tracker=options.tracker, thrown_off=START in faults
             )
-    for verdict in ("silent", "lost"):
-        count = sum(o.verdict == verdict for o in outcomes)
-        found.targets.append(Target(f"flights of {len(outcomes)} {verdict}", count, 0))
-    return found
+        except RefusedError:
+            self._keep("refused", client)
+            return
+        plan = [(float(chance.uniform(0.0, latest)), client.go_wrong, one) for one in faults]
+        plan += [(t + GAP, client.mend, one) for t, _, one in plan]
+        passed = 0.0
+        for t, act, one in sorted(plan, key=lambda item: item[0]):
+            client.wait(t - passed)
+            passed = t
+            act(one)
+        client.wait(options.watched + latest - passed)
+        self._keep(client.verdict, client)
+
+    def _faults(self, chance: np.random.Generator) -> list[str]:
+        options = self.parameters
+        if options.fault != SEVERAL:
+            return [options.fault]
+        able = [
+            one
+            for one in FAULTS
+            if one != THROWN and (options.on_bearings or one not in ONLY_BEARINGS)
+        ]
+        several = int(chance.integers(2, len(able) + 1))
+        return [str(one) for one in chance.permutation(able)[:several]]
+
+    def _keep(self, verdict: str, flight: HostileFlight) -> None:
+        self.found = {name: float(name == verdict) for name in VERDICTS}
+        self.found |= {
+            "largest_m": flight.largest,
+            "final_m": flight.off,
+            "silent_s": flight.silent,
+        }
+        self.limits = {"silent": 0.0, "lost": 0.0}

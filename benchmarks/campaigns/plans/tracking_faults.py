@@ -1,10 +1,7 @@
-"""Flights on a failing tracking system: the vehicle's reaction, and how soon the fault is reported.
+"""A tracking system that fails in the middle of a flight, for half a second or permanently.
 
-    python -m benchmarks tracking_faults --flights 20
-
-Each flight hovers or flies the figure 8 in simulated time on the poses of `console.trackers`, the
-process's own code without its sockets: frames of a system with its own clock, drifting and read
-with jitter. Then one thing fails, for half a second or permanently.
+The vehicle hovers or flies the figure 8 on the poses of `console.trackers`, the process's own code
+without its sockets: frames of a system with its own clock, drifting and read with jitter.
 """
 
 from __future__ import annotations
@@ -18,21 +15,19 @@ import numpy as np
 
 from bearing_sim.pose_measurement import PoseMeasurement
 from bearing_sim.tracker import SimulatedTracker
-from benchmarks.flights.watched_flight import WatchedFlight
-from benchmarks.harness import Report, Row, Size, Target
+from benchmarks.campaigns.watching import Watching
+from benchmarks.flights.watched_flight import Observed
 from console.trackers import process, tracked_vehicle
 from console.trackers.source import Body, Frame
-from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, parameter
 from quadrotor.plain_rotations import Array, turned
 from vehicle_link.messages import decode
 from vehicle_link.topics.measurements import decode_pose
 
-FLIGHTS = 20
 SECONDS = 12.0
 """Time, in s, for which a flight is watched after the fault: enough to land from 1 m."""
 SHORT = 0.6
 """Duration, in s, of a short fault: longer than its report takes, shorter than pose_land_after."""
-REPORTED = 0.5
 HARD = 1.0
 """Speed at the ground, in m/s, beyond which a landing is a crash."""
 PLANE = 0.1
@@ -168,72 +163,52 @@ class System:
         return self._under_way[0][0] if self._under_way else None
 
 
-def fly(seed: int, name: str, size: Size) -> dict[str, float]:
-    """Fly once and return the outcome."""
-    fault, seconds, goes_on = FAULTS[name]
-    flight = WatchedFlight(seed)
-    system = System(flight._tracker, seed)
-    flight._poses = system
-    flight.hover(settling=size.of(3.0, 3.0, 0.5))
-    if seed % 2:
-        flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
-    else:  # away from the planes and the axis of symmetry, where mirroring changes nothing
-        flight.start("fly_to", x=0.6, y=-0.4, z=1.0)
-    flight.wait(size.of(5.0, 5.0, 1.0))
-    flight.wait(float(system.chance.uniform(0.0, 1.0)))
-    while fault is _mirrored and abs(flight.robot.truth["position_w"][0, 0]) < PLANE:
-        flight.advance()
-    flight.forget()
-    system.fail(fault, seconds, flight.stack.stamp_ns)
-    flight.wait(size.of(SECONDS, SECONDS, 1.0))
-    view = flight.view()
-    _, places, wanted = flight.trace()
-    flies = view.airborne and flight.airborne
-    safe = flight.hardest < HARD and flight.most_tilted < 1.0
-    as_meant = safe and (flies if goes_on else not flies)
-    return {
-        "as meant": float(as_meant),
-        "reported": system.reported,
-        "hardest": flight.hardest,
-        "error": float(np.linalg.norm(places - wanted, axis=1).max()) if goes_on else 0.0,
-    }
+class TrackingOptions(Parameters):
+    """Options: the fault, and what is flown."""
+
+    fault: str = parameter(next(iter(FAULTS)), choices=tuple(FAULTS))
+    """of the tracking system"""
+    manoeuvre: str = parameter("hover", choices=("hover", "figure_eight"))
+    """before and after it"""
+    watched: float = parameter(SECONDS, unit="s", ge=1.0, le=60.0)
+    """from the fault on"""
 
 
-def run(size: Size = Size.FULL, flights: int | None = None) -> Report:
-    count = flights or size.of(FLIGHTS, 2, 1)
-    report = Report(
-        "tracking_faults",
-        "A tracking system that fails",
-        [
-            f"{count} seeds each, every other one in the figure 8, the others hovering at 1 m; "
-            f"100 frames a second, their clock {1e6 * DRIFT:.0f} ppm off, read with "
-            f"{1e3 * JITTER:g} ms of jitter",
-            f"as meant: it flies on after a short fault and lands after a long one, below "
-            f"{HARD:g} m/s and never tilted by more than 1 rad; {SECONDS:g} s are watched",
-        ],
-    )
-    late, wrong = 0.0, 0
-    for name, (fault, _, goes_on) in FAULTS.items():
-        found = []
-        for seed in range(1, count + 1):
-            try:
-                found.append(fly(seed, name, size))
-            except RefusedError as error:
-                report.notes.append(f"seed {seed}, {name}: {error}")
-        figures: dict[str, float | str] = {
-            "flights": float(len(found)),
-            "as meant": sum(one["as meant"] for one in found),
-            "hardest landing, m/s": max(one["hardest"] for one in found),
+class TrackingFaults(Watching):
+    """A flight on a tracking system that fails."""
+
+    name = "tracking_faults"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.parameters: TrackingOptions = TrackingOptions()
+
+    def fly(self, client: Observed) -> None:
+        """Fly, have the system fail, and watch what the vehicle does."""
+        options = self.parameters
+        fault, seconds, goes_on = FAULTS[options.fault]
+        seed = client.parameters.simulator.seed
+        system = System(client._tracker, seed)
+        client._poses = system
+        client.hover()
+        if options.manoeuvre == "figure_eight":
+            client.start("follow_trajectory", trajectory="figure_eight", laps=3)
+        else:  # away from the planes and the axis of symmetry, where mirroring changes nothing
+            client.start("fly_to", x=0.6, y=-0.4, z=1.0)
+        client.wait(5.0 + float(system.chance.uniform(0.0, 1.0)))
+        while fault is _mirrored and abs(client.robot.truth["position_w"][0, 0]) < PLANE:
+            client.advance()
+        client.forget()
+        system.fail(fault, seconds, client.stack.stamp_ns)
+        client.wait(options.watched)
+        _, places, wanted = client.trace()
+        flies = client.view().airborne and client.airborne
+        safe = client.hardest < HARD and client.most_tilted < 1.0
+        self.found = {
+            "as_meant": float(safe and flies == goes_on),
+            "hardest_m_s": client.hardest,
+            **({"reported_s": system.reported} if fault is not _dropped else {}),
         }
         if goes_on:
-            figures["largest error, m"] = max(one["error"] for one in found)
-        if fault is not _dropped:  # no fault is reported when every third frame is missing
-            reported = max(one["reported"] for one in found)
-            figures["reported after, s, at most"], late = reported, max(late, reported)
-        wrong += count - round(sum(one["as meant"] for one in found))
-        report.rows.append(Row(name, figures))
-    report.targets = [
-        Target("flights that did not do what was meant", wrong, 0),
-        Target("reported, s after the fault, at most", late, REPORTED),
-    ]
-    return report
+            self.found["error_m"] = float(np.linalg.norm(places - wanted, axis=1).max())
+        self.limits = {"hardest_m_s": HARD}
