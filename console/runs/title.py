@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 
 from quadrotor.parameter_description import ParameterValue
+from vehicle_link.clock import monotonic
 
 PLAIN = ("take_off", "hover", "land", "brake")
-"""Behaviors of every flight, which tell no flight from another."""
+"""Behaviors of every flight, which tell no flight from another: how long is said without others."""
 NAMES = {"figure_eight": "figure 8", "figure_eight_lap": "figure 8 lap", "excite": "step test"}
 """Names of behaviors and trajectories in the words of a title."""
 MOST = 3
@@ -24,12 +26,17 @@ class RunTitle:
         self._flown: Counter[str] = Counter()
         self._first: dict[str, ParameterValue] = {}
         self._last: dict[str, ParameterValue] = {}
+        self._hovered, self._since = 0.0, math.inf  # s, and since when, until `land`
 
     def started(self, behavior: str, arguments: Mapping[str, ParameterValue]) -> None:
         """Note a behavior that the vehicle accepted."""
+        which = str(arguments.get("trajectory", behavior))
         if behavior not in PLAIN:
-            which = str(arguments.get("trajectory", behavior))
             self._flown[NAMES.get(which, which.replace("_", " "))] += 1
+        elif behavior == "land":
+            self._hovered, self._since = self._hover(), math.inf
+        else:
+            self._since = min(self._since, monotonic())
 
     def changed(self, name: str, old: ParameterValue, new: ParameterValue) -> None:
         """Note the change of a parameter."""
@@ -37,25 +44,29 @@ class RunTitle:
         self._last[name] = new
 
     def text(self) -> str:
-        """Return the title, as "Figure 8 × 1, step tests × 2, kp_xy 4 → 13"; "" for a plain hover.
+        """Return the title, as "Figure 8 × 1, step tests × 2, kp_xy 4 → 13" or "Hover 2 min".
 
-        A parameter that was changed and changed back is left out.
+        A parameter that was changed and changed back is left out. It is "" where nothing happened.
         """
         counts, last = dict(self._flown), dict(self._last)  # other threads go on
         flown = [f"{words}{'s' if count > 1 else ''} × {count}" for words, count in counts.items()]
+        if not flown and (hover := self._hover()):
+            flown = [f"hover {hover:.0f} s" if hover < 90.0 else f"hover {hover / 60.0:.0f} min"]
         moved = [name for name, new in last.items() if new != self._first[name]]
         named = [_change(name, self._first[name], last[name]) for name in moved[:MOST]]
         more = [f"{len(moved) - MOST} more changes"] if len(moved) > MOST else []
         title = ", ".join((*flown, *named, *more))
         return f"{title[0].upper()}{title[1:]}" if flown else title
 
+    def _hover(self) -> float:
+        return self._hovered + max(0.0, monotonic() - self._since)
+
 
 def _change(name: str, old: ParameterValue, new: ParameterValue) -> str:
-    short = name.rpartition(".")[2]
     values = [_shown(old), _shown(new)]
     if max(map(len, values)) > LONGEST:
         return f"{name} changed"
-    return f"{short} {' → '.join(values)}"
+    return f"{name.rpartition('.')[2]} {' → '.join(values)}"
 
 
 def _shown(value: ParameterValue) -> str:
