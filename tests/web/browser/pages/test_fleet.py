@@ -51,17 +51,24 @@ def test_the_switch_keeps_the_tab_and_takes_all_of_the_page_along(
     page.goto(fleet_site.base)
     look.text("#vehicles [aria-current]", "quad1flying15.6 V")
     look.text("#vehicles .vehicle:last-child", "quad2motors off15.6 V")
+    look.text("#charts .legend >> nth=0", "x1.000y0.500z1.200")
     page.locator("#open-gains").click()
     page.keyboard.press("v")
     page.keyboard.press("Enter")
     look.text("#vehicle", "^quad2$")
     assert page.evaluate("location.pathname") == "/v/quad2/"
     look.text("[role=tab][aria-selected=true]", "Gains")
+    look.text("#charts .legend >> nth=0", "x−1.000y−0.500z0.000")
     look.text("#doing", "^MOTORS OFF$")
     with page.expect_response("**/v/quad2/api/commands/emergency"):
         page.locator("#emergency-land").click()
     asked = [[service for service, _ in one.requests] for one in fleet_site.stations]
     assert asked == [[], ["emergency"]]
+    page.go_back()
+    look.text("#vehicle", "^quad1$")
+    look.text("#charts .legend >> nth=0", "x1.000y0.500z1.200")
+    page.go_forward()
+    look.text("#vehicle", "^quad2$")
     page.locator("nav .pages a").first.click()
     page.wait_for_url("**/v/quad2/runs")
     look.text("#head #vehicle", "quad2")
