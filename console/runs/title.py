@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping
 
@@ -26,17 +25,15 @@ class RunTitle:
         self._flown: Counter[str] = Counter()
         self._first: dict[str, ParameterValue] = {}
         self._last: dict[str, ParameterValue] = {}
-        self._hovered, self._since = 0.0, math.inf  # s, and since when, until `land`
+        self._air: list[float] = []  # s, of take-offs and landings in turn
 
     def started(self, behavior: str, arguments: Mapping[str, ParameterValue]) -> None:
         """Note a behavior that the vehicle accepted."""
         which = str(arguments.get("trajectory", behavior))
         if behavior not in PLAIN:
             self._flown[NAMES.get(which, which.replace("_", " "))] += 1
-        elif behavior == "land":
-            self._hovered, self._since = self._hover(), math.inf
-        else:
-            self._since = min(self._since, monotonic())
+        elif (behavior == "land") == len(self._air) % 2:  # the next in turn
+            self._air.append(monotonic())
 
     def changed(self, name: str, old: ParameterValue, new: ParameterValue) -> None:
         """Note the change of a parameter."""
@@ -50,16 +47,16 @@ class RunTitle:
         """
         counts, last = dict(self._flown), dict(self._last)  # other threads go on
         flown = [f"{words}{'s' if count > 1 else ''} × {count}" for words, count in counts.items()]
-        if not flown and (hover := self._hover()):
+        air = list(self._air)
+        air += [monotonic()] * (len(air) % 2)
+        hover = sum(air[1::2]) - sum(air[::2])
+        if air and not flown:
             flown = [f"hover {hover:.0f} s" if hover < 90.0 else f"hover {hover / 60.0:.0f} min"]
         moved = [name for name, new in last.items() if new != self._first[name]]
         named = [_change(name, self._first[name], last[name]) for name in moved[:MOST]]
         more = [f"{len(moved) - MOST} more changes"] if len(moved) > MOST else []
         title = ", ".join((*flown, *named, *more))
         return f"{title[0].upper()}{title[1:]}" if flown else title
-
-    def _hover(self) -> float:
-        return self._hovered + max(0.0, monotonic() - self._since)
 
 
 def _change(name: str, old: ParameterValue, new: ParameterValue) -> str:
