@@ -182,7 +182,8 @@ class RunManager:
 
     def _attachments(self) -> dict[str, bytes]:
         values, revision, problem = self._vehicle_parameters.snapshot()
-        content = {"vehicle": values, "vehicle_revision": revision, "station": self._store.values()}
+        content: dict[str, object] = {"vehicle": values, "vehicle_revision": revision}
+        content["station"] = self._store.values()
         if problem:
             content["problem"] = problem
         attached = {
