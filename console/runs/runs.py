@@ -107,13 +107,8 @@ class RunManager:
         after = self._store.parameters.recorder.after_disarm
         with self._lock:
             decision = self._policy.tick(monotonic(), after)
-            if (
-                decision is Decision.STOP
-                and self._held_run
-                and self._held_run == self.recorder.run_id
-            ):
-                decision = Decision.NOTHING
-        if decision is Decision.STOP:
+            is_held = self._held_run and self._held_run == self.recorder.run_id
+        if decision is Decision.STOP and not is_held:
             self.recorder.stop()
 
     def hold(self, requester: str) -> str:
@@ -187,11 +182,8 @@ class RunManager:
 
     def _attachments(self) -> dict[str, bytes]:
         values, revision, problem = self._vehicle_parameters.snapshot()
-        content: dict[str, object] = {
-            "vehicle": values,
-            "vehicle_revision": revision,
-            "station": self._store.values(),
-        }
+        content: dict[str, object] = {"vehicle": values, "vehicle_revision": revision}
+        content["station"] = self._store.values()
         if problem:
             content["problem"] = problem
         attached = {

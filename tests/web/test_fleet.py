@@ -9,11 +9,14 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 import websockets.exceptions
 
 from benchmarks.page.live_frames import read
 from console.catalogue.catalogue import Catalogue
+from tests.support.live_signals import ticks_of
+from vehicle_link.telemetry import SAMPLES_A_PACKET
 from vehicle_link.topics.ticks import TICK_TOPICS
 from web.fleet.fleet import SEEN
 from web.latest import TICKS
@@ -217,6 +220,28 @@ def test_each_page_shows_the_ticks_of_its_own_vehicle(fleet_site: Any, pilot: ht
                 values = [one for part in parts.values() for one in part.values[name].tolist()]
                 found += [one for one in values if math.isfinite(one)]  # a hole has none
             assert found[-1] == x
+
+
+def test_a_page_that_switches_gets_what_the_other_vehicle_flew_by_that_ones_clock(
+    fleet_site: Any, pilot: httpx.Client
+) -> None:
+    name, flown = "state.position.x", {"": (30, 1.5, 0.0), "/v/quad2": (20, -2.5, 3600.0)}
+    for station, (count, x, start) in zip(fleet_site.stations, flown.values(), strict=True):
+        ticks = ticks_of(count, start=start)  # before the page, and long before all other ticks
+        ticks["state"]["position_w"][:, 0] = x
+        for k in range(0, count, SAMPLES_A_PACKET):
+            station.put(TICKS, ticks[k : k + SAMPLES_A_PACKET])
+    asked = json.dumps({"id": 7, "signals": [], "series": [{"signals": [name]}]})
+    for address in ("", "/v/quad2", ""):
+        count, x, start = flown[address]
+        with fleet_site.websocket(f"{address}/ws/telemetry", fleet_site.cookie(pilot)) as page:
+            page.send(asked)
+            while (raw := page.recv(timeout=10.0))[:2] != b"\7\0":
+                pass
+        frame = read(raw, [], [[name]])
+        stamps = np.rint(1e9 * frame.series[0].time).astype(int) + 10**9 * int(frame.origin)
+        assert stamps.tolist() == ticks_of(count, start=start)["imu"]["stamp_ns"].tolist()
+        assert frame.series[0].values[name].tolist() == [x] * count
 
 
 def test_what_comes_fast_is_taken_of_the_vehicle_that_is_looked_at(

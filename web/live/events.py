@@ -184,10 +184,7 @@ async def serve(
             with contextlib.suppress(TimeoutError):
                 message = await asyncio.wait_for(queue.get(), wait)
                 if message is None:
-                    await socket.close(
-                        1013, "this page was too slow for the events; it reads them again"
-                    )
-                    return
+                    return await socket.close(1013, "too slow for the events; it reads them again")
                 if message is SUMMARY_NOW:
                     due = 0.0
                 else:

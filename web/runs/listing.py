@@ -53,12 +53,12 @@ def about(note: Note | None) -> JsonObject:
 
 def _titled(title: Title | None, report: JsonObject) -> JsonObject:
     """Return the report's fields with the title; without a hand-written one, that of an experiment
-    begins with its name.
+    begins with its name, once.
     """
     text, author = (title.text, title.author) if title else ("", "")
     name = str(report["experiment"])
     experiment = NAMES.get(name, name.replace("_", " ")).capitalize()
-    if experiment and not author:
+    if experiment and not author and not text.startswith(experiment):
         text = f"{experiment}, {text[:1].lower()}{text[1:]}" if text else experiment
     return {"title": text, "title_by": author, **report}
 

@@ -169,10 +169,10 @@ class Search {
       note: said,
       go: () => this.showParameter(name),
     }));
-    const signals = (description?.signals ?? []).map(({ name, label }) => ({
+    const signals = (description?.signals ?? []).map(({ name, label, group }) => ({
       kind: "Signals",
       text: name,
-      note: label === name ? "" : label,
+      note: label === name ? "" : `${group} ${label}`,
       go: () => charts.plot(name),
     }));
     const events = [...document.querySelectorAll("#events li")].map((one) => ({

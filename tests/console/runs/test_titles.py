@@ -16,6 +16,7 @@ from console.parameters.store import StationStore
 from console.runs.runs import RunManager
 from console.runs.title import RunTitle
 from quadrotor.errors import ParameterError, StorageError
+from tests.support.clock import Clock
 from tests.waiting import wait_for
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
@@ -41,6 +42,32 @@ def test_a_title_counts_what_was_flown_and_names_what_was_changed() -> None:
     title.changed("control.position.kp_xy", 8.5, 13.0)
     title.started("land", {})
     assert title.text() == "Figure 8 × 1, step tests × 2, kp_xy 4 → 13"
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(45.2, "45 s"), (89.6, "90 s"), (125.0, "2 min")])
+def test_a_flight_in_hover_alone_is_named_by_how_long_it_hovered(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, said: str
+) -> None:
+    now = Clock(100.0)
+    monkeypatch.setattr("console.runs.title.monotonic", now)
+    title = RunTitle()
+    now.now += 30.0  # on the ground, motors on
+    assert title.text() == ""
+    title.started("take_off", {})
+    now.now += seconds - 20.0
+    title.started("hover", {})
+    now.now += 10.0
+    title.started("land", {})
+    now.now += 40.0
+    title.started("take_off", {})
+    now.now += 10.0
+    assert title.text() == f"Hover {said}", "with no landing it lasts until now"
+    title.started("land", {})
+    now.now += 40.0
+    title.changed("control.position.kp_xy", 4.0, 13.0)
+    assert title.text() == f"Hover {said}, kp_xy 4 → 13"
+    title.started("excite", {"axis": "x"})
+    assert title.text() == "Step test × 1, kp_xy 4 → 13"
 
 
 def test_a_change_that_was_taken_back_is_not_in_the_title() -> None:

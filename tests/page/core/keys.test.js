@@ -26,3 +26,17 @@ test("a key has one meaning", () => {
   onKey("q", "the first", () => {});
   assert.throws(() => onKey("q", "the second", () => {}), /q.*the first/);
 });
+
+test("a key is left to others while it has no meaning", () => {
+  const pressed = () => {
+    const event = new Event("keydown", { cancelable: true });
+    Object.assign(event, { key: "Escape", view: window });
+    document.dispatchEvent(event);
+    return event.defaultPrevented;
+  };
+  let isOpen = false, left = 0;
+  onKey("Escape", "leave", () => left++, { when: () => isOpen });
+  assert.deepEqual([pressed(), left], [false, 0]);
+  isOpen = true;
+  assert.deepEqual([pressed(), left], [true, 1]);
+});

@@ -73,6 +73,8 @@ def test_the_list_has_titles_verdicts_and_errors(flown: Catalogue, person: httpx
         "verdict": "passed",
         "rms": 0.00213,
     }
+    store_title(flown, RUN, "Figure 8 × 1, kp_xy 4 → 5")
+    assert line(person)["title"] == "Figure 8 × 1, kp_xy 4 → 5"
     assert (line(person, OLD)["title"], line(person, OLD)["rms"]) == ("", None)
 
 

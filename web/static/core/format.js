@@ -101,6 +101,7 @@ export const words = (name) =>
         .toLowerCase()
         .replace("near_hovering", "near-hovering")
         .replace(/^excite$/, "step test")
+        .replace("figure_eight", "figure 8")
         .replaceAll("_", " ")
     : NONE;
 

@@ -105,7 +105,7 @@ export class Help {
   open(isFirst = false) {
     this.dialog.classList.toggle("first", isFirst);
     const steps = this.isOperator
-      ? STEPS
+      ? STEPS.slice(0, isFirst ? -1 : undefined)
       : [
           STEPS[0],
           [
@@ -143,7 +143,7 @@ export class Help {
           ...steps.map(([name, text]) => element("li", {}, element("b", {}, name), ` ${text}`)),
         ),
         ...(isFirst
-          ? [element("p", {}, "Press ? for keys, theme and time zone.")]
+          ? [element("p", {}, "Press ? for more, keys, theme and time zone.")]
           : [
               element("h1", {}, "Keys"),
               list,

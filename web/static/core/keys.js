@@ -8,10 +8,11 @@ export const TYPING =
 const PRESSED = "button:not([data-flight]), a, summary, input"; // what the space bar presses
 
 // act(event) on `key` (as in KeyboardEvent.key), except while somebody types or holds a modifier.
-// `meaning` is shown in the help. `hold`: ms it must be held; without it a press is enough.
-export function onKey(key, meaning, act, { hold = 0 } = {}) {
+// `meaning` is shown in the help. `hold`: ms it must be held; without it a press is enough. `when(event)`: else the key
+// is left to others.
+export function onKey(key, meaning, act, { hold = 0, when = (_event) => true } = {}) {
   if (ACTIONS.has(key)) throw new Error(`the key ${key} has a meaning already: ${ACTIONS.get(key).meaning}`);
-  ACTIONS.set(key, { key, meaning, act, hold, timer: null, since: 0 });
+  ACTIONS.set(key, { key, meaning, act, hold, when, timer: null, since: 0 });
 }
 
 export const keys = () => [...ACTIONS.values()];
@@ -37,6 +38,7 @@ function stop(action) {
 function down(event) {
   const action = actionOf(event);
   if (!action || event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.(TYPING)) return;
+  if (!action.when(event)) return;
   if (event.key === " " && event.target.closest?.(PRESSED)) return;
   event.preventDefault();
   if (event.view !== window) event.stopImmediatePropagation(); // in the 3D view "e" moves the camera, too

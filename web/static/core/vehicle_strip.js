@@ -33,7 +33,7 @@ class VehicleStrip {
     this.chips = new Map(session.vehicles.map((name) => [name, this.chip(name, name === session.vehicle)]));
     this.place = element(
       "nav",
-      { id: "vehicles", ariaLabel: "vehicles" },
+      { id: "vehicle-strip", ariaLabel: "vehicles" },
       element("a", { href: "/fleet", title: "all vehicles on one page" }, "Fleet"),
       ...[...this.chips.values()].map(({ link }) => link),
     );

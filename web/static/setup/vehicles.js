@@ -76,7 +76,7 @@ export class VehicleSection {
           ? "connected"
           : status
             ? `${words(status.mode)}${status.airborne ? ", in the air" : ""}`
-            : "not connected";
+            : "connected";
     return element(
       "tr",
       { className: isHere ? "" : "away" },

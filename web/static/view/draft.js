@@ -4,6 +4,7 @@
 import { command, request } from "../core/api.js";
 import { element, hide, optionsOf, setIfChanged, setText } from "../core/dom.js";
 import { flightButton } from "../core/flight_button.js";
+import { onKey } from "../core/keys.js";
 import { icon } from "../icons/icons.js";
 import { CHECKING, noteOf, stepOf, titleOf } from "./draft_words.js";
 
@@ -71,6 +72,8 @@ export class DraftBar {
       element("span", { className: "acts" }, this.back, this.go, this.remove, this.cancel),
     );
     place.append(this.tools, this.bar);
+    const when = ({ target }) => this.mine && !target.closest?.("dialog, [popover]"); // which it closes first
+    onKey("Escape", "leave the draft", () => this.close(), { when });
     this.isOperator = isOperator;
     events.on("hello", ({ draft }) => this.show(draft ?? null));
     events.on("draft", ({ draft }) => this.show(draft));

@@ -76,7 +76,7 @@ async function open(id, k, entry, line) {
     if (run.description.is_growing) throw new Error("is still being recorded: compare it when it is closed");
     line.say(
       [
-        run.begun === null ? "simulated time" : moment(run.begun),
+        run.begun === null ? "simulated time" : moment(entry ? 1e-9 * entry.start_ns : run.begun), // as the list has it
         entry?.operator,
         entry && state(entry)[1] ? state(entry)[0] : "",
       ]

@@ -127,7 +127,7 @@ export class ReplayPanel extends EventTarget {
       this.rows[this.before - 1]?.classList.remove("now");
       const now = this.rows[before - 1];
       now?.classList.add("now");
-      if (this.shown === "events") now?.scrollIntoView({ block: "nearest" });
+      if (now && this.shown === "events") bringInto(this.bodies.events, now);
       this.before = before;
     }
     this.fillParameters();
@@ -240,4 +240,12 @@ function facts(run) {
       ),
     ),
   );
+}
+
+// Scrolls the list alone: on a phone the page itself stays where it is.
+/** @param {HTMLElement} list @param {HTMLElement} line */
+function bringInto(list, line) {
+  const frame = list.getBoundingClientRect(),
+    box = line.getBoundingClientRect();
+  list.scrollTop += Math.max(0, box.bottom - frame.bottom) - Math.max(0, frame.top - box.top);
 }
