@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO
 
 from extensions.importers.readers.progress import tell
+from extensions.importers.working_folder import working_folder
 from flight_log.limits import MAX_UNPACKED
 from quadrotor.errors import LogFormatError, os_errors
 
@@ -46,8 +47,8 @@ def unpacked(path: Path) -> Iterator[tuple[Path, str]]:
     """Yield the unpacked file, which is removed in the end, and why it is incomplete; empty if it
     is whole. Raises LogFormatError or StorageError.
     """
-    with tempfile.TemporaryDirectory(prefix="quadlab-import-") as folder:
-        found, size, torn = Path(folder) / path.stem, 0, ""
+    with working_folder(Path(tempfile.gettempdir()), "quadlab-import-") as folder:
+        found, size, torn = folder / path.stem, 0, ""
         with found.open("wb") as target:
             try:
                 for piece in _pieces(path):
