@@ -41,5 +41,5 @@ def test_a_full_disk_is_told_by_its_place(monkeypatch: pytest.MonkeyPatch) -> No
 
     table = Spilled(2, 100)
     monkeypatch.setattr(os, "posix_fallocate", full)
-    with pytest.raises(StorageError, match="cannot write in .*: No space left on device; TMPDIR"):
+    with pytest.raises(StorageError, match=r"cannot write in .*: No space left on device; TMPDIR"):
         table.make_room(0, 10)

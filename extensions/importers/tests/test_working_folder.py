@@ -51,6 +51,8 @@ def test_what_a_link_of_such_a_name_points_at_stays(tmp_path: Path) -> None:
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(StorageError, match="cannot write in .*/none: No such file"):
-        with working_folder(tmp_path / "none", ".import-"):
-            pass
+    with (
+        pytest.raises(StorageError, match=r"cannot write in .*/none: No such file"),
+        working_folder(tmp_path / "none", ".import-"),
+    ):
+        pass
