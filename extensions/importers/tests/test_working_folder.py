@@ -1,4 +1,4 @@
-"""What an import that was killed leaves behind."""
+"""Leftovers of imports that were killed."""
 
 import subprocess
 import sys
