@@ -46,6 +46,10 @@ class Spilled:
         place = tempfile.gettempdir()
         return os_errors(lambda why: f"cannot write in {place}: {why}; TMPDIR can name another")
 
+    def close(self) -> None:
+        """Add no more rows; the table stays."""
+        self._file.close()
+
     def make_room(self, begin: int, count: int) -> None:
         """Take the disk's room for rows that will be written. Raises StorageError if it is full,
         of which the kernel would otherwise tell by a signal.

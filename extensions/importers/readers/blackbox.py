@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
@@ -124,9 +125,8 @@ class BlackboxTables(FileTables):
         past = np.zeros((3, max(8, len(log.names), log.others.shape[1]) + 8), np.int64)
         shortest = min(map(smallest, log.fields[[frames.I_ENCODING, frames.P_ENCODING]].tolist()))
         most = min((log.end - log.begin) // shortest + 1, MOST_FRAMES)
-        table = Spilled(len(names), most + 1)
         at = whole = log.begin
-        with self.path.open("rb") as file:
+        with self.path.open("rb") as file, closing(Spilled(len(names), most + 1)) as table:
             while at < log.end and not state[frames.ENDED]:
                 tell((at - log.begin) / (log.end - log.begin))
                 data = _piece(file, at, min(PIECE, log.end - at))

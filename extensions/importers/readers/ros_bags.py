@@ -90,8 +90,8 @@ def _unwritten(bag: Path) -> str:
         for beside in (one.with_name(f"{one.name}-wal"), one.with_name(f"{one.name}-journal")):
             if beside.is_file() and beside.stat().st_size:
                 return (
-                    f"{beside.name} has what is not in {one.name} yet: end the recorder, or "
-                    f"sqlite3 {one.name} .tables takes it over"
+                    f"{beside.name} has what is not in {one.name} yet: stop the recorder, or let "
+                    f"`sqlite3 {one.name} .tables` take it over"
                 )
     return ""
 

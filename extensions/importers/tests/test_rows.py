@@ -30,6 +30,7 @@ def test_a_table_in_a_file_keeps_its_numbers_when_memory_leaves_them() -> None:
     table.make_room(0, 100_000)
     table.columns[:] = np.arange(200_000.0).reshape(2, -1)
     part = table.columns[:, 7:90_000].T
+    table.close()
     before = part.copy()
     release(part, before)
     assert (part == before).all()
