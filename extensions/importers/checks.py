@@ -142,7 +142,7 @@ def _force_unit(imu: RawImu, notes: list[str]) -> float:
 
 def _body(imu: RawImu, force: Array, notes: list[str]) -> Array:
     """Return the matrix into FLU. Raises LogFormatError."""
-    mean = sum(force[some].sum(axis=0) for some in blocks(force)) / len(force)
+    mean = np.sum([force[some].sum(axis=0) for some in blocks(force)], axis=0) / len(force)
     length = float(np.linalg.norm(mean))
     stated = imu.rows.body
     finding = f"[imu] the mean specific force is ({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"

@@ -84,7 +84,9 @@ def steps_where(values: Array, is_meant: Callable[[Array], Mask]) -> Places:
     found = [np.zeros(0, np.int64)]
     for some in blocks(values):
         steps = np.diff(values[some.start : some.stop + 1])
-        found.append(np.flatnonzero(is_meant(steps)) + some.start)
+        places: Places = np.flatnonzero(is_meant(steps))
+        places += some.start
+        found.append(places)
     return np.concatenate(found)
 
 

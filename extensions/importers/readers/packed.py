@@ -7,11 +7,15 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from extensions.importers.readers.progress import tell
 from extensions.importers.working_folder import working_folder
 from flight_log.limits import MAX_UNPACKED
 from quadrotor.errors import LogFormatError, os_errors
+
+if TYPE_CHECKING:
+    from zstandard import ZstdDecompressionObj
 
 GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 UNPACKED = 0.5
@@ -67,20 +71,19 @@ def _pieces(path: Path) -> Iterator[bytes]:
 
     Raises EOFError at the end of a file that is cut off, LogFormatError or StorageError.
     """
-    from zstandard import ZstdDecompressor, ZstdError
+    from zstandard import ZstdError
 
     with os_errors(lambda why: f"cannot read {path}: {why}"), path.open("rb") as packed:
         is_gzip = packed.peek(len(GZIP)).startswith(GZIP)
         size = path.stat().st_size
-        begin = _gzip if is_gzip else ZstdDecompressor().decompressobj
-        frame = begin()
+        frame = _begun(is_gzip=is_gzip)
         try:
             while data := packed.read(GZIP_PIECE if is_gzip else ZSTD_PIECE):
                 tell(UNPACKED * packed.tell() / size)
                 while data:
                     if frame.eof:  # gzip is filled up by zeros to the blocks of a tape
                         data = data.lstrip(b"\0") if is_gzip else data
-                        frame = begin() if data else frame
+                        frame = _begun(is_gzip=is_gzip) if data else frame
                     if data:
                         yield frame.decompress(data)
                     data = frame.unused_data if frame.eof else b""
@@ -90,5 +93,10 @@ def _pieces(path: Path) -> Iterator[bytes]:
             raise EOFError("the file ends early, within a frame")
 
 
-def _gzip() -> zlib._Decompress:
-    return zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+def _begun(*, is_gzip: bool) -> zlib._Decompress | ZstdDecompressionObj:
+    """Return what unpacks one frame, and is told of its end."""
+    from zstandard import ZstdDecompressor
+
+    if is_gzip:
+        return zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+    return ZstdDecompressor().decompressobj()
