@@ -13,7 +13,7 @@ import numpy as np
 from extensions.importers.flight import ImportedFlight, Imu
 from extensions.importers.frames import axes, bodies
 from extensions.importers.raw import RawFlight, RawImu, RawTrack
-from extensions.importers.rows import nanoseconds, turn
+from extensions.importers.rows import blocks, nanoseconds, release, turn
 from extensions.importers.tracks import Checked
 from extensions.importers.trajectory import align
 from extensions.importers.units import FORCE_UNITS, RATE_UNITS
@@ -43,7 +43,7 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
     imu = raw.imu
     # In place, because a log may fill half of the memory that an import may take.
     force, turning = imu.specific_force, imu.angular_velocity
-    force *= _force_unit(imu, notes)
+    _multiply(force, _force_unit(imu, notes))
     up = _body(imu, force, notes)
     turn(force, up)
     turn(turning, up)
@@ -63,7 +63,7 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
         base_ns += epoch
     at = nanoseconds(imu.seconds, base_ns)
     made = {one.raw.name: one.track(base_ns) for one in found}
-    turning *= unit
+    _multiply(turning, unit)
     flight = ImportedFlight(vehicle, source, Imu(at, force, turning), notes=notes)
     flight.truth, flight.estimate = made.get("truth"), made.get("estimate")
     if flight.truth and not flight.truth.attitude_known:
@@ -111,7 +111,10 @@ def _checked(
 def _force_unit(imu: RawImu, notes: list[str]) -> float:
     """Return the specific force's unit, m/s². Raises LogFormatError."""
     force = imu.specific_force
-    median = float(np.sqrt(np.median(np.einsum("ni,ni->n", force, force), overwrite_input=True)))
+    squares = np.empty(len(force))
+    for some in blocks(force):
+        squares[some] = np.einsum("ni,ni->n", force[some], force[some])
+    median = float(np.sqrt(np.median(squares, overwrite_input=True)))
     fits = [
         name
         for name, unit in FORCE_UNITS.items()
@@ -139,7 +142,7 @@ def _force_unit(imu: RawImu, notes: list[str]) -> float:
 
 def _body(imu: RawImu, force: Array, notes: list[str]) -> Array:
     """Return the matrix into FLU. Raises LogFormatError."""
-    mean = force.mean(axis=0)
+    mean = np.sum([force[some].sum(axis=0) for some in blocks(force)], axis=0) / len(force)
     length = float(np.linalg.norm(mean))
     stated = imu.rows.body
     finding = f"[imu] the mean specific force is ({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
@@ -160,6 +163,18 @@ def _body(imu: RawImu, force: Array, notes: list[str]) -> Array:
     return matrix
 
 
+def _usual_largest(values: Array) -> float:
+    """Return the length that one of a thousand values exceeds."""
+    lengths = np.abs(values)
+    release(values)
+    return float(np.percentile(lengths, 99.9, overwrite_input=True))
+
+
+def _multiply(vectors: Array, by: float) -> None:
+    for some in blocks(vectors):
+        vectors[some] *= by
+
+
 def _rate_unit(imu: RawImu, turning: Array, scales: list[float], notes: list[str]) -> float:
     """Return the gyroscope's unit, rad/s.
 
@@ -175,7 +190,7 @@ def _rate_unit(imu: RawImu, turning: Array, scales: list[float], notes: list[str
     else:
         found, finding = None, ""
         if stated in (None, "rad/s"):
-            largest = max(float(np.percentile(np.abs(one), 99.9)) for one in turning.T)
+            largest = max(map(_usual_largest, turning.T))
             finding = f"[imu] angular_velocity reaches {largest:.4g}"
             found = "deg/s" if largest > LARGEST_RATE else None
     if stated is None:

@@ -20,14 +20,8 @@ from extensions.importers.readers.joined import JoinedTables
 from extensions.importers.readers.progress import each
 from extensions.importers.readers.ros_bags import LOGGED
 from extensions.importers.readers.tables import Source
-from extensions.importers.rows import complete, keep
-from extensions.importers.stamps import (
-    RATES,
-    RATES_OF_IMU,
-    continued,
-    judged_seconds,
-    without_strays,
-)
+from extensions.importers.rows import Mask, Places, complete, keep, steps_where
+from extensions.importers.stamps import RATES, RATES_OF_IMU, continued, judge, without_strays
 from extensions.importers.units import FORCE_UNITS, LENGTH_UNITS, RATE_UNITS, TIME_UNITS, unit_of
 from quadrotor.errors import LogFormatError, StorageError
 from quadrotor.records import Array
@@ -172,17 +166,13 @@ class Files:
 
     @staticmethod
     def _check_fineness(
-        stamps: Array,
-        known: npt.NDArray[np.bool_],
-        parts: Mapping_[str, Array],
-        section: str,
-        where: str,
+        stamps: Array, known: Mask, parts: Mapping_[str, Array], section: str, where: str
     ) -> None:
         """Raise LogFormatError where many rows with other values have the stamp of the row before,
         as rounded stamps have.
         """
         stamps = stamps if known.all() else stamps[known]
-        again = np.flatnonzero(stamps[1:] == stamps[:-1])
+        again = steps_where(stamps, lambda steps: steps == 0.0)
         if section == "battery" or len(again) <= COARSE * known.sum():
             return
         rows = np.concatenate([one[known] for one in parts.values()], axis=1)
@@ -217,15 +207,8 @@ class Files:
         return certain
 
     def _rising(
-        self,
-        stamps: Array,
-        known: npt.NDArray[np.bool_],
-        asked: Rows,
-        section: str,
-        where: str,
-        *,
-        certain: bool,
-    ) -> tuple[Array, npt.NDArray[np.int64]]:
+        self, stamps: Array, known: Mask, asked: Rows, section: str, where: str, *, certain: bool
+    ) -> tuple[Array, npt.NDArray[np.integer]]:
         """Return rising times of the flight without duplicates, in the file's unit, and their rows
         in the table.
 
@@ -233,7 +216,9 @@ class Files:
         """
         unit = "s" if asked.time is None else asked.time_unit
         fewest = 1 if section == "battery" else FEWEST
-        rows = np.flatnonzero(known)
+        rows: npt.NDArray[np.integer] = np.flatnonzero(known)
+        if len(known) < 2**31 - 1:
+            rows = rows.astype(np.int32)
         self._check_count(len(rows), fewest, where)
         if len(rows) < len(stamps):  # a copy of a large table's may be more than there is room for
             stamps = stamps[rows]
@@ -246,24 +231,21 @@ class Files:
         stamps, rows = stamps[chosen], rows[chosen]
         self._check_count(len(rows), fewest, where)
         self.notes += strays + notes
-        seconds = stamps
         if len(rows) > 1:
             rates = RATES_OF_IMU if section == "imu" else RATES
-            seconds = judged_seconds(stamps, unit, rows, rates, where, certain=certain)
-        kept = np.concatenate([[True], seconds[1:] > seconds[:-1]])
+            judge(stamps, unit, rows, rates, where, certain=certain)
+        kept = np.concatenate([[True], stamps[1:] > stamps[:-1]])
         if same := int((~kept).sum()):
             self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
         if kept.sum() < fewest:
             raise LogFormatError(
-                f"{where}: {kept.sum()} different stamps in {len(seconds)} rows: have they too few "
+                f"{where}: {kept.sum()} different stamps in {len(rows)} rows: have they too few "
                 "digits?" + " --stamps log takes the times of logging" * (asked.time == "stamp")
             )
         rows -= 1
         return (stamps, rows) if kept.all() else (stamps[kept], rows[kept])
 
-    def _flight_in(
-        self, seconds: Array, section: str, asked: Rows, where: str
-    ) -> slice | npt.NDArray[np.int64]:
+    def _flight_in(self, seconds: Array, section: str, asked: Rows, where: str) -> slice | Places:
         """Return the rows of the flight that is read. Raises LogFormatError."""
         if section == "imu":
             chosen, notes = self.flights.of_imu(seconds, where)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 
+from extensions.importers.rows import Places, largest_step, steps_where
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
-
-Places = npt.NDArray[np.int64]
 
 FEWEST = 50
 """Least number of rows of IMU or truth for an import."""
@@ -49,7 +47,7 @@ class Flights:
         if a number is needed or is none of the file's.
         """
         starts = _begins_anew(seconds)
-        gaps = np.flatnonzero(np.diff(seconds) > GAP) + 1
+        gaps = steps_where(seconds, lambda steps: steps > GAP) + 1
         parts = _parts(seconds, np.union1d(starts, gaps))
         self.count = len(parts)
         told = "; ".join(
@@ -57,23 +55,26 @@ class Flights:
             for k, one in enumerate(parts[:SHOWN], 1)
         ) + f" and {len(parts) - SHOWN} more" * (len(parts) > SHOWN)
         if self._number is None:
-            apart = np.concatenate([starts, np.flatnonzero(np.diff(seconds) > LONGEST_GAP) + 1])
-            if len(parts) > 1 and len(apart):
+            is_apart = bool(len(starts) or len(steps_where(seconds, lambda s: s > LONGEST_GAP)))
+            if len(parts) > 1 and is_apart:
                 raise LogFormatError(
                     f"{where} has {len(parts)} flights ({told}): --flight 1 imports the first, "
                     "--flight all imports each as a run"
                 )
             alone = len(seconds) - len(seconds[parts[0]])
-            if len(parts) == 1 and alone and not len(apart):
+            if len(parts) == 1 and alone and not is_apart:
                 self._limit_to(seconds[parts[0]])
                 return parts[0], [
                     f"{where}: {alone} rows left out that are {GAP:.0f} s or more away from all "
                     "others"
                 ]
-            gap = f"{where}: a gap of {np.diff(seconds).max():.1f} s; " if len(parts) > 1 else ""
-            return slice(None), [f"{gap}--flight all imports the parts as runs ({told})"] * bool(
-                gap
-            )
+            if len(parts) == 1:
+                return slice(None), []
+            k = largest_step(seconds)
+            return slice(None), [
+                f"{where}: a gap of {seconds[k + 1] - seconds[k]:.1f} s; --flight all imports the "
+                f"parts as runs ({told})"
+            ]
         if not 1 <= self._number <= len(parts):
             raise LogFormatError(
                 f"{where} has no flight {self._number}: there "
@@ -121,7 +122,7 @@ def _begins_anew(seconds: Array) -> Places:
     """Return the rows at which the clock begins anew, with as many rows on each side as a flight
     has; stamps that only go back for a moment are none.
     """
-    back = np.flatnonzero(np.diff(seconds) < -LEAST_STEP) + 1
+    back = steps_where(seconds, lambda steps: steps < -LEAST_STEP) + 1
     edges = np.concatenate([[0], back, [len(seconds)]])
     return back if (np.diff(edges) >= FEWEST).all() else back[:0]
 

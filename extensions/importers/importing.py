@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,8 +18,9 @@ from extensions.importers.raw import read_raw
 from extensions.importers.readers.formats import format_of
 from extensions.importers.readers.progress import told
 from extensions.importers.run_writer import write_run
+from extensions.importers.working_folder import working_folder
 from flight_log.run_folder import STATION
-from quadrotor.errors import LogFormatError, StorageError, UsageError, os_errors
+from quadrotor.errors import LogFormatError, UsageError, os_errors
 
 DEFAULT_VEHICLE = "imported"
 DEFAULTS = {"mcap": "rosbag", "dataflash": "ardupilot", "tlog": "mavlink"}
@@ -29,6 +28,8 @@ DEFAULTS = {"mcap": "rosbag", "dataflash": "ardupilot", "tlog": "mavlink"}
 SOURCE = "import_source"
 """The entry of a run's metadata by which a repeated import knows it."""
 EXAMPLE = "--mapping NAME_OR_FILE"
+UNFINISHED = ".import-"
+"""How the folders begin in which runs are made, in the data folder."""
 READ = 0.6
 """Share of an import after which the file is read, and not checked yet."""
 
@@ -212,14 +213,11 @@ class ExportedRun:
 def written(run: Path, write: Callable[[Path], None]) -> Path:
     """Write a run's folder with its log, atomically, and return it. Raises StorageError."""
     folder = run.parent.parent
-    with os_errors(lambda why: f"cannot write in {folder}: {why}"):
-        making = Path(tempfile.mkdtemp(prefix=".import-", dir=folder))
-    try:
+    with (
+        working_folder(folder, UNFINISHED) as making,
+        os_errors(lambda why: f"cannot make {run}: {why}"),
+    ):
         made = making / run.name
         write(made / STATION)
         made.rename(run)
-    except OSError as error:
-        raise StorageError(f"cannot make {run}: {error.strerror}") from error
-    finally:
-        shutil.rmtree(making, ignore_errors=True)
     return run

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from extensions.importers.mapping import Rows
+from extensions.importers.rows import blocks
 from extensions.importers.units import FORCE_UNITS, LENGTH_UNITS, RATE_UNITS
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
@@ -44,7 +45,9 @@ def measurable(
         most, units = MOST[word]
         stated = getattr(rows, f"{'position' if word == 'velocity' else word}_unit", None)
         unit = stated if isinstance(stated, float) else units.get(str(stated), min(units.values()))
-        beyond = ((values > most / unit) | (values < -most / unit)).any(axis=1)
+        beyond = np.zeros(len(values), bool)
+        for some in blocks(values):
+            beyond[some] = (np.abs(values[some]) > most / unit).any(axis=1)
         if not (count := int(beyond.sum())):
             continue
         k = int(np.argmax(beyond))

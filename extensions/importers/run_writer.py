@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from extensions.importers.flight import ImportedFlight, Track
+from extensions.importers.rows import release
 from flight_log.attached import PARAMETERS
 from flight_log.provenance import provenance
 from flight_log.run_folder import IMPORTED
@@ -52,6 +53,7 @@ def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
         ticks["imu"]["stamp_ns"] = imu.stamps_ns[rows]
         ticks["imu"]["specific_force_b"] = imu.specific_force_b[rows]
         ticks["imu"]["angular_velocity_b"] = imu.angular_velocity_b[rows]
+        release(imu.specific_force_b, imu.angular_velocity_b)
         yield _batch(flight, "imu", imu_messages(ticks, name), imu.stamps_ns[rows])
     for topic, track in (("state", flight.estimate), ("truth", flight.truth)):
         if track is not None and len(rows := _rows(track.stamps_ns, start, end)):

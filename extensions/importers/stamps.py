@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from extensions.importers.flights import LONGEST_GAP
+from extensions.importers.rows import Mask, largest_step, release, steps_where, usual_step
 from extensions.importers.units import TIME_UNITS
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
@@ -34,6 +35,7 @@ STRAYS = 0.01
 """Largest share of stray stamps that is left out."""
 IS_RIGHT = "is time the right column?"
 YEAR = 365.25 * 86400.0
+Rows = npt.NDArray[np.integer]
 
 
 class Rates(NamedTuple):
@@ -47,16 +49,10 @@ RATES_OF_IMU = Rates((20.0, 10_000.0), 40_000.0)
 RATES = Rates((0.5, 10_000.0), 40_000.0)
 
 
-def judged_seconds(
-    stamps: Array,
-    unit: str,
-    rows: npt.NDArray[np.int64],
-    rates: Rates,
-    where: str,
-    *,
-    certain: bool = False,
-) -> Array:
-    """Return stamps in s.
+def judge(
+    stamps: Array, unit: str, rows: Rows, rates: Rates, where: str, *, certain: bool = False
+) -> None:
+    """Refuse stamps that cannot be right.
 
     Args:
         stamps: (N,), finite, N > 1, in `unit`.
@@ -66,29 +62,29 @@ def judged_seconds(
 
     Raises LogFormatError.
     """
-    seconds = stamps * TIME_UNITS[unit]
-    steps = np.diff(seconds)
-    if back := np.flatnonzero(steps < 0.0).tolist():
+    second = TIME_UNITS[unit]
+    if len(back := steps_where(stamps, lambda steps: steps < 0.0)):
         k = back[0]
         raise LogFormatError(
-            f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
-            f"{seconds[k + 1]:.6f} s in row {rows[k + 1]}; {IS_RIGHT}"
+            f"{where}: stamps go back {len(back)} times, first from {second * stamps[k]:.6f} s to "
+            f"{second * stamps[k + 1]:.6f} s in row {rows[k + 1]}; {IS_RIGHT}"
         )
     hint = partial(_hint, stamps, "" if certain else unit, rates)
-    middle = float(seconds[len(seconds) // 2])
+    middle = float(stamps[len(stamps) // 2] * second)
     if not EARLIEST <= middle <= LAST_DATE:
         raise LogFormatError(
             f"{where}: the stamps are about {middle:.3g} s in the {unit} of the mapping, "
             f"{'before 1970' if middle < 0 else 'beyond any date (2106)'}: {hint() or IS_RIGHT}"
         )
-    k = int(np.argmax(steps))
-    if steps[k] > LONGEST_GAP:
+    k = largest_step(stamps)
+    longest = float(stamps[k + 1] - stamps[k]) * second
+    if longest > LONGEST_GAP:
         why = hint()
         raise LogFormatError(
-            f"{where}: row {rows[k + 1]} is {_duration(steps[k])} after row {rows[k]}; if one of "
+            f"{where}: row {rows[k + 1]} is {_duration(longest)} after row {rows[k]}; if one of "
             "the two has a wrong stamp, leave it out" + f"; or {why}" * bool(why)
         )
-    rate = _rate(steps)
+    rate = _rate(stamps) / second
     if rate > rates.largest:
         raise LogFormatError(
             f"{where}: {rate:.6g} rows a second in the {unit} of the mapping, more than any "
@@ -98,21 +94,19 @@ def judged_seconds(
         raise LogFormatError(
             f"{where}: {rate:.3g} rows a second in the {unit} of the mapping, too few: {why}"
         )
-    return seconds
 
 
-def continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[Array, list[str]]:
+def continued(stamps: Array, rows: Rows, where: str) -> tuple[Array, list[str]]:
     """Return stamps without the steps back of a counter that began anew, and notes. Other steps
     back are left for the judgement of all.
     """
-    steps = np.diff(stamps)
-    back = np.flatnonzero(steps < 0.0)
-    if not len(back) or not (median := _usual(steps)):
+    back = steps_where(stamps, lambda steps: steps < 0.0)
+    if not len(back) or not (median := usual_step(stamps)):
         return stamps, []
     wraps, counter = back[:0], (0, 0.0)
     for bits, scale in itertools.product(COUNTER_BITS, (1.0, *TIME_UNITS.values())):
         period = 2.0**bits * scale
-        over = steps[back] + period
+        over = stamps[back + 1] - stamps[back] + period
         least = -period / 2.0 if stamps.min() < 0.0 else 0.0  # of a signed counter
         inside = least <= stamps.min() and stamps.max() < least + period
         fitting = back[(over > 0.0) & (over <= AT_WRAP * median)]
@@ -121,6 +115,7 @@ def continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[A
     if not len(wraps):
         return stamps, []
     found = stamps.copy()
+    release(stamps)
     for k in wraps:
         found[k + 1 :] += counter[1]
     return found, [
@@ -129,18 +124,15 @@ def continued(stamps: Array, rows: npt.NDArray[np.int64], where: str) -> tuple[A
     ]
 
 
-def without_strays(
-    stamps: Array, rows: npt.NDArray[np.int64], where: str
-) -> tuple[npt.NDArray[np.bool_], list[str]]:
+def without_strays(stamps: Array, rows: Rows, where: str) -> tuple[Mask, list[str]]:
     """Return which stamps go on from those before, (N,), and a note about others.
 
     A stray stamp is away from those around it, which go on without it. More than a few of them are
     left for the judgement of all.
     """
     kept = np.ones(len(stamps), bool)
-    steps = np.diff(stamps)
-    usual = _usual(steps)
-    odd = np.flatnonzero((steps < 0.0) | (steps > AT_WRAP * usual))
+    usual = usual_step(stamps)
+    odd = steps_where(stamps, lambda steps: (steps < 0.0) | (steps > AT_WRAP * usual))
     if len(odd) > STRAYS * len(stamps) + 2:
         return kept, []
     for k in odd.tolist():
@@ -168,26 +160,21 @@ def _hint(stamps: Array, unit: str, rates: Rates) -> str:
 
 def fits(seconds: Array, rates: Rates) -> bool:
     """Return whether stamps in s can be those of a flight."""
-    steps = np.diff(seconds)
     slow, fast = rates.likely
-    rate = _rate(steps)
+    rate = _rate(seconds)
     return bool(
         EARLIEST <= np.median(seconds) <= LAST_DATE
         and slow <= rate <= fast
-        and steps.max() <= LONGEST_GAP
+        and np.diff(seconds).max() <= LONGEST_GAP
     )
 
 
-def _rate(steps: Array) -> float:
-    """Return the usual rate in Hz of rows with different stamps; 0 where there are none."""
-    usual = _usual(steps)
+def _rate(stamps: Array) -> float:
+    """Return the usual rate of rows with different stamps, in 1 / their unit; 0 where there are
+    none.
+    """
+    usual = usual_step(stamps)
     return 1.0 / max(usual, 1e-12) if usual else 0.0
-
-
-def _usual(steps: Array) -> float:
-    """Return the median of the steps ahead; 0 where there are none."""
-    ahead = steps[steps > 0.0]
-    return float(np.median(ahead, overwrite_input=True)) if len(ahead) else 0.0
 
 
 def _duration(seconds: float) -> str:

@@ -24,7 +24,8 @@ EXTENSION = Extension(
         ),
         Importer(
             name="tlog",
-            pattern=rb"\0[\x04-\x0f].{6}[\xfe\xfd]",  # time of arrival, us since 1970; a packet
+            # Time of arrival, us since 1970, of a clock that is set or began anew; a packet.
+            pattern=rb"\0(?:[\x04-\x0f]..|\0\0[\0-\x7f]).{4}[\xfe\xfd]",
             target=".tlog:TlogTables.opened",
         ),
     ),

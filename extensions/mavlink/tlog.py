@@ -39,6 +39,7 @@ GRAVITY = 9.80665
 RESTART = 10_000_000
 """us by which the vehicle's clock goes back at least when it was started anew."""
 DATE = 1e15  # us; a larger `time_usec` is a date, not the time since the start
+FIRST_DATE = 1 << 50  # us; September 2005, before which no clock of a computer is set
 IMU = "IMU"
 IMU_AXES = ["xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro"]
 SOURCES_OF_IMU = {
@@ -176,13 +177,13 @@ class TlogTables:
         instance = messages.column(kind.instance) if kind.instance else np.zeros(len(system))
         start = 1 + np.searchsorted(restarts, messages.numbers, side="right")
         start[system != vehicle] = 1
-        keys = np.stack([system, instance, start], axis=1).astype(np.int64)
-        for key in np.unique(keys, axis=0):
-            of, number, begun = key.tolist()
+        keys = system + 256 * (instance.astype(np.int64) + (start << 32))
+        for key in np.unique(keys).tolist():
+            of, number, begun = key % 256, (key >> 8) % 2**32, key >> 40
             name = f"{kind.name}#{number}" if number else kind.name
             name = f"{of}/{name}" if of != vehicle else name + f"@{begun}" * (begun > 1)
             self._columns[name] = [*kind.fields, LOGGED]
-            alike = (keys == key).all(axis=1)
+            alike = keys == key
             self._rows[name] = messages if alike.all() else messages.chosen(alike)
 
     def _restarts(self, read: Iterable[Messages], of_vehicle: npt.NDArray[np.bool_]) -> Places:
@@ -206,19 +207,21 @@ class TlogTables:
             first = first + int(back[0]) if len(back) else len(us)
         self._starts = max(1, len(begins))
         if self._wanted <= len(begins):
-            k = begins[self._wanted - 1]
-            self.epoch_ns = (int(arrival[k]) - int(us[k])) * 1000
+            k, end = [*begins, len(us)][self._wanted - 1 : self._wanted + 1]
+            if len(dated := np.flatnonzero(arrival[k:end] > FIRST_DATE)):
+                k += int(dated[0])
+                self.epoch_ns = (int(arrival[k]) - int(us[k])) * 1000
         found: Places = packets[begins[1:]]
         return found
 
     def _records(self, data: mmap) -> Places:
         """Return where records begin; pass over what is none."""
         found = array("q")
-        at, damages, searches = 0, 0, False
+        at, damages, searches, begins = 0, 0, False, _begins(data, 0)
         while at + ARRIVAL < len(data):
             start = at + ARRIVAL
             end = start + _size(data, start)
-            if start < end <= len(data) and _begins(data, at) and _begins(data, end):
+            if begins and start < end <= len(data) and _begins(data, end):
                 searches = False
                 found.append(at)
                 at = end
@@ -228,6 +231,7 @@ class TlogTables:
             else:
                 damages += not searches
                 searches, at = True, at + 1
+                begins = _begins(data, at)
         if damages:
             self.notes.append(f"{self.path.name}: damaged in {damages} places, which are left out")
         return np.frombuffer(found, np.int64)
@@ -237,7 +241,12 @@ def _begins(data: mmap, at: int) -> bool:
     """Return whether a record can begin here; a piece of one at the end of the file can."""
     if at + ARRIVAL >= len(data):
         return True
-    return data[at] == 0 and 4 <= data[at + 1] <= 15 and data[at + ARRIVAL] in (0xFE, 0xFD)
+    is_dated = 4 <= data[at + 1] <= 15
+    return (
+        data[at] == 0
+        and (is_dated or data[at + 1] == data[at + 2] == 0)  # a computer's clock begins in 1970
+        and data[at + ARRIVAL] in (0xFE, 0xFD)
+    )
 
 
 def _size(data: mmap, start: int) -> int:

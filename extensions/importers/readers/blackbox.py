@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
@@ -20,6 +21,7 @@ from extensions.importers.readers import blackbox_frames as frames
 from extensions.importers.readers.blackbox_header import Log, degrees, described, one_g, smallest
 from extensions.importers.readers.progress import tell
 from extensions.importers.readers.tables import FileTables
+from extensions.importers.rows import Spilled, release
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
@@ -29,8 +31,8 @@ PIECE = 1 << 22
 """Bytes that are searched for beginnings of logs, or decoded, at once."""
 LONGEST_FRAME = 1 << 16
 """More bytes than any frame has."""
-MOST_VALUES = 84_000_000
-"""Largest number of values read from a log: of seven columns 12 million frames, 25 min at 8 kHz."""
+MOST_FRAMES = 12_000_000
+"""Largest number of frames read from a log: 25 min at 8 kHz."""
 FIRST_YEAR, LAST_YEAR = 2000, 2105
 
 
@@ -98,6 +100,7 @@ class BlackboxTables(FileTables):
         for k, name in enumerate(names):
             if scale := _scale(log.header, name):
                 rows[:, k] *= scale
+                release(rows)
         return rows
 
     def _without_accelerometer(self, why: str) -> LogFormatError:
@@ -120,17 +123,16 @@ class BlackboxTables(FileTables):
         state = np.zeros(frames.STATES, np.int64)
         state[frames.LAST_I] = -1
         past = np.zeros((3, max(8, len(log.names), log.others.shape[1]) + 8), np.int64)
-        # Memory that is never written is never taken.
         shortest = min(map(smallest, log.fields[[frames.I_ENCODING, frames.P_ENCODING]].tolist()))
-        most = min((log.end - log.begin) // shortest + 1, MOST_VALUES // len(names))
-        rows = np.empty((most + 1, len(names)))
+        most = min((log.end - log.begin) // shortest + 1, MOST_FRAMES)
         at = whole = log.begin
-        with self.path.open("rb") as file:
+        with self.path.open("rb") as file, closing(Spilled(len(names), most + 1)) as table:
             while at < log.end and not state[frames.ENDED]:
                 tell((at - log.begin) / (log.end - log.begin))
                 data = _piece(file, at, min(PIECE, log.end - at))
                 stop = len(data) - (LONGEST_FRAME if at + len(data) < log.end else 0)
                 state[frames.AT], state[frames.WHOLE_TO] = 0, whole - at
+                table.make_room(int(state[frames.COUNT]), len(data) // shortest + 1)
                 frames.decode(
                     data=np.frombuffer(data, np.uint8),
                     stop=stop,
@@ -140,17 +142,18 @@ class BlackboxTables(FileTables):
                     state=state,
                     past=past,
                     columns=columns,
-                    rows=rows,
+                    rows=table.columns,
                 )
                 if state[frames.COUNT] > most:
                     raise LogFormatError(
                         f"{log.where} has more than {most} frames, which are too many for an "
                         "import: cut the file"
                     )
+                release(table.columns)
                 at, whole = at + int(state[frames.AT]), at + int(state[frames.WHOLE_TO])
             is_erased = _is_erased(file, whole, log.end)
         self._note(log, state, left=log.end - whole, is_erased=is_erased)
-        found = rows[: state[frames.COUNT]]
+        found = table.columns[:, : state[frames.COUNT]].T
         if "time" in names:
             found[:, names.index("time")] %= 2.0**32  # also of a log that calls it signed
         return found

@@ -351,11 +351,11 @@ def decode(
         setting, state: as the constants name their places; the state is changed.
         past: (3, L), L of at least K and 8: the last two frames, and space; changed.
         columns: (M,): the fields to write.
-        rows: (N, M), of all pieces.
+        rows: (M, N), of all pieces.
     """
     count, now = state[COUNT], np.zeros(fields.shape[1], np.int64)
     cursor, spare = np.zeros(2, np.int64), np.zeros(others.shape[1], np.int64)
-    while state[AT] < stop and count < len(rows) and not state[ENDED]:
+    while state[AT] < stop and count < rows.shape[1] and not state[ENDED]:
         letter, good = data[state[AT]], False
         cursor[0], cursor[1] = state[AT] + 1, 0
         if letter == INTRA or (letter == INTER and not state[SEARCHES]):
@@ -369,7 +369,7 @@ def decode(
                     past[1] = past[0]
                 past[0, : len(now)] = now
                 for k in range(len(columns)):
-                    rows[count, k] = now[columns[k]]
+                    rows[k, count] = now[columns[k]]
                 count += 1
                 state[LAST_ITERATION], state[LAST_TIME] = (
                     now[setting[ITERATION]],

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-import gzip
 import tempfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
+from typing import TYPE_CHECKING
 
 from extensions.importers.readers.progress import tell
+from extensions.importers.working_folder import working_folder
 from flight_log.limits import MAX_UNPACKED
 from quadrotor.errors import LogFormatError, os_errors
 
+if TYPE_CHECKING:
+    from zstandard import ZstdDecompressionObj
+
 GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
-PIECE = 1 << 20
 UNPACKED = 0.5
 """Share of the reading after which a file is unpacked."""
-ZSTD_PIECE = 1 << 10
-"""Bytes of zstd unpacked at once: four of them can be 128 kB."""
+ZSTD_PIECE, GZIP_PIECE = 1 << 10, 1 << 14
+"""Bytes unpacked at once: four of zstd can be 128 kB, one of gzip 1 kB."""
 
 
 def is_packed(head: bytes) -> bool:
@@ -46,8 +48,8 @@ def unpacked(path: Path) -> Iterator[tuple[Path, str]]:
     """Yield the unpacked file, which is removed in the end, and why it is incomplete; empty if it
     is whole. Raises LogFormatError or StorageError.
     """
-    with tempfile.TemporaryDirectory(prefix="quadlab-import-") as folder:
-        found, size, torn = Path(folder) / path.stem, 0, ""
+    with working_folder(Path(tempfile.gettempdir()), "quadlab-import-") as folder:
+        found, size, torn = folder / path.stem, 0, ""
         with found.open("wb") as target:
             try:
                 for piece in _pieces(path):
@@ -74,30 +76,27 @@ def _pieces(path: Path) -> Iterator[bytes]:
     with os_errors(lambda why: f"cannot read {path}: {why}"), path.open("rb") as packed:
         is_gzip = packed.peek(len(GZIP)).startswith(GZIP)
         size = path.stat().st_size
+        frame = _begun(is_gzip=is_gzip)
         try:
-            for piece in _of_gzip(packed) if is_gzip else _of_zstd(packed):
+            while data := packed.read(GZIP_PIECE if is_gzip else ZSTD_PIECE):
                 tell(UNPACKED * packed.tell() / size)
-                yield piece
-        except (ZstdError, gzip.BadGzipFile, zlib.error) as error:
+                while data:
+                    if frame.eof:  # gzip is filled up by zeros to the blocks of a tape
+                        data = data.lstrip(b"\0") if is_gzip else data
+                        frame = _begun(is_gzip=is_gzip) if data else frame
+                    if data:
+                        yield frame.decompress(data)
+                    data = frame.unused_data if frame.eof else b""
+        except (ZstdError, zlib.error) as error:
             raise LogFormatError(f"{path.name} cannot be unpacked: {error!s:.120}") from error
+        if not frame.eof:
+            raise EOFError("the file ends early, within a frame")
 
 
-def _of_gzip(packed: IO[bytes]) -> Iterator[bytes]:
-    with gzip.GzipFile(fileobj=packed) as file:
-        while piece := file.read1(PIECE):
-            yield piece
-
-
-def _of_zstd(packed: IO[bytes]) -> Iterator[bytes]:
-    """Yield what all frames have. Raises EOFError where the last one is cut off."""
+def _begun(*, is_gzip: bool) -> zlib._Decompress | ZstdDecompressionObj:
+    """Return what unpacks one frame, and is told of its end."""
     from zstandard import ZstdDecompressor
 
-    frame = ZstdDecompressor().decompressobj()
-    while data := packed.read(ZSTD_PIECE):
-        while data:
-            if frame.eof:
-                frame = ZstdDecompressor().decompressobj()
-            yield frame.decompress(data)
-            data = frame.unused_data if frame.eof else b""
-    if not frame.eof:
-        raise EOFError("the file ends early, within a frame")
+    if is_gzip:
+        return zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+    return ZstdDecompressor().decompressobj()

@@ -8,12 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from extensions.importers.readers.tables import Column, FileTables, beyond_float, check_size
+from extensions.importers.readers.tables import (
+    Column,
+    FileTables,
+    beyond_float,
+    check_size,
+    seconds_of,
+)
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
 if TYPE_CHECKING:
     import pyarrow
+
+
+DECIMALS = 9
 
 
 class ParquetTable(FileTables):
@@ -43,10 +52,29 @@ class ParquetTable(FileTables):
         return np.stack([self._column(name) for name in names], axis=1, dtype=np.float64)
 
     def remainders(self, table: str, name: str) -> Array | None:
+        column = self._arrow(name)
+        if decimals := decimals_of(column):
+            return decimals[1]
         return beyond_float(self._column(name))
 
     def _column(self, name: str) -> Column:
         """Return a column as the file has it. Raises LogFormatError."""
+        import pyarrow as pa
+
+        column = self._arrow(name)
+        if decimals := decimals_of(column):
+            return decimals[0]
+        try:
+            if pa.types.is_timestamp(column.type):
+                column = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64())
+            elif not pa.types.is_integer(column.type):
+                column = column.cast(pa.float64())
+            return numbers_of(column)
+        except pa.ArrowException as error:
+            raise LogFormatError(f"{self.path.name}, {name}: {error!s:.120}") from None
+
+    def _arrow(self, name: str) -> pyarrow.ChunkedArray:
+        """Return a column as Arrow has it. Raises LogFormatError."""
         import pyarrow as pa
 
         try:
@@ -56,11 +84,7 @@ class ParquetTable(FileTables):
             column = table[name]
             if pa.types.is_dictionary(column.type):
                 column = pa.chunked_array([one.dictionary_decode() for one in column.chunks])
-            if pa.types.is_timestamp(column.type):
-                column = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64())
-            elif not pa.types.is_integer(column.type):
-                column = column.cast(pa.float64())
-            return numbers_of(column)
+            return column
         except (pa.ArrowException, OSError, KeyError) as error:
             raise LogFormatError(f"{self.path.name}, {name}: {error!s:.120}") from None
 
@@ -77,6 +101,29 @@ def numbers_of(column: pyarrow.ChunkedArray) -> Column:
             values = np.where(bits.astype(bool), values, np.nan)
         parts.append(values)
     return np.concatenate([np.zeros(0, kind), *parts])
+
+
+def decimals_of(column: pyarrow.ChunkedArray) -> tuple[Array, Array] | None:
+    """Return decimals as float64, and by how much they are more, (N,) each; None for other columns
+    and for decimals of more digits than 9 behind the point or 19 in all.
+    """
+    import pyarrow as pa
+
+    if not pa.types.is_decimal(column.type) or column.null_count:
+        return None
+    try:
+        column = column.cast(pa.decimal128(38, DECIMALS))
+    except pa.ArrowInvalid:
+        return None
+    parts = [np.zeros(0, np.int64)]
+    for one in column.chunks:
+        words = np.frombuffer(one.buffers()[1], np.int64)
+        parts.append(words[2 * one.offset : 2 * (one.offset + len(one))])
+    low, high = np.concatenate(parts).reshape(-1, 2).T
+    if (high != low >> 63).any():
+        return None
+    whole, part = np.divmod(low, 10**DECIMALS)
+    return seconds_of(whole.astype(np.float64), part.astype(np.float64))
 
 
 def _leaves(

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from extensions.importers.readers.parquet import numbers_of
-from extensions.importers.readers.tables import MAX_VALUES, beyond_float, check_size, seconds_of
+from extensions.importers.readers.parquet import DECIMALS, decimals_of, numbers_of
+from extensions.importers.readers.tables import MAX_VALUES, beyond_float, check_size
 from quadrotor.records import Array
 
 if TYPE_CHECKING:
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
 PIECE = 1 << 22
 """Bytes that are parsed at once."""
-DECIMALS = 9
-LARGEST = 9e9
-"""Numbers below it have so many decimals within 63 bits."""
 
 
 class PlainColumns(NamedTuple):
@@ -77,13 +74,8 @@ class PlainColumns(NamedTuple):
                 continue
             if kind == pa.int64():
                 return beyond_float(numbers_of(pa.chunked_array(parts, kind)))
-            # Small decimals are the lower of two words.
-            words = [np.frombuffer(one.buffers()[1], np.int64)[: 2 * len(one) : 2] for one in parts]
-            numbers = self.numbers([column])
-            if numbers is None or np.abs(numbers).max() > LARGEST:
-                return None
-            whole, part = np.divmod(np.concatenate(words), 10**DECIMALS)
-            return seconds_of(whole.astype(np.float64), part.astype(np.float64))[1]
+            decimals = decimals_of(pa.chunked_array(parts, kind))
+            return None if decimals is None else decimals[1]
         return None
 
     def _batches(self, kinds: dict[int, pyarrow.DataType]) -> Iterator[pyarrow.RecordBatch]:

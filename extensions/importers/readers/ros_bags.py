@@ -46,6 +46,7 @@ class BagTables(FileTables):
         super().__init__(path)
         self._rows: dict[str, _Rows] = {}
         self._topics: list[str] = []
+        self.torn = _unwritten(path)
         with (
             foreign_reader(path, "bag", lambda: _what_to_try(path)),
             AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag,
@@ -79,9 +80,25 @@ class BagTables(FileTables):
         return self._rows[table].column(name)[1]
 
 
+def _databases(bag: Path) -> list[Path]:
+    return sorted(bag.glob("*.db3")) if bag.is_dir() else []
+
+
+def _unwritten(bag: Path) -> str:
+    """Return which database of a bag its recorder has not written completely; empty if none."""
+    for one in _databases(bag) or [bag]:
+        for beside in (one.with_name(f"{one.name}-wal"), one.with_name(f"{one.name}-journal")):
+            if beside.is_file() and beside.stat().st_size:
+                return (
+                    f"{beside.name} has what is not in {one.name} yet: stop the recorder, or let "
+                    f"`sqlite3 {one.name} .tables` take it over"
+                )
+    return ""
+
+
 def _what_to_try(bag: Path) -> str:
     """Return what to try with the databases of a bag; empty if it has none."""
-    databases = sorted(bag.glob("*.db3")) if bag.is_dir() else []
+    databases = _databases(bag)
     for one in databases:
         with (
             suppress(DatabaseError),

@@ -75,6 +75,7 @@ class TextTable(FileTables):
         self._first_name = next((one[0] for one in self._head.names[-1:]), "")
         self._rows = self._rows_of_torn()
         self._plain = self._plain_columns()
+        self._remainders: dict[str, Array] = {}
 
     def columns(self, table: str) -> list[str]:
         return self._names
@@ -109,6 +110,11 @@ class TextTable(FileTables):
         return np.frombuffer(values, dtype=np.float64).reshape(-1, len(wanted))
 
     def remainders(self, table: str, name: str) -> Array:
+        if name not in self._remainders:  # tables of several sections have one time
+            self._remainders = {name: self._found_remainders(name)}
+        return self._remainders[name]
+
+    def _found_remainders(self, name: str) -> Array:
         column = self._names.index(name)
         if self._plain and (plain := self._plain.remainders(column)) is not None:
             return plain

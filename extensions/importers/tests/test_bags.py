@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -128,3 +129,20 @@ def test_topics_have_the_stamps_that_are_asked_for(tmp_path: Path) -> None:
     assert "stamps clock" in found.source
     with pytest.raises(UsageError, match="no section of the mapping has a topic"):
         load_mapping("euroc").with_stamps("log")
+
+
+def test_a_bag_whose_recorder_has_not_written_all_of_it_says_so_until_it_has(
+    tmp_path: Path,
+) -> None:
+    bag = write_bag(tmp_path / "bag", make_flight(seconds=1.0), 2)
+    [database] = bag.glob("*.db3")
+    recorder = sqlite3.connect(database)
+    recorder.execute("PRAGMA journal_mode=wal")
+    recorder.execute("PRAGMA wal_autocheckpoint=0")
+    recorder.execute("DELETE FROM messages WHERE id > 150")
+    recorder.commit()
+    with pytest.raises(LogFormatError, match=r"-wal has what is not in bag\.db3 yet.*--torn"):
+        read_flight(bag)
+    assert len(read_flight(bag, torn=True).imu.stamps_ns) == 100
+    recorder.close()
+    assert len(read_flight(bag).imu.stamps_ns) == 75

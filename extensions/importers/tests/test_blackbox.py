@@ -270,7 +270,7 @@ def test_a_log_is_decoded_in_pieces_as_at_once(
 def test_a_log_of_more_frames_than_memory_is_for_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("extensions.importers.readers.blackbox.MOST_VALUES", 100 * len(FLIGHT))
+    monkeypatch.setattr("extensions.importers.readers.blackbox.MOST_FRAMES", 100)
     assert len(numbers(opened(tmp_path, flight_log(ROWS[:100])))) == 100
     with pytest.raises(LogFormatError, match="log 1 has more than 100 frames"):
         numbers(opened(tmp_path, flight_log(ROWS[:101])))

@@ -6,6 +6,7 @@ import gzip
 import json
 import os
 from collections.abc import Callable, Iterable
+from decimal import Decimal
 from pathlib import Path
 
 import h5py
@@ -448,7 +449,7 @@ def test_a_table_of_plain_numbers_is_the_same_cell_by_cell(
         ["1403636579763555584", "-5"],
         ["1.7e9", "-3.25"],
         ["0.1234567891", "1"],
-        ["9000000000.1", "9200000000.1"],
+        ["9000000000.1", "9300000000.1"],
         ["1.1", "nan"],
     ],
     ids=repr,
@@ -498,3 +499,15 @@ def test_a_numpy_file_whose_head_ends_within_brackets_is_refused(tmp_path: Path)
     path.write_bytes(path.read_bytes().replace(b"(3, 2), }", b"(3, 2,   "))
     with pytest.raises(LogFormatError, match="is not a complete NumPy file"):
         NumpyTable(path)
+
+
+@pytest.mark.parametrize("scale", [9, 3, 12])
+def test_decimals_of_parquet_are_exact_as_far_as_stamps_are(tmp_path: Path, scale: int) -> None:
+    texts = [f"1700000000.{k}23456789"[: 11 + scale] for k in range(1, 9)] + ["-0.5"]
+    column = pa.array([Decimal(one) for one in texts], pa.decimal128(30, scale))
+    parquet.write_table(pa.table({"t": column}), tmp_path / "t.parquet")
+    table = ParquetTable(tmp_path / "t.parquet")
+    rounded, rest = table.read("", ["t"])[:, 0], table.remainders("", "t")
+    assert rounded.tolist() == [float(one) for one in texts]
+    assert rest is not None
+    assert np.allclose(rest, [*map(remainder, texts)], rtol=0.0, atol=1e-15)

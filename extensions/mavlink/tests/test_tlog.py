@@ -163,3 +163,16 @@ def test_a_wrong_checksum_and_the_end_of_a_torn_log(tmp_path: Path) -> None:
     assert len(tables.read("SCALED_IMU", ["xacc"])) == 49
     assert any("1 packets with a wrong checksum" in note for note in tables.notes)
     assert "within a packet" in tables.torn
+
+
+def test_a_computer_whose_clock_began_in_1970_is_dated_as_soon_as_it_is_set(tmp_path: Path) -> None:
+    whole = flight()
+    early = [(20_000 * k).to_bytes(8, "big") + one[8:] for k, one in enumerate(whole)]
+    log = opened(tmp_path, b"".join(early))
+    assert main(["log", "import", str(log.path), "--data", str(tmp_path / "lab")]) == 0
+    assert len(log.read("IMU", ["xacc"])) == 200
+    assert log.epoch_ns is None
+    log = opened(tmp_path, b"".join(early[:300] + whole[300:]))
+    assert len(log.read("IMU", ["xacc"])) == 200
+    dated = opened(tmp_path, b"".join(whole)).epoch_ns
+    assert log.epoch_ns == dated == (ARRIVAL_US + 137 - 1000 * BOOT_MS) * 1000
