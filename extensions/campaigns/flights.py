@@ -146,8 +146,18 @@ def _alone(settings: Settings, index: int, folder: Path) -> over_logs.Figures:
         true_state=plan.true_state,
     )
     metrics = {**done.result.metrics, "flown_s": done.flight.view().time}
-    reason = done.aborted or done.result.reason
-    return done.result.verdict, reason, metrics, tuple(done.result.limits), 0.0
+    result = done.result
+    reason = done.aborted or result.reason or _beyond(result.metrics, result.limits)
+    return result.verdict, reason, metrics, tuple(result.limits), 0.0
+
+
+def _beyond(metrics: dict[str, float], limits: dict[str, float]) -> str:
+    """Return the metrics that are not within their limits, in words."""
+    return "; ".join(
+        f"{name} is {metrics[name]:.5g}, at most {limit:g} passes"
+        for name, limit in limits.items()
+        if name in metrics and not metrics[name] <= limit
+    )
 
 
 def _read(settings: Settings, index: int) -> over_logs.Figures:
@@ -196,8 +206,8 @@ def _judged(
 ) -> tuple[str, str, dict[str, float], tuple[str, ...]]:
     """Apply the plan's own limits, and its choice of metrics."""
     for name, limit in plan.limits.items():
-        if verdict == "passed" and not metrics.get(name, limit) <= limit:
-            verdict, reason = "failed", f"{name} is {metrics[name]:.5g}, at most {limit:g} passes"
+        if verdict == "passed" and (beyond := _beyond(metrics, {name: limit})):
+            verdict, reason = "failed", beyond
     if plan.metrics:
         metrics = {name: value for name, value in metrics.items() if name in plan.metrics}
     judged = tuple(dict.fromkeys((*judged, *plan.limits)))

@@ -37,7 +37,7 @@ design = "grid"
 # limits = {{ position_rms_m = 0.01 }}  # fails a flight beyond, in addition to the experiment's own
 
 [fixed]                      # parameters of every flight, as for `quadlab fly --set`
-"simulator.drag" = 0.1
+"simulator.drag" = 0.02
 
 [factors]                    # parameters that differ from cell to cell
 "control.position.kp_xy" = [3.0, 4.0, 5.0]

@@ -69,8 +69,9 @@ class Cases:
 
     def evaluate(self, log):
         height = self.parameters.height
-        verdict = "failed" if self.parameters.case == "fails" else "passed"
-        return Result(verdict, {"height_m": height}, {"height_m": 2.0})
+        fails = self.parameters.case == "fails"
+        limits = {"height_m": 0.5 if fails else 2.0}
+        return Result("failed" if fails else "passed", {"height_m": height}, limits)
 '''
 """An experiment of a tenth of a second, in which anything can happen."""
 

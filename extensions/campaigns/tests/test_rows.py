@@ -118,7 +118,7 @@ def test_a_flight_that_goes_wrong_is_a_row_with_its_reason(hard: CampaignFolder)
         )
     ) == {
         "good": ("passed", ""),
-        "fails": ("failed", ""),
+        "fails": ("failed", "height_m is 1, at most 0.5 passes"),
         "raises": ("raised", "cases.py line 32: ZeroDivisionError: no good"),
         "dies": ("worker_died", "each worker that flew it died"),
         "dies once": ("passed", ""),
