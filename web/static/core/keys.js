@@ -7,10 +7,12 @@ export const TYPING =
   "input:not([type=range], [type=checkbox], [type=radio]), select, textarea, [contenteditable]";
 const PRESSED = "button:not([data-flight]), a, summary, input"; // what the space bar presses
 
+const ALWAYS = /** @type {(event: any) => boolean} */ (() => true);
+
 // act(event) on `key` (as in KeyboardEvent.key), except while somebody types or holds a modifier.
 // `meaning` is shown in the help. `hold`: ms it must be held; without it a press is enough. `when(event)`: else the key
 // is left to others.
-export function onKey(key, meaning, act, { hold = 0, when = (_event) => true } = {}) {
+export function onKey(key, meaning, act, { hold = 0, when = ALWAYS } = {}) {
   if (ACTIONS.has(key)) throw new Error(`the key ${key} has a meaning already: ${ACTIONS.get(key).meaning}`);
   ACTIONS.set(key, { key, meaning, act, hold, when, timer: null, since: 0 });
 }
