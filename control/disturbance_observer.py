@@ -34,6 +34,9 @@ from quadrotor.vehicle_model import Four, VehicleModel
 
 RATE_POLE = 20.0
 """Low pass, in rad/s, of the force's rate, which turns the vehicle before its tilt is wrong."""
+CURVE_POLE = 10.0
+"""Low pass, in rad/s, of the rate's rate. Twice as fast, gusts leave a sixth less error, and strong
+vibration twice as much on the error-state filter."""
 SETTLED = 3.0
 """Shortest fade-in, in time constants of the low pass: the observer must have an estimate before it
 replaces the law's integral."""
@@ -62,7 +65,7 @@ OBSERVER_MEMORY = np.dtype(
         ("z_w", "f8", 3),  # z_B of the last step
         ("slow_acceleration_w", "f8", 3),  # m/s^2, that across z_B behind RATE_POLE
         ("rate_w", "f8", 3),  # m/s^3, of that across z_B
-        ("slow_rate_w", "f8", 3),  # m/s^3, the same behind RATE_POLE
+        ("slow_rate_w", "f8", 3),  # m/s^3, the same behind CURVE_POLE
         ("turn_b", "f8", 3),  # rad/s^2, the disturbing torque over the inertia
         ("force_share", "f8"),  # 0..1, how far the force is faded in
         ("torque_share", "f8"),  # 0..1
@@ -163,12 +166,13 @@ def _advance(
         away = keep_spin * (state.angular_velocity_b[i] - v[i])
         v[i] += away
         m.turn_b[i] = away / dt
-    blur, lift = -math.expm1(-RATE_POLE * dt), dot(vector(m.acceleration_w), z_w)
+    blur, blur_rate = -math.expm1(-RATE_POLE * dt), -math.expm1(-CURVE_POLE * dt)
+    lift = dot(vector(m.acceleration_w), z_w)
     for i in range(3):
         across = m.acceleration_w[i] - lift * z_w[i]
         m.slow_acceleration_w[i] += blur * (across - m.slow_acceleration_w[i])
         m.rate_w[i] = RATE_POLE * (across - m.slow_acceleration_w[i])
-        m.slow_rate_w[i] += blur * (m.rate_w[i] - m.slow_rate_w[i])
+        m.slow_rate_w[i] += blur_rate * (m.rate_w[i] - m.slow_rate_w[i])
 
 
 @compiled(inner=True)
@@ -222,7 +226,7 @@ def _take(m: Item, settings: Item, model: Item, dt: float, out: Item) -> None:
         out.force_ended_w[i] = force_ended * found
         moving = m.force_share * model.mass if free else 0.0
         out.force_rate_w[i] = moving * m.rate_w[i]
-        out.force_curve_w[i] = moving * RATE_POLE * (m.rate_w[i] - m.slow_rate_w[i])
+        out.force_curve_w[i] = moving * CURVE_POLE * (m.rate_w[i] - m.slow_rate_w[i])
         found = min(twist, max(-twist, J[i] * m.turn_b[i]))
         out.torque_b[i] = m.torque_share * found
         out.torque_ended_b[i] = torque_ended * found

@@ -17,12 +17,13 @@ motors G = 1 / (tau s + 1) next to the true ones. Broken there, L becomes (L + Q
 torque's at the motors and in yaw, the force's in height. Sideways it holds the measured motion
 against the measured tilt, neither of which is behind the desired tilt or the motors: those two
 cuts do not see it. The loop `estimate` does, broken at the measured motion x. With d the force
-subtracted, whose two derivatives are fed forward behind low passes W = b / (s + b) and W^2,
+subtracted, whose two derivatives are fed forward behind low passes W = b / (s + b) and W V, with V
+= c / (s + c),
 
     B theta = -M x - O d,    d = Q (s^2 x - theta),    L = (M + O Q s^2) / (s^2 (B - O Q))
 
     M = P A                                 B = (tau s + 1) s^2 + A + k_w s
-    O = A + k_w s W + s^2 W^2                                     with the nominal rates
+    O = A + k_w s W + s^2 W V                                     with the nominal rates
     M + k_w (k_p s + k_i) + k_i s           B + k_w k_v + k_p + k_v s
     O + k_w k_v + k_p + k_v s W                                   with the exact ones
 
@@ -39,7 +40,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from control.disturbance_observer import RATE_POLE
+from control.disturbance_observer import CURVE_POLE, RATE_POLE
 from control.parameters import ControlParameters
 
 Complex = npt.NDArray[np.complex128]
@@ -108,19 +109,20 @@ def _estimate(
     for none.
     """
     p, a = parameters.position, parameters.attitude
-    s, rate = Polynomial([0.0, 1.0]), Polynomial([RATE_POLE, 1.0])
+    s = Polynomial([0.0, 1.0])
+    rate, curve = Polynomial([RATE_POLE, 1.0]), Polynomial([CURVE_POLE, 1.0])
     integral = Polynomial([a.ki_xy, a.kr_xy])
     motion = integral * Polynomial([p.ki_xy, p.kp_xy, p.kv_xy])  # s^2 M
     tilt = lag * s**3 + integral + a.kw_xy * s**2  # s B
-    # s O, times (s + b)^2: angle, rate and angular acceleration of the force's direction.
-    taken = (integral * rate + RATE_POLE * a.kw_xy * s**2) * rate + RATE_POLE**2 * s**3
+    # s O, times (s + b) (s + c): angle, rate and angular acceleration of the force's direction.
+    taken = (integral * rate + RATE_POLE * a.kw_xy * s**2) * curve + RATE_POLE * CURVE_POLE * s**3
     if a.rates == "exact":
         motion += a.kw_xy * s**2 * Polynomial([p.ki_xy, p.kp_xy]) + p.ki_xy * s**3
         tilt += s * Polynomial([a.kw_xy * p.kv_xy + p.kp_xy, p.kv_xy])
-        taken += (s * (a.kw_xy * p.kv_xy + p.kp_xy) * rate + RATE_POLE * p.kv_xy * s**2) * rate
+        taken += (s * (a.kw_xy * p.kv_xy + p.kp_xy) * rate + RATE_POLE * p.kv_xy * s**2) * curve
     if force == 0.0:
         return motion, s**3 * tilt
-    left = rate**2 * Polynomial([force, 1.0])
+    left = rate * curve * Polynomial([force, 1.0])
     return motion * left + force * taken * s**3, s**3 * (tilt * left - force * taken)
 
 

@@ -112,7 +112,7 @@ def test_what_thrust_lacks_turns_with_the_vehicle_and_wind_does_not() -> None:
 def test_the_force_has_its_rate_while_it_grows() -> None:
     one = CommandPermission(settings(force_bandwidth=10.0, fade=0.1)).step(0.5)
     grown = []
-    for k in range(600):
+    for k in range(900):
         one.step(DT, (0.001 * k, 0.0, 0.0))
         rates = (float(one.out[name][0, 0]) for name in ("force_rate_w", "force_curve_w"))
         grown.append((one.force[0], *rates))
