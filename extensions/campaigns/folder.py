@@ -106,7 +106,7 @@ class CampaignFolder:
                 f"{file.identity}): a changed plan, or a changed file that it names, is a new "
                 "campaign; give another --out"
             )
-        found.check_alike()
+        found._check_software()
         if file.plan.logs:
             found._add_logs(file)
         return found
@@ -125,6 +125,14 @@ class CampaignFolder:
 
     def check_alike(self) -> None:
         """Raise UsageError if the rest would be flown by another plan, or other software."""
+        self._check_software()
+        if self.plan.identity != self.record["plan"]:
+            raise UsageError(
+                f"{self.path / PLAN} was changed since: its rows would not be alike; undo that, or "
+                "begin another campaign"
+            )
+
+    def _check_software(self) -> None:
         then, now = self.record["software"], software()
         differing = [name for name in now if then.get(name) != now[name]]
         if differing:
@@ -133,11 +141,6 @@ class CampaignFolder:
                 f"{self.path} was begun with another quadlab ({name} {then.get(name)}, revision "
                 f"{self.record['revision']['git_revision'][:10]}; now {now[name]}): its rows would "
                 "not be alike; fly it with that one, or begin another campaign"
-            )
-        if self.plan.identity != self.record["plan"]:
-            raise UsageError(
-                f"{self.path / PLAN} was changed since: its rows would not be alike; undo that, or "
-                "begin another campaign"
             )
 
     @contextlib.contextmanager

@@ -157,7 +157,7 @@ def test_from_the_printed_link_to_a_report_takes_six_clicks(
     page.evaluate(COUNT)
     page.click("#help-panel button:has-text('Close')")
     page.click("[data-tab=experiments]")
-    page.click("#experiment .card:has-text('Figure eight')")
+    page.click("#experiment .card:has-text('Figure 8')")
     started = len(station.requests)
     look_at(page).hold(START, lambda: len(station.requests) > started)
     told = {"metric_names": ["position_rms_m"], "metric_values": [0.04], "metric_limits": [0.05]}
