@@ -33,7 +33,6 @@ from benchmarks.harness import Report, Row, Size, Target
 from quadrotor.checkout import ROOT
 from quadrotor.records import Record
 from vehicle.estimators.external import ExternalEstimator
-from vehicle.estimators.offer import offer_plugins
 from vehicle.laws.external import ExternalLaw
 from vehicle.plugins.external import External
 
@@ -248,9 +247,7 @@ def _is_beyond(flight: WatchedFlight, external: External, answer: Record | None)
 def _begun(kind: str, seed: int, folder: Path, settings: dict[str, str]) -> WatchedFlight:
     if kind == "sensor":
         settings["estimation.estimator"] = "error_state"
-    offer_plugins(folder)
     flight = WatchedFlight(seed, {**settings}, plugins=folder)
-    offer_plugins(None)
     flight.hover(HEIGHT, 0.2)
     if kind == "behavior":
         flight.start("external")

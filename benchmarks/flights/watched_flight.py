@@ -17,6 +17,7 @@ from quadrotor.parameters import ParameterStore
 from quadrotor.records import Array
 from vehicle import mailbox
 from vehicle.boards.kind import MIKROKOPTER, find_kind
+from vehicle.estimators.offer import offer_plugins
 from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
@@ -155,6 +156,7 @@ class WatchedFlight(Observed):
         board: str = MIKROKOPTER,
         plugins: Path | None = None,
     ) -> None:
+        offer_plugins(plugins)
         kind = find_kind(board)
         options = kind.configured({})
         parameters = with_groups(new_flight_parameters(), {"board": options})
