@@ -128,15 +128,12 @@ class CampaignFolder:
         self._check_software()
         if self.plan.identity != self.record["plan"]:
             raise UsageError(
-                f"{self.path / PLAN} was changed since: its rows would not be alike; undo that, or "
-                "begin another campaign"
+                f"{self.path / PLAN} was changed since; undo that, or begin another campaign"
             )
 
     def _check_software(self) -> None:
         then, now = self.record["software"], software()
-        differing = [name for name in now if then.get(name) != now[name]]
-        if differing:
-            name = differing[0]
+        if name := next((one for one in now if then.get(one) != now[one]), ""):
             raise UsageError(
                 f"{self.path} was begun with another quadlab ({name} {then.get(name)}, revision "
                 f"{self.record['revision']['git_revision'][:10]}; now {now[name]}): its rows would "
