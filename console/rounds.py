@@ -18,8 +18,7 @@ def run_rounds(
         tasks: periods (s), by what is called.
         guard: calls a function and survives its defects.
     """
-    began = time.monotonic()
-    due = {task: began + period for task, period in tasks.items()}
+    due = {task: time.monotonic() + period for task, period in tasks.items()}
     while not closing.wait(max(0.0, min(due.values()) - time.monotonic())):
         for task, period in tasks.items():
             if time.monotonic() >= due[task]:

@@ -47,7 +47,7 @@ from console.parameters.station import StationParameters
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
 from console.part import Part, PartContext, Parts
-from console.runs.event_book import EventBook, EventWriter
+from console.runs.event_book import EventBook
 from console.runs.housekeeping import Housekeeping
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
@@ -239,10 +239,6 @@ class StationParts:
         alarm = partial(self.alarms.set, "history")
         return ParameterHistoryWriter(self.history, alarm, self.list_worker)
 
-    @cached_property
-    def event_writer(self) -> EventWriter:
-        return EventWriter(EventBook(self.catalogue.engine, self.options.vehicle), self.list_worker)
-
     # ------------------------------------------------------------------ commands and flights
     @cached_property
     def control(self) -> LeaseService:
@@ -338,13 +334,14 @@ class StationParts:
             self.experiments,
             self.progress.vehicle_received,
         )
+        events = EventBook(self.catalogue.engine, self.options.vehicle)
         handlers = MessageHandlers(
             self.context,
             telemetry=telemetry,
             observed=self.observed,
             parameters=self.vehicle_parameters,
             history=self.history_writer,
-            events=self.event_writer,
+            keep_event=lambda event: self.list_worker.put(partial(events.add, event)),
             runs=self.runs,
             experiments=self.experiments,
             parts=self.added,

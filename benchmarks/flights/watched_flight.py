@@ -137,7 +137,7 @@ class Observed(SimulatedFlight):
 
 
 class WatchedFlight(Observed):
-    """One flight on full sensors: noisy, biased, 10-bit IMU and the tracker. No log is written.
+    """A flight on full sensors: noisy, biased, 10-bit IMU and the tracker. No log is written.
 
     Args:
         seed: seed of all noise.

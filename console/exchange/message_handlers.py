@@ -16,7 +16,7 @@ from console.link.outbox import WARN
 from console.parameters.history_writer import ParameterHistoryWriter
 from console.parameters.vehicle import VehicleParameters
 from console.part import Part
-from console.runs.event_book import EventWriter, KeptEvent
+from console.runs.event_book import KeptEvent
 from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from vehicle_link.clock import host_time_ns
@@ -55,7 +55,7 @@ class MessageHandlers:
         observed: Observed,
         parameters: VehicleParameters,
         history: ParameterHistoryWriter,
-        events: EventWriter,
+        keep_event: Callable[[KeptEvent], None],
         runs: RunManager,
         experiments: ExperimentRunner,
         parts: Part,
@@ -67,7 +67,7 @@ class MessageHandlers:
         self._vehicle, self._link = context.vehicle, context.link
         self._outbox, self._observed = context.outbox, observed
         self._parameters, self._history, self._runs = parameters, history, runs
-        self._events = events
+        self._keep_event = keep_event
         self._experiments, self._parts = experiments, parts
         self._calibrations, self._sticks = calibrations, sticks
         self._tracker, self._progress = tracker, progress
@@ -129,7 +129,7 @@ class MessageHandlers:
         event = decode(received.payload, TOPICS["events"].type_name)
         kinds = event_kinds(event)
         sent_ns = event.stamp.sec * 1_000_000_000 + event.stamp.nanosec
-        self._events.put(
+        self._keep_event(
             KeptEvent(
                 stamp_ns=host_time_ns(),
                 sent_ns=sent_ns,

@@ -6,14 +6,11 @@ with the page's process. All events of a run are in its log.
 
 from __future__ import annotations
 
-from functools import partial
-
 import msgspec
 from sqlalchemy import BigInteger, Engine, String, Text, delete, func, select
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from console.catalogue.transactions import transactions
-from console.disk_worker import DiskWorker
 
 KEPT, SPARE = 500, 100
 """Number of events that are kept, and of older ones that may remain until they are removed."""
@@ -87,14 +84,3 @@ class EventBook:
                 newest = session.scalar(select(func.max(EventRow.id))) or 0
                 mine = EventRow.vehicle == self._vehicle
                 session.execute(delete(EventRow).where(mine, EventRow.id <= newest - KEPT))
-
-
-class EventWriter:
-    """Writer of the book in a worker's thread, because the disk may be slow."""
-
-    def __init__(self, book: EventBook, worker: DiskWorker) -> None:
-        self._book, self._worker = book, worker
-
-    def put(self, event: KeptEvent) -> None:
-        """Queue an event, from any thread."""
-        self._worker.put(partial(self._book.add, event))

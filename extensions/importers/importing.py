@@ -29,7 +29,7 @@ SOURCE = "import_source"
 """The entry of a run's metadata by which a repeated import knows it."""
 EXAMPLE = "--mapping NAME_OR_FILE"
 UNFINISHED = ".import-"
-"""How the folders begin in which runs are made, in the data folder."""
+"""Prefix of the folders of the data folder in which runs are made."""
 READ = 0.6
 """Share of an import after which the file is read, and not checked yet."""
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from console.catalogue.catalogue import Catalogue
 from console.disk_worker import DiskWorker
 from console.parameters.history import ParameterHistory, RecordedChange
-from console.runs.event_book import KEPT, SPARE, EventBook, EventWriter, KeptEvent
+from console.runs.event_book import KEPT, SPARE, EventBook, KeptEvent
 from web.live.events import EventHub, kept_lines
 
 SECOND_NS = 1_000_000_000
@@ -19,9 +20,9 @@ def said(k: int, level: int = 20, kinds: str = "") -> KeptEvent:
 
 def test_events_are_read_by_another_process_in_their_order(tmp_path: Path) -> None:
     worker = DiskWorker("lists")
-    writer = EventWriter(EventBook(Catalogue(tmp_path).engine, "quad1"), worker)
+    book = EventBook(Catalogue(tmp_path).engine, "quad1")
     for k in range(1, 6):
-        writer.put(said(k))
+        worker.put(partial(book.add, said(k)))
     worker.close(3.0)
     EventBook(Catalogue(tmp_path).engine, "quad2").add(said(9))
     assert EventBook(Catalogue(tmp_path).engine, "quad1").newest() == [said(k) for k in range(1, 6)]
