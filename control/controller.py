@@ -9,10 +9,9 @@ import numpy as np
 
 from control.geometric_law import new_control_memory, step
 from control.parameters import ControlParameters, control_record
-from control.rotor_lead import RotorLead
+from control.rotor_lead import lead
 from quadrotor.compiled import direct
 from quadrotor.records import ACTUATORS, Array, Record, new_reference, new_state
-from quadrotor.vehicle_model import MODEL
 
 Law = Callable[[Record, Record, Record, Record, Record, bool, float, Record], None]
 """Compiled law with the arguments of `control.geometric_law.step`."""
@@ -57,11 +56,14 @@ class GeometricController:
     Args:
         law: another compiled law with the same arguments.
         leads: whether the law gets references that lead the rotors (`control.rotor_lead`).
+
+    Attributes:
+        led: REFERENCE (1,), as the law got it in the last step.
     """
 
     def __init__(self, law: Law = step, leads: bool = False) -> None:
         self._law = self._step = law
-        self._lead = RotorLead(np.zeros(1, MODEL)) if leads else None
+        self._leads, self._snap_w, self.led = leads, np.zeros(3), new_reference()
         self.memory = new_control_memory()
         self._tilt_limited = self.memory["tilt_limited"]  # a view, made once
         self._gains = control_record(ControlParameters())
@@ -84,6 +86,8 @@ class GeometricController:
         if not compiled:  # compiled now rather than in the first tick, which would be seconds late
             records = self.memory, new_state(), new_reference(), self._gains, self._model
             self._step = direct(self._law, *records, True, 0.002, np.zeros(1, ACTUATORS))
+            lag = records[2], records[1], self._model, self._snap_w, 0.002
+            self._lead = direct(lead, *lag, self.led)
 
     def weigh(self, mass: float) -> None:
         """Use this mass (kg) from now on. Raises RuntimeError when not configured."""
@@ -94,8 +98,7 @@ class GeometricController:
     def reset(self) -> None:
         """Reset the integrals."""
         self.memory[...] = new_control_memory()
-        if self._lead is not None:
-            self._lead.reset()
+        self._snap_w[:] = 0.0
 
     @property
     def disturbance(self) -> Record:
@@ -121,9 +124,11 @@ class GeometricController:
         """Compute one tick into `actuators`. Raises RuntimeError when not configured."""
         if self._model is None:
             raise RuntimeError(f"{type(self).__name__}.step before configure")
-        if self._lead is not None:
-            reference = self._lead.step(reference, state, self._model, dt)
-        records = self.memory, state, reference, self._gains, self._model
+        if self._leads:
+            self._lead(reference, state, self._model, self._snap_w, dt, self.led)
+        else:
+            self.led = reference
+        records = self.memory, state, self.led, self._gains, self._model
         self._step(*records, airborne, dt, actuators)
 
     def idle(self, actuators: Record) -> None:

@@ -7,15 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from control.behaviors.behavior import (
-    Behavior,
-    Context,
-    ExternalReference,
-    Joy,
-    NoArguments,
-    TickInputs,
-    argument_descriptions,
-)
+from control.behaviors.behavior import Behavior, Context, ExternalReference, Joy, TickInputs
 from control.behaviors.excite import Excite
 from control.behaviors.external import External
 from control.behaviors.fly_to import FlyTo
@@ -36,7 +28,7 @@ from control.trajectories.limits import Limits
 from control.trajectories.polynomial import Polynomial
 from control.trajectories.retarget import stop
 from quadrotor.errors import RefusedError
-from quadrotor.parameter_description import ParameterDescription, ParameterValue
+from quadrotor.parameter_description import ParameterValue
 from quadrotor.records import REFERENCE, Record, new_reference, new_state
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 
@@ -56,13 +48,6 @@ BEHAVIORS: dict[BehaviorName, type[Behavior]] = {
 """Behaviors that can be requested: all except GROUND."""
 _ACCELERATION_Z = 8
 """Index of the vertical acceleration among the numbers of a REFERENCE."""
-
-
-def describe_arguments(name: str) -> tuple[ParameterDescription, ...]:
-    """Return the arguments of the behavior called `name`. Raises RefusedError."""
-    behavior = behavior_of(name)
-    arguments = BEHAVIORS[behavior].arguments if behavior in BEHAVIORS else NoArguments
-    return tuple(argument_descriptions(arguments).values())
 
 
 class BehaviorMachine:

@@ -95,6 +95,13 @@ HISTORY = np.dtype(
 
 
 @compiled(inner=True)
+def _lead(c: Item, records: Records, snap_w: Array, period: float) -> None:
+    """Let the reference lead the rotors, where the law wants that."""
+    if c.leads == 1:
+        lead(records[1], records[0], records[3], snap_w, period, records[1])
+
+
+@compiled(inner=True)
 def copy_state(x: Any, state: Item) -> None:
     """Copy x (13,) into a STATE record."""
     for i in range(3):
@@ -255,15 +262,14 @@ def fly(
     airborne = ticks > 0  # a plain True would be compiled as another type
     dt, drawn, snap_w = period / substeps, np.zeros((1, 3)), np.zeros(3)
     share = motor_share(p.model.motor_time_constant, dt)
-    to_judge = to_keep = kept = flown = saturated = 0
     r.crash_time = math.nan
+    to_judge = to_keep = kept = flown = saturated = 0
     _begin(c, p, v)
     for k in range(ticks):
         _see(c, p, v, k)
         observe_disturbance(v, c.settings, airborne, period)
         _refer(c, course, k - hover_ticks, v.reference)
-        if c.leads == 1:
-            lead(v.reference, v.state, c.settings.model, snap_w, period)
+        _lead(c, records, snap_w, period)
         if c.other_law == 1:
             law(own, records, airborne, airborne, period)
         else:

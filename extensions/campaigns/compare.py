@@ -13,14 +13,17 @@ import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from extensions.campaigns.folder import CampaignFolder
-from extensions.campaigns.summary import Numbers, quantile_interval
+from extensions.campaigns.summary import Numbers, Places, quantile_interval
 from extensions.campaigns.table import Facts, is_verdict, judged_metrics, numbers
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+Marks = npt.NDArray[np.bool_]
 
 LEVEL = 0.05
 """Probability of calling one of two equal campaigns worse."""
@@ -49,7 +52,7 @@ def compare(one: CampaignFolder, other: CampaignFolder) -> Facts:
 
 def _paired(
     one: CampaignFolder, other: CampaignFolder, a: pa.Table, b: pa.Table
-) -> tuple[Numbers, Numbers]:
+) -> tuple[Places, Places]:
     """Return the places of the rows with the same seed and factors."""
     import pyarrow as pa
 
@@ -78,7 +81,7 @@ def _paired(
     return found[0], found[1]
 
 
-def _verdicts(was: Numbers, now: Numbers) -> Facts:
+def _verdicts(was: Marks, now: Marks) -> Facts:
     from scipy.stats import binomtest
 
     worse, better = int((was & ~now).sum()), int((~was & now).sum())

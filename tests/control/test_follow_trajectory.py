@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from control.behaviors.behavior import Context, argument_descriptions
 from control.behaviors.follow_trajectory import FollowTrajectory, limits_of
-from control.behaviors.machine import BehaviorMachine, describe_arguments
+from control.behaviors.machine import BEHAVIORS, BehaviorMachine
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
 from control.behaviors.trajectory_arguments import TRAJECTORIES
@@ -94,7 +94,7 @@ def test_each_starts_at_the_present_reference_and_rests_at_both_ends(name: str) 
 
 def test_every_trajectory_is_offered_and_described() -> None:
     assert tuple(CHOICES) == TRAJECTORIES
-    form = {d.name: d for d in describe_arguments("follow_trajectory")}
+    form = argument_descriptions(BEHAVIORS[BehaviorName.FOLLOW_TRAJECTORY].arguments)
     assert next(iter(form)) == "trajectory"
     for name, choice in CHOICES.items():
         for argument, description in argument_descriptions(choice.arguments).items():

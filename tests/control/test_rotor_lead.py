@@ -9,14 +9,20 @@ import pytest
 
 from control.controller import GeometricController
 from control.parameters import ControlParameters
-from control.rotor_lead import SNAP_RATE_MAX, RotorLead
-from quadrotor.records import ACTUATORS, new_reference, new_state
+from control.rotor_lead import SNAP_RATE_MAX, lead
+from quadrotor.records import ACTUATORS, Array, Record, new_reference, new_state
 from quadrotor.rigid_body import motor_share
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 
 MODEL = VehicleModel()
 TAU = MODEL.motor_time_constant
 DT = 0.002
+
+
+def led(reference: Record, state: Record, snap_w: Array) -> Record:
+    out = new_reference()
+    lead(reference, state, MODEL.record(), snap_w, DT, out)
+    return out
 
 
 @pytest.mark.parametrize(
@@ -27,15 +33,14 @@ def test_rotors_that_lag_give_what_a_reference_that_leads_wants(
 ) -> None:
     rate, peak = 4.0, 3.0
     share, late, given, errors = motor_share(TAU, DT), 0.0, 0.0, []
-    lead, reference, state = RotorLead(MODEL.record()), new_reference(), new_state()
+    reference, state, snap_w = new_reference(), new_state(), np.zeros(3)
     for k in range(2000):
         wanted = peak * math.sin(rate * k * DT)
         reference[field][0, axis] = wanted
         if derivative:
             reference[derivative][0, axis] = peak * rate * math.cos(rate * k * DT)
         late += share * (wanted - late)
-        led = lead.step(reference, state, MODEL.record(), DT)
-        given += share * (led[field][0, axis] - given)
+        given += share * (led(reference, state, snap_w)[field][0, axis] - given)
         if k * DT > 1.0:
             errors.append((wanted - late, wanted - given))
     without, with_lead = np.abs(errors).max(axis=0)
@@ -49,7 +54,7 @@ def test_a_reference_leads_along_the_thrust_alone_and_stays_itself() -> None:
     state["quaternion_wb"] = half, 0.0, half, 0.0  # z_B is x_W
     reference["acceleration_w"], reference["jerk_w"] = (1.0, 2.0, 3.0), (10.0, 20.0, 30.0)
     kept = reference.copy()
-    found = RotorLead(MODEL.record()).step(reference, state, MODEL.record(), DT).copy()
+    found = led(reference, state, np.zeros(3))
     assert found["acceleration_w"][0] == pytest.approx([1.0 + 10.0 * TAU, 2.0, 3.0])
     assert reference == kept
     found["acceleration_w"] = kept["acceleration_w"]
@@ -57,11 +62,9 @@ def test_a_reference_leads_along_the_thrust_alone_and_stays_itself() -> None:
 
 
 def test_a_jump_of_the_snap_is_bounded_and_over_after_a_tick() -> None:
-    lead, reference = RotorLead(MODEL.record()), new_reference()
+    reference, snap_w = new_reference(), np.zeros(3)
     reference["snap_w"][0, 1] = -50.0
-    first, second = (
-        lead.step(reference, new_state(), MODEL.record(), DT)["snap_w"][0, 1] for _ in range(2)
-    )
+    first, second = (led(reference, new_state(), snap_w)["snap_w"][0, 1] for _ in range(2))
     assert first == pytest.approx(-50.0 - TAU * SNAP_RATE_MAX)
     assert second == -50.0
 

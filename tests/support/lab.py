@@ -95,3 +95,9 @@ def refusal(action: Callable[[], object]) -> str:
     with pytest.raises(RefusedError) as caught:
         action()
     return str(caught.value)
+
+
+def shadow_state(stack: FlightStack) -> Record:
+    """Return STATE (1,) of the shadow estimator, which must be there."""
+    assert stack.navigation.running.shadow is not None
+    return stack.navigation.running.shadow.state

@@ -95,12 +95,6 @@ class Navigation:
         return None if runner is None else runner.estimator
 
     @property
-    def shadow_state(self) -> Record:
-        """Return STATE (1,) of the shadow, which must be there."""
-        assert self.running.shadow is not None
-        return self.running.shadow.state
-
-    @property
     def shadow_on_same_source(self) -> Runner | None:
         """Return the shadow if it has the measurements of the estimator in use."""
         shadow = self.running.shadow

@@ -56,7 +56,7 @@ def same(a: BatchResult, b: BatchResult) -> bool:
 def test_the_8_on_the_true_state_is_flown_to_half_a_millimetre() -> None:
     flight = fly_batch([Scenario(true_state=True)], 27.0)
     one = flight.outcome[0]
-    assert one["position_rms"] == pytest.approx(0.53e-3, abs=0.1e-3)  # 1.1 mm with the lag of the rotors
+    assert one["position_rms"] == pytest.approx(0.53e-3, abs=0.1e-3)  # 1.1 mm without the lead
     assert one["yaw_rms"] < math.radians(0.3)
     assert one["estimate_rms"] == 0.0
     assert one["saturated_share"] == 0.0

@@ -15,7 +15,7 @@ from bearing_sim.emulator import BearingParameters
 from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import ParameterStore
-from tests.support.lab import Lab, flight_parameters, refusal
+from tests.support.lab import Lab, flight_parameters, refusal, shadow_state
 from vehicle.estimators.readiness import Lack
 from vehicle.modes import Flag
 from vehicle.parameters import check_pairs, new_parameters
@@ -59,7 +59,7 @@ HAND_OVER: dict[str, ParameterValue] = {
 def test_hand_over_and_back_jump_by_no_more_than_the_estimates_differ() -> None:
     lab = BearingsLab()
     stack = lab.stack
-    apart = np.linalg.norm(stack.navigation.shadow_state["position_w"] - stack.state["position_w"])
+    apart = np.linalg.norm(shadow_state(stack)["position_w"] - stack.state["position_w"])
     before, reference = stack.state["position_w"][0].copy(), stack.reference.copy()
     lab.hand_over()
     assert np.linalg.norm(stack.state["position_w"][0] - before) <= apart + 0.003
@@ -118,7 +118,7 @@ def test_what_does_not_run_or_has_not_converged_is_refused_with_numbers() -> Non
     lab.wait(0.15)
     assert "needs 10" in refused_unchanged(lab, HAND_OVER)
     lab.wait(2.0)
-    lab.stack.navigation.shadow_state["position_w"][0, 1] += 0.4
+    shadow_state(lab.stack)["position_w"][0, 1] += 0.4
     assert "allowed 0.250 m" in refused_unchanged(lab, HAND_OVER)
     lab.advance()
     lab.hand_over()
@@ -140,7 +140,7 @@ def test_the_status_tells_how_far_the_shadow_is_from_a_hand_over() -> None:
     assert (ready["lack"], ready["share"]) == (Lack.NOTHING, 1.0)
     assert 1.0 < ready["ready"] < 2.2
     assert 0.001 < ready["deviation"] < 0.15
-    shadow = lab.stack.navigation.shadow_state["position_w"]
+    shadow = shadow_state(lab.stack)["position_w"]
     assert ready["distance"] == pytest.approx(
         np.linalg.norm(shadow - lab.stack.state["position_w"]), abs=0.02
     )

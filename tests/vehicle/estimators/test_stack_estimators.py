@@ -13,7 +13,7 @@ from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import PRESETS, EstimationParameters
 from quadrotor.errors import UnknownParameterError
 from quadrotor.records import Record, bearings_sample
-from tests.support.lab import Lab, refusal
+from tests.support.lab import Lab, refusal, shadow_state
 from vehicle import mailbox
 
 
@@ -50,7 +50,7 @@ def test_in_flight_the_converged_shadow_takes_over_without_a_jump() -> None:
     lab.wait(0.5)
     stack = lab.stack
     reference, behavior = stack.reference.copy(), stack.behaviors.name
-    apart = np.linalg.norm(stack.navigation.shadow_state["position_w"] - stack.state["position_w"])
+    apart = np.linalg.norm(shadow_state(stack)["position_w"] - stack.state["position_w"])
     lab.set(estimator="error_state")
     assert stack.estimator.name == "error_state"  # type: ignore[attr-defined]
     assert stack.store.get("estimation.shadow") == "complementary"
@@ -88,7 +88,7 @@ def test_in_flight_a_shadow_that_has_not_converged_or_disagrees_is_refused_with_
     assert "needs 10" in refusal(lambda: lab.set(estimator="error_state"))
     lab.wait(1.0)
     assert shadow.converged
-    navigation.shadow_state["position_w"][0, 0] += 0.5
+    shadow_state(lab.stack)["position_w"][0, 0] += 0.5
     reason = refusal(lambda: lab.set(estimator="error_state"))
     assert "0.5" in reason
     assert "allowed 0.250 m" in reason
