@@ -13,8 +13,10 @@ from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameter_description import ParameterValue
+from quadrotor.records import Record
 from tests.support.kept_log import KeptLog
 from vehicle.behaviors.offer import offer_behaviors
+from vehicle.flight.stack import FlightStack
 from vehicle.laws.offer import offer_laws
 from vehicle.modes import Flag
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
