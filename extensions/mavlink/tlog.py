@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Collection, Iterable
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -80,9 +79,7 @@ class TlogTables:
         self._starts = 1
         starts = (one.partition("@")[2] for one in wanted)
         self._wanted = max((int(one) for one in starts if one.isdecimal()), default=1)
-        with path.open("rb") as file:
-            data = mmap(file.fileno(), 0, access=ACCESS_READ)
-        self._read(data, names)
+        self._read(np.asarray(np.memmap(path, np.uint8, "r")), names)
         self._put_in_order()
         for start in range(1, self._starts + 1):
             self._add_imu(f"@{start}" if start > 1 else "")
@@ -115,13 +112,8 @@ class TlogTables:
         for source, (time, to_us, force, rate) in SOURCES_OF_IMU.items():
             if source + suffix in self._rows:
                 self._columns[IMU + suffix] = ["time_usec", *IMU_AXES]
-                self._imus[IMU + suffix] = (
-                    source + suffix,
-                    {
-                        "time_usec": (time, to_us),
-                        **{one: (one, force if one.endswith("acc") else rate) for one in IMU_AXES},
-                    },
-                )
+                scales = {one: (one, force if one.endswith("acc") else rate) for one in IMU_AXES}
+                self._imus[IMU + suffix] = source + suffix, {"time_usec": (time, to_us), **scales}
                 break
 
     def _put_in_order(self) -> None:
@@ -137,9 +129,8 @@ class TlogTables:
                 f"{self.path.name}: {late} messages arrived after later ones: put in order"
             )
 
-    def _read(self, data: mmap, names: Collection[str]) -> None:
+    def _read(self, octets: Bytes, names: Collection[str]) -> None:
         """Read the messages of these names, and the names of the others."""
-        octets = np.frombuffer(data, np.uint8)
         at = self._records(octets)
         if not len(at):
             return
@@ -208,16 +199,13 @@ class TlogTables:
         if self._wanted <= len(begins):
             begin, end = [*begins, len(of_vehicle)][self._wanted - 1 : self._wanted + 1]
             dated = [
-                (int(packets[k[0]]), int(arrival[k[0]]) - int(us[k[0]]))
+                (packets[k], arrival[k] - int(us[k]))
                 for packets, arrival, us in clocks
-                if len(
-                    k := np.flatnonzero(
-                        (packets >= begin) & (packets < end) & (arrival > FIRST_DATE)
-                    )
-                )
+                for k in np.flatnonzero((arrival > FIRST_DATE) & (packets >= begin))[:1]
+                if packets[k] < end
             ]
             if dated:
-                self.epoch_ns = min(dated)[1] * 1000
+                self.epoch_ns = int(min(dated)[1]) * 1000
         return np.array(begins[1:], np.int64)
 
     def _records(self, octets: Bytes) -> Places:
@@ -225,7 +213,7 @@ class TlogTables:
         found, due, damages = array("q"), 0, 0
         for begin in range(0, len(octets), PIECE):
             magic = octets[begin + ARRIVAL : begin + ARRIVAL + PIECE]
-            at = begin + np.flatnonzero((magic == 0xFE) | (magic == 0xFD))
+            at = begin + np.flatnonzero(magic - 0xFD < 2)
             at = at[_begins(octets, at)]
             ends = _ends(octets, at)
             whole = (ends <= len(octets)) & _begins(octets, ends)
@@ -248,9 +236,8 @@ class TlogTables:
 def _begins(octets: Bytes, at: Places) -> npt.NDArray[np.bool_]:
     """Return where a record can begin, as a piece of one at the end of the file can."""
     sign, year, month, magic = (_octets(octets, at + k) for k in (0, 1, 2, ARRIVAL))
-    is_dated = (year >= 4) & (year <= 15)
-    is_dated |= (year == 0) & (month == 0)  # a computer's clock begins in 1970
-    found: npt.NDArray[np.bool_] = (sign == 0) & is_dated & ((magic == 0xFE) | (magic == 0xFD))
+    is_dated = (year - 4 < 12) | (year | month == 0)  # a computer's clock begins in 1970
+    found: npt.NDArray[np.bool_] = (sign == 0) & is_dated & (magic - 0xFD < 2)
     return found | (at + ARRIVAL >= len(octets))
 
 

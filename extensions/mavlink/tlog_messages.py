@@ -86,7 +86,7 @@ class Messages(NamedTuple):
     numbers: Places  # (N,), of their packets in the file
     payloads: Bytes  # (N, size)
 
-    def column(self, name: str, rows: npt.NDArray[Any] | slice = ALL) -> Array:
+    def column(self, name: str, rows: Places | slice = ALL) -> Array:
         """Return the numbers of a field, or the times of arrival, s; those of the vehicle's clock
         go on where a counter of 32 bits began anew.
         """
