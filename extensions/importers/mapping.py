@@ -267,7 +267,8 @@ def column_names(asked: Columns, known: list[str], count: int, where: str) -> li
     if missing := [one for one in found if one not in known]:
         more = f" and {len(known) - 12} more" if len(known) > 12 else ""
         hint = did_you_mean(missing[0], known, cutoff=0.5)
-        hint = hint or f"there are {', '.join(known[:12])}{more}"
+        unnamed = f"its {len(known)} columns have no names (are there commas in numbers?); "
+        hint = hint or unnamed * (known[:1] == ["0"]) + f"there are {', '.join(known[:12])}{more}"
         raise LogFormatError(f"{where}: there is no column {missing[0]!r}; {hint}")
     if len(found) != count:
         raise LogFormatError(

@@ -67,7 +67,7 @@ def judge(
         k = back[0]
         raise LogFormatError(
             f"{where}: stamps go back {len(back)} times, first from {second * stamps[k]:.6f} s to "
-            f"{second * stamps[k + 1]:.6f} s in row {rows[k + 1]}; {IS_RIGHT}"
+            f"{second * stamps[k + 1]:.6f} s in row {rows[k + 1]}; was the clock set, or {IS_RIGHT}"
         )
     hint = partial(_hint, stamps, "" if certain else unit, rates)
     middle = float(stamps[len(stamps) // 2] * second)

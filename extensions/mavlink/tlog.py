@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Collection, Iterable
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +24,7 @@ from extensions.mavlink.tlog_messages import (
     HEAD_2,
     LOGGED,
     TIMES,
+    Bytes,
     Kind,
     Messages,
     Places,
@@ -34,6 +34,8 @@ from flight_log.limits import bounded_reader
 from quadrotor.records import Array
 
 AUTOPILOT = 1  # component
+PIECE = 1 << 20
+"""Bytes that are searched for records at once."""
 MILLI = 1e-3
 GRAVITY = 9.80665
 RESTART = 10_000_000
@@ -77,9 +79,7 @@ class TlogTables:
         self._starts = 1
         starts = (one.partition("@")[2] for one in wanted)
         self._wanted = max((int(one) for one in starts if one.isdecimal()), default=1)
-        with path.open("rb") as file:
-            data = mmap(file.fileno(), 0, access=ACCESS_READ)
-        self._read(data, names)
+        self._read(np.asarray(np.memmap(path, np.uint8, "r")), names)
         self._put_in_order()
         for start in range(1, self._starts + 1):
             self._add_imu(f"@{start}" if start > 1 else "")
@@ -112,13 +112,8 @@ class TlogTables:
         for source, (time, to_us, force, rate) in SOURCES_OF_IMU.items():
             if source + suffix in self._rows:
                 self._columns[IMU + suffix] = ["time_usec", *IMU_AXES]
-                self._imus[IMU + suffix] = (
-                    source + suffix,
-                    {
-                        "time_usec": (time, to_us),
-                        **{one: (one, force if one.endswith("acc") else rate) for one in IMU_AXES},
-                    },
-                )
+                scales = {one: (one, force if one.endswith("acc") else rate) for one in IMU_AXES}
+                self._imus[IMU + suffix] = source + suffix, {"time_usec": (time, to_us), **scales}
                 break
 
     def _put_in_order(self) -> None:
@@ -134,16 +129,13 @@ class TlogTables:
                 f"{self.path.name}: {late} messages arrived after later ones: put in order"
             )
 
-    def _read(self, data: mmap, names: Collection[str]) -> None:
+    def _read(self, octets: Bytes, names: Collection[str]) -> None:
         """Read the messages of these names, and the names of the others."""
-        at = self._records(data)
+        at = self._records(octets)
         if not len(at):
             return
-        octets = np.frombuffer(data, np.uint8)
         # The last packet may have less bytes than the head of the second version.
-        magic, length, *rest = (
-            octets[np.minimum(at + ARRIVAL + k, len(octets) - 1)] for k in range(HEAD_2)
-        )
+        magic, length, *rest = (_octets(octets, at + ARRIVAL + k) for k in range(HEAD_2))
         is_1 = magic == 0xFE
         number = np.where(is_1, rest[3], rest[5] + 256 * (rest[6] + 256 * rest[7].astype(np.int32)))
         system, component = np.where(is_1, rest[1:3], rest[3:5])
@@ -188,71 +180,73 @@ class TlogTables:
 
     def _restarts(self, read: Iterable[Messages], of_vehicle: npt.NDArray[np.bool_]) -> Places:
         """Return the packets with which the vehicle's clock begins anew; note the date."""
-        timed = [
-            (one.numbers, one.arrival, one.column(one.kind.time) * TIMES[one.kind.time])
-            for one in read
-            if one.kind.time
-        ]
-        if not timed:
-            return np.zeros(0, np.int64)
-        packets, arrival, us = (np.concatenate(parts) for parts in zip(*timed, strict=True))
-        order = np.argsort(packets)
-        order = order[of_vehicle[packets[order]] & (us[order] <= DATE)]
-        packets, arrival, us = packets[order], arrival[order], us[order]
-        begins, first = [], 0
-        while first < len(us):
-            begins.append(first)
-            latest = np.maximum.accumulate(us[first:])
-            back = np.flatnonzero(us[first:] < latest - RESTART)
-            first = first + int(back[0]) if len(back) else len(us)
-        self._starts = max(1, len(begins))
+        clocks, begins, later = [], [], [0]
+        for one in read:
+            if time := one.kind.time:
+                mine = np.flatnonzero(of_vehicle[one.numbers])
+                us = one.column(time, mine) * TIMES[time]
+                mine, us = mine[us <= DATE], us[us <= DATE]
+                clocks.append((one.numbers[mine], one.arrival[mine], us))
+        while later:  # each kind may have a clock of its own
+            begins.append(min(later))
+            later = []
+            for packets, _, us in clocks:
+                first = int(np.searchsorted(packets, begins[-1]))
+                back = us[first:] < np.maximum.accumulate(us[first:]) - RESTART
+                if back.any():
+                    later.append(int(packets[first + back.argmax()]))
+        self._starts = len(begins)
         if self._wanted <= len(begins):
-            k, end = [*begins, len(us)][self._wanted - 1 : self._wanted + 1]
-            if len(dated := np.flatnonzero(arrival[k:end] > FIRST_DATE)):
-                k += int(dated[0])
-                self.epoch_ns = (int(arrival[k]) - int(us[k])) * 1000
-        found: Places = packets[begins[1:]]
-        return found
+            begin, end = [*begins, len(of_vehicle)][self._wanted - 1 : self._wanted + 1]
+            dated = [
+                (packets[k], arrival[k] - int(us[k]))
+                for packets, arrival, us in clocks
+                for k in np.flatnonzero((arrival > FIRST_DATE) & (packets >= begin))[:1]
+                if packets[k] < end
+            ]
+            if dated:
+                self.epoch_ns = int(min(dated)[1]) * 1000
+        return np.array(begins[1:], np.int64)
 
-    def _records(self, data: mmap) -> Places:
+    def _records(self, octets: Bytes) -> Places:
         """Return where records begin; pass over what is none."""
-        found = array("q")
-        at, damages, searches, begins = 0, 0, False, _begins(data, 0)
-        while at + ARRIVAL < len(data):
-            start = at + ARRIVAL
-            end = start + _size(data, start)
-            if begins and start < end <= len(data) and _begins(data, end):
-                searches = False
-                found.append(at)
-                at = end
-            elif not searches and end > len(data):
-                self.torn = f"it ends within a packet at byte {at}"
-                break
+        found, due, damages = array("q"), 0, 0
+        for begin in range(0, len(octets), PIECE):
+            magic = octets[begin + ARRIVAL : begin + ARRIVAL + PIECE]
+            at = begin + np.flatnonzero(magic - 0xFD < 2)
+            at = at[_begins(octets, at)]
+            ends = _ends(octets, at)
+            whole = (ends <= len(octets)) & _begins(octets, ends)
+            for place, end in zip(at[whole].tolist(), ends[whole].tolist(), strict=True):
+                if place >= due:
+                    damages += place > due
+                    found.append(place)
+                    due = end
+        if due + ARRIVAL < len(octets):
+            rest = np.array([due])
+            if _begins(octets, rest)[0] and _ends(octets, rest)[0] > len(octets):
+                self.torn = f"it ends within a packet at byte {due}"
             else:
-                damages += not searches
-                searches, at = True, at + 1
-                begins = _begins(data, at)
+                damages += 1
         if damages:
             self.notes.append(f"{self.path.name}: damaged in {damages} places, which are left out")
         return np.frombuffer(found, np.int64)
 
 
-def _begins(data: mmap, at: int) -> bool:
-    """Return whether a record can begin here; a piece of one at the end of the file can."""
-    if at + ARRIVAL >= len(data):
-        return True
-    is_dated = 4 <= data[at + 1] <= 15
-    return (
-        data[at] == 0
-        and (is_dated or data[at + 1] == data[at + 2] == 0)  # a computer's clock begins in 1970
-        and data[at + ARRIVAL] in (0xFE, 0xFD)
-    )
+def _begins(octets: Bytes, at: Places) -> npt.NDArray[np.bool_]:
+    """Return where a record can begin, as a piece of one at the end of the file can."""
+    sign, year, month, magic = (_octets(octets, at + k) for k in (0, 1, 2, ARRIVAL))
+    is_dated = (year - 4 < 12) | (year | month == 0)  # a computer's clock begins in 1970
+    found: npt.NDArray[np.bool_] = (sign == 0) & is_dated & (magic - 0xFD < 2)
+    return found | (at + ARRIVAL >= len(octets))
 
 
-def _size(data: mmap, start: int) -> int:
-    """Return the size of the packet that begins here; 0 if none does."""
-    if data[start] == 0xFE and start + 1 < len(data):
-        return 8 + data[start + 1]
-    if data[start] == 0xFD and start + 2 < len(data):
-        return 12 + data[start + 1] + (13 if data[start + 2] & 1 else 0)
-    return 0
+def _ends(octets: Bytes, at: Places) -> Places:
+    """Return where the records end that begin at these places."""
+    magic, length, flags = (_octets(octets, at + ARRIVAL + k) for k in range(3))
+    return at + ARRIVAL + length + np.where(magic == 0xFE, 8, 12 + 13 * (flags & 1))
+
+
+def _octets(octets: Bytes, at: Places) -> Bytes:
+    """Return the bytes at these places, the last one instead of those behind the file."""
+    return octets[np.minimum(at, len(octets) - 1)]

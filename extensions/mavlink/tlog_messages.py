@@ -19,6 +19,10 @@ LOGGED = "logged"
 """The column of arrival, s."""
 TIMES = {"time_boot_ms": 1000.0, "time_usec": 1.0}
 """Columns of the vehicle's clock, and their factors to us."""
+COUNTER = 2.0**32
+AT_WRAP = 1e7
+"""Largest step over the end of a counter, us; after a restart the clock is elsewhere."""
+ALL = slice(None)
 Bytes = npt.NDArray[np.uint8]
 Places = npt.NDArray[np.int64]
 
@@ -82,13 +86,19 @@ class Messages(NamedTuple):
     numbers: Places  # (N,), of their packets in the file
     payloads: Bytes  # (N, size)
 
-    def column(self, name: str) -> Array:
-        """Return the numbers of a field, or the times of arrival, s."""
+    def column(self, name: str, rows: Places | slice = ALL) -> Array:
+        """Return the numbers of a field, or the times of arrival, s; those of the vehicle's clock
+        go on where a counter of 32 bits began anew.
+        """
         if name == LOGGED:
-            return self.arrival.astype(np.float64) * 1e-6
+            return self.arrival[rows].astype(np.float64) * 1e-6
         place, kind = self.kind.fields[name]
-        column = np.ascontiguousarray(self.payloads[:, place : place + kind.itemsize])
+        column = np.ascontiguousarray(self.payloads[rows, place : place + kind.itemsize])
         found: Array = column.view(kind)[:, 0].astype(np.float64)
+        if name == self.kind.time and len(found):
+            steps = np.diff(found, prepend=found[0])
+            is_wrap = np.abs(np.abs(steps) - COUNTER) < AT_WRAP / TIMES[name]
+            found -= COUNTER * np.cumsum(np.sign(steps) * is_wrap)
         return found
 
     def chosen(self, rows: npt.NDArray[Any]) -> Messages:

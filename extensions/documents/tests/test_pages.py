@@ -77,3 +77,12 @@ def test_the_documents_are_searched_without_scripts(site: Any) -> None:
     assert "No section has all of these words: &lt;b&gt;xyzzy&lt;/b&gt;." in nothing
     assert 'value="&lt;b&gt;xyzzy&lt;/b&gt;"' in nothing
     assert "none given" in client.get("/documents/find").text
+
+
+def test_a_document_at_400_percent_does_not_scroll_sideways(chromium: Any, site: Any) -> None:
+    page = chromium.new_context(viewport={"width": 320, "height": 256}).new_page()
+    page.goto(f"{site.base}/?token={site.token}")
+    for name in ("index", "importing", "safety", "how_to/troubleshooting"):
+        page.goto(f"{site.base}/documents/{name}.html")
+        assert page.locator("header input").bounding_box()["width"] > 80.0, name
+        assert page.evaluate("document.documentElement.scrollWidth") == 320, name

@@ -304,6 +304,12 @@ def test_a_stray_stamp_is_left_out_and_a_pause_is_not() -> None:
         (lines_of(f"12:00:{0.005 * k:07.4f}" for k in range(COUNT)), "s", "is no number"),
         (SEMICOLONS.replace("9,", "1.009,"), "s", "thousands"),
         ("day;month\nMonday;May\n", "s", "which begin with 'day;month'"),
+        (PLAIN.replace(".", ","), "s", "columns have no names (are there commas in numbers?)"),
+        (
+            lines_of(f"{5 + 0.005 * k - 0.1 * (k > 30):.3f}" for k in range(COUNT)),
+            "s",
+            "in row 32; was the clock set",
+        ),
     ],
 )
 def test_a_refusal_says_what_is_wrong(tmp_path: Path, text: str, unit: str, words: str) -> None:

@@ -25,7 +25,7 @@ def record(message: Any, arrival_us: int, *, system: int = 1, old: bool = False)
 
 def messages(k: int, start_ms: int = BOOT_MS) -> list[Any]:
     """Return what a vehicle at rest, rolled by 30 deg, sends every 20 ms."""
-    ms = start_ms + 20 * k
+    ms = (start_ms + 20 * k) % 2**32
     force = [0, round(-1000 * math.sin(math.pi / 6)), round(-1000 * math.cos(math.pi / 6))]
     return [
         mavlink.MAVLink_scaled_imu_message(ms, *force, 5 + k % 2, -7, k % 3, 0, 0, 0),
@@ -122,6 +122,43 @@ def test_a_restart_of_the_vehicle_begins_new_tables(
     told = capsys.readouterr().out
     assert "90 IMU samples" in told
     assert "no estimate" not in told
+
+
+def test_a_clock_of_32_bits_that_wraps_is_no_restart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = flight(200, start_ms=2**32 - 2000)
+    parts[299], parts[300] = parts[300], parts[299]  # one message overtakes another at the wrap
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(b"".join(parts))
+    tables = TlogTables(path, ("IMU", "ATTITUDE"))
+    assert tables.flights == []
+    assert not any("was started" in note for note in tables.notes)
+    assert tables.read("IMU", ["time_usec"])[[0, -1], 0].tolist() == [
+        1000.0 * (2**32 - 2000),
+        1000.0 * (2**32 + 1980),
+    ]
+    assert (np.diff(tables.read("ATTITUDE", ["time_boot_ms"])[:, 0]) == 20.0).all()
+    assert main(["log", "import", str(path), "--data", str(tmp_path / "lab")]) == 0
+    assert "4.0 s, 200 IMU samples" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("before_wrap_ms", [2000, -5000])
+def test_a_clock_that_wraps_beside_one_that_does_not_is_no_restart(
+    tmp_path: Path, before_wrap_ms: int
+) -> None:
+    data = b""
+    for k in range(200):
+        ms = 2**32 // 1000 - before_wrap_ms + 20 * k
+        raw = mavlink.MAVLink_raw_imu_message(
+            ms * 1000 % 2**32, 0, 0, -1000, 1, 2, 3, 0, 0, 0
+        )  # of an ArduPilot before 2015
+        pose = mavlink.MAVLink_attitude_message(ms, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
+        data += record(raw, ARRIVAL_US + 20_000 * k) + record(pose, ARRIVAL_US + 20_000 * k)
+    tables = opened(tmp_path, data)
+    assert tables.flights == []
+    assert (np.diff(tables.read("IMU", ["time_usec"])[:, 0]) == 20_000).all()
+    assert len(tables.read("ATTITUDE", ["roll"])) == 200
 
 
 def test_a_telemetry_of_four_hertz_is_not_taken_for_another_unit(
