@@ -6,13 +6,17 @@ work: it might send its status and hear no command. What is out of memory ends b
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
 import threading
 import traceback
 from types import TracebackType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 STATUS = 1
 """Exit status of a process that ended by a defect, as Python's own."""
@@ -25,9 +29,25 @@ def end_at_defect() -> None:
 
     To be called where a process begins that its parent starts again.
     """
+    outlast_readers()
     threading.excepthook = _in_thread
     sys.excepthook = _in_main_thread
     sys.unraisablehook = _unraisable
+
+
+class _Output(io.FileIO):
+    def write(self, data: Buffer, /) -> int:
+        try:
+            return super().write(data)
+        except OSError:
+            return memoryview(data).nbytes
+
+
+def outlast_readers() -> None:
+    """Let what is printed be lost, and end nothing, once its terminal or reader is gone."""
+    for name in ("stdout", "stderr"):
+        file = _Output(getattr(sys, name).fileno(), "w", closefd=False)
+        setattr(sys, name, io.TextIOWrapper(io.BufferedWriter(file), line_buffering=True))
 
 
 def report(error: BaseException) -> None:
