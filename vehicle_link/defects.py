@@ -12,42 +12,34 @@ import signal
 import sys
 import threading
 import traceback
-from types import TracebackType
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
-if TYPE_CHECKING:
-    from typing_extensions import Buffer
-
-STATUS = 1
-"""Exit status of a process that ended by a defect, as Python's own."""
-PATIENCE = 1
-"""Seconds for the traceback; then SIGALRM ends the process."""
+STATUS = 1  # of a process that ended by a defect, as Python's own
 
 
 def end_at_defect() -> None:
-    """Let an error that no thread handles end this process, within PATIENCE seconds.
-
-    To be called where a process begins that its parent starts again.
+    """Let an error that no thread handles end this process, within 1 s; to be called where a
+    process begins that its parent starts again.
     """
     outlast_readers()
     threading.excepthook = _in_thread
-    sys.excepthook = _in_main_thread
+    sys.excepthook = lambda _, error, __: end(error)
     sys.unraisablehook = _unraisable
 
 
 class _Output(io.FileIO):
-    def write(self, data: Buffer, /) -> int:
+    def write(self, data: bytes, /) -> int:  # type: ignore[override]  # all that its buffer gives
         try:
             return super().write(data)
         except OSError:
-            return memoryview(data).nbytes
+            return len(data)
 
 
 def outlast_readers() -> None:
     """Let what is printed be lost, and end nothing, once its terminal or reader is gone."""
     for name in ("stdout", "stderr"):
-        file = _Output(getattr(sys, name).fileno(), "w", closefd=False)
-        setattr(sys, name, io.TextIOWrapper(io.BufferedWriter(file), line_buffering=True))
+        file = io.BufferedWriter(_Output(getattr(sys, name).fileno(), "w", closefd=False))
+        setattr(sys, name, io.TextIOWrapper(file, None, "backslashreplace", line_buffering=True))
 
 
 def report(error: BaseException) -> None:
@@ -61,10 +53,8 @@ def report(error: BaseException) -> None:
 def end(error: BaseException) -> NoReturn:
     """End this process at once, with a traceback if there is memory for one."""
     try:
-        signal.alarm(PATIENCE)
+        signal.alarm(1)  # s for the traceback
         traceback.print_exception(error)
-        sys.stdout.flush()
-        sys.stderr.flush()
     finally:
         os._exit(STATUS)
 
@@ -79,12 +69,3 @@ def _unraisable(args: sys.UnraisableHookArgs) -> None:
     if isinstance(args.exc_value, MemoryError):
         end(args.exc_value)
     sys.__unraisablehook__(args)
-
-
-def _in_main_thread(
-    kind: type[BaseException], error: BaseException, trace: TracebackType | None
-) -> None:
-    if issubclass(kind, KeyboardInterrupt):
-        sys.__excepthook__(kind, error, trace)
-    else:
-        end(error)

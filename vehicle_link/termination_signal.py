@@ -10,8 +10,7 @@ from contextlib import suppress
 from types import FrameType
 from typing import Protocol
 
-ENDING = signal.SIGTERM, signal.SIGINT, signal.SIGHUP
-"""Signals that ask to end; the last one comes when the terminal is closed."""
+ENDING = signal.SIGTERM, signal.SIGINT, signal.SIGHUP  # the last one: the terminal was closed
 
 
 class Ending(Protocol):
