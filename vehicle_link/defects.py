@@ -38,7 +38,8 @@ class _Output(io.FileIO):
 def outlast_readers() -> None:
     """Let what is printed be lost, and end nothing, once its terminal or reader is gone."""
     for name in ("stdout", "stderr"):
-        file = io.BufferedWriter(_Output(getattr(sys, name).fileno(), "w", closefd=False))
+        raw: io.RawIOBase = _Output(getattr(sys, name).fileno(), "w", closefd=False)
+        file = io.BufferedWriter(raw)
         setattr(sys, name, io.TextIOWrapper(file, None, "backslashreplace", line_buffering=True))
 
 

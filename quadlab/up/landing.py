@@ -76,7 +76,10 @@ class _Landing:
         name = "start_behavior" if status.airborne else "disarm"
         client = self._node.client(f"station/{name}", SERVICES[name])
         try:
-            client.ask("quadlab up", **({"name": "land"} if status.airborne else {}))
+            if status.airborne:
+                client.ask("quadlab up", name="land")
+            else:
+                client.ask("quadlab up")
         except (LinkError, RefusedError) as error:
             if str(error) != self._said and not self._closing.is_set():
                 self._said = str(error)
