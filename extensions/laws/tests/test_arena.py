@@ -92,7 +92,6 @@ def test_l1_cuts_the_error_of_the_plain_law_by_eighty_per_cent(
 @pytest.mark.parametrize(
     ("course", "disturbance"),
     [
-        ("3 m x 1.5 m in 4 s", "nominal"),
         ("3 m x 1.5 m in 4 s", "mass + 20 %"),
         ("3 m x 1.5 m in 3 s", "wind 6 m/s, gusts"),
         ("3 m x 1.5 m in 3 s", "mass + 20 %"),
