@@ -6,28 +6,41 @@ work: it might send its status and hear no command. What is out of memory ends b
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
 import threading
 import traceback
-from types import TracebackType
 from typing import NoReturn
 
-STATUS = 1
-"""Exit status of a process that ended by a defect, as Python's own."""
-PATIENCE = 1
-"""Seconds for the traceback; then SIGALRM ends the process."""
+STATUS = 1  # of a process that ended by a defect, as Python's own
 
 
 def end_at_defect() -> None:
-    """Let an error that no thread handles end this process, within PATIENCE seconds.
-
-    To be called where a process begins that its parent starts again.
+    """Let an error that no thread handles end this process, within 1 s; to be called where a
+    process begins that its parent starts again.
     """
+    outlast_readers()
     threading.excepthook = _in_thread
-    sys.excepthook = _in_main_thread
+    sys.excepthook = lambda _, error, __: end(error)
     sys.unraisablehook = _unraisable
+
+
+class _Output(io.FileIO):
+    def write(self, data: bytes, /) -> int:  # type: ignore[override]  # all that its buffer gives
+        try:
+            return super().write(data)
+        except OSError:
+            return len(data)
+
+
+def outlast_readers() -> None:
+    """Let what is printed be lost, and end nothing, once its terminal or reader is gone."""
+    for name in ("stdout", "stderr"):
+        raw: io.RawIOBase = _Output(getattr(sys, name).fileno(), "w", closefd=False)
+        file = io.BufferedWriter(raw)
+        setattr(sys, name, io.TextIOWrapper(file, None, "backslashreplace", line_buffering=True))
 
 
 def report(error: BaseException) -> None:
@@ -41,10 +54,8 @@ def report(error: BaseException) -> None:
 def end(error: BaseException) -> NoReturn:
     """End this process at once, with a traceback if there is memory for one."""
     try:
-        signal.alarm(PATIENCE)
+        signal.alarm(1)  # s for the traceback
         traceback.print_exception(error)
-        sys.stdout.flush()
-        sys.stderr.flush()
     finally:
         os._exit(STATUS)
 
@@ -59,12 +70,3 @@ def _unraisable(args: sys.UnraisableHookArgs) -> None:
     if isinstance(args.exc_value, MemoryError):
         end(args.exc_value)
     sys.__unraisablehook__(args)
-
-
-def _in_main_thread(
-    kind: type[BaseException], error: BaseException, trace: TracebackType | None
-) -> None:
-    if issubclass(kind, KeyboardInterrupt):
-        sys.__excepthook__(kind, error, trace)
-    else:
-        end(error)

@@ -10,6 +10,8 @@ from contextlib import suppress
 from types import FrameType
 from typing import Protocol
 
+ENDING = signal.SIGTERM, signal.SIGINT, signal.SIGHUP  # the last one: the terminal was closed
+
 
 class Ending(Protocol):
     """An event that a loop waits on; a threading.Event when no signal sets it."""
@@ -28,12 +30,13 @@ class EndSignal:
         count: number of signals received; a second one asks for more haste.
     """
 
-    def __init__(self, numbers: Iterable[int] = (signal.SIGTERM, signal.SIGINT)) -> None:
+    def __init__(self, numbers: Iterable[int] = ENDING) -> None:
         self.count = 0
         self._reader, self._writer = socket.socketpair()
         self._writer.setblocking(False)
         for number in numbers:
-            signal.signal(number, self._note)
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
+                signal.signal(number, self._note)
 
     def wait(self, timeout: float) -> bool:
         """Wait for a signal for at most `timeout` seconds; return whether one was received."""

@@ -58,13 +58,17 @@ class Laboratory:
         assert self.up.stdout is not None
         lines = iter(self.up.stdout.readline, "")
         threading.Thread(target=lambda: self.lines.extend(lines), daemon=True).start()
-        self.link = self.until("the link", self._links)[-1]
-        base = self.link.split("/?")[0]
-        self.browser = self.client()
-        token = {"token": self.link.partition("token=")[2]}
-        self.browser.post("/login", data=token).raise_for_status()
-        self.base = base
-        self.until("ready", lambda: self.status().get("mode") == "ready")
+        self.browser = httpx.Client()
+        try:
+            self.link = self.until("the link", self._links)[-1]
+            self.base = self.link.split("/?")[0]
+            self.browser = self.client()
+            token = {"token": self.link.partition("token=")[2]}
+            self.browser.post("/login", data=token).raise_for_status()
+            self.until("ready", lambda: self.status().get("mode") == "ready")
+        except (QuadlabError, httpx.HTTPError):
+            self.close()
+            raise
 
     def client(self) -> httpx.Client:
         """Return another client, which is not signed in."""

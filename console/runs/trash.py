@@ -10,7 +10,6 @@ process that finds the two in between, at its start or after a crash, completes 
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -33,6 +32,7 @@ from console.catalogue.tables import (
 from flight_log.columns.places import place_of
 from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError, os_errors
+from vehicle_link.clock import host_time_ns
 
 TRASH = "trash"
 MADE_AGAIN = (".viser",)
@@ -119,7 +119,7 @@ def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
 
     Raises StorageError when the catalogue cannot be used.
     """
-    before_ns = time.time_ns() - round(older_than * 1e9)
+    before_ns = host_time_ns() - round(older_than * 1e9)
     purged = Purged()
     for run in deleted_runs(catalogue):
         if run.deleted_ns <= before_ns:
@@ -233,7 +233,7 @@ def _out_of_the_list(catalogue: Catalogue, run_id: str, requester: str) -> None:
         with catalogue.session() as session:
             row = session.get(TrashRow, run_id)
             if row is None:
-                row = TrashRow(run_id=run_id, deleted_ns=time.time_ns(), requester="")
+                row = TrashRow(run_id=run_id, deleted_ns=host_time_ns(), requester="")
                 session.add(row)
             row.requester = requester or row.requester
     except StorageError:  # another process may have been slightly quicker

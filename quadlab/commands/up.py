@@ -29,6 +29,7 @@ from quadrotor.checkout import PREFIX
 from quadrotor.errors import UsageError
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle_link import clock
+from vehicle_link.defects import outlast_readers
 from vehicle_link.forked import share
 from vehicle_link.lockstep import one_clock
 from vehicle_link.serial.capacity import check_rate
@@ -249,6 +250,7 @@ class Up(PageOptions):
         self, groups: Sequence[Sequence[Child]], fleet: SimulatedFleet, progress: Progress
     ) -> int:
         children = [child for group in groups for child in group]
+        outlast_readers()
         stop = EndSignal()
         reserve = reserved_descriptors()
         try:

@@ -52,17 +52,10 @@ class _Landing:
         self._shown = shown
         self._status: VehicleStatus | None = None
         self._closing = threading.Event()
-        self._asking = threading.Thread(target=self._ask_on, daemon=True)
+        self.asking = threading.Thread(target=self._ask_on, daemon=True)
         self._said = ""
         self._node = Node(session, f"/{name}", "stopping")
         self._node.subscribe("status", "quadlab_msgs/VehicleStatus", self._on_status)
-
-    @property
-    def is_due(self) -> bool:
-        return self.was_received.is_set() and not self.on_ground.is_set()
-
-    def begin(self) -> None:
-        self._asking.start()
 
     def _ask_on(self) -> None:
         while not (self.on_ground.is_set() or self._closing.is_set()):
@@ -90,10 +83,7 @@ class _Landing:
         except (LinkError, RefusedError) as error:
             if str(error) != self._said and not self._closing.is_set():
                 self._said = str(error)
-                self._say(self._said)
-
-    def give_up(self) -> None:
-        self._say(f"not on the ground after {LANDING_PATIENCE:.0f} s; stopping")
+                self.say(self._said)
 
     def close(self) -> None:
         self._closing.set()
@@ -108,7 +98,7 @@ class _Landing:
         (self.on_ground.clear if lands else self.on_ground.set)()
         self.was_received.set()
 
-    def _say(self, line: str) -> None:
+    def say(self, line: str) -> None:
         print(f"quadlab: {self._shown}{line}", flush=True)
 
 
@@ -126,12 +116,13 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSign
         until = time.monotonic() + HEARING
         for landing in landings:
             landing.was_received.wait(max(0.0, until - time.monotonic()))
-        due = [landing for landing in landings if landing.is_due]
+        heard = [landing for landing in landings if landing.was_received.is_set()]
+        due = [landing for landing in heard if not landing.on_ground.is_set()]
         if not due:
             return
         print("quadlab: landing before stopping; Ctrl-C again stops at once", flush=True)
         for landing in due:
-            landing.begin()
+            landing.asking.start()
         until = clock.monotonic() + LANDING_PATIENCE
         while clock.monotonic() < until:
             if stop.count > 1 or all(landing.on_ground.is_set() for landing in due):
@@ -139,7 +130,7 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSign
             time.sleep(0.1)
         for landing in due:
             if not landing.on_ground.is_set():
-                landing.give_up()
+                landing.say(f"not on the ground after {LANDING_PATIENCE:.0f} s; stopping")
     finally:
         for landing in landings:
             landing.close()

@@ -90,3 +90,36 @@ def test_a_queue_outlasts_an_error_of_its_handler(monkeypatch: pytest.MonkeyPatc
         for item in range(3):
             items.put(item)
     assert (handled, told) == ([1, 2], [MemoryError])
+
+
+PRINTS = """
+import os, pty, sys
+from vehicle_link.defects import end_at_defect
+terminal, other = pty.openpty()
+if {is_terminal}:
+    os.dup2(other, 1)
+    os.dup2(other, 2)
+    os.close(other)
+end_at_defect()
+print("heard", flush=True)
+if {is_terminal}:
+    os.close(terminal)
+sys.stdin.read()
+for _ in range(3):
+    print("lost", flush=True)
+    print("lost", file=sys.stderr, flush=True)
+os._exit(7)
+"""
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_lines_that_nobody_reads_any_more_end_nothing(is_terminal: bool) -> None:
+    pipe = subprocess.PIPE
+    program = [sys.executable, "-c", PRINTS.format(is_terminal=is_terminal)]
+    with subprocess.Popen(program, stdin=pipe, stdout=pipe, stderr=pipe, cwd=ROOT) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == (b"" if is_terminal else b"heard\n")
+        for end in (child.stdout, child.stderr, child.stdin):
+            assert end is not None
+            end.close()
+        assert child.wait(60.0) == 7

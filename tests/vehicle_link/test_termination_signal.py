@@ -37,7 +37,7 @@ def test_a_signal_is_seen_at_once_and_stays() -> None:
         signal.signal(signal.SIGUSR1, before)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_loop_that_only_waits_ends_whenever_the_signal_comes(number: signal.Signals) -> None:
     """A threading.Event made it hang at about every second try."""
     for _ in range(5):
@@ -50,3 +50,16 @@ def test_a_loop_that_only_waits_ends_whenever_the_signal_comes(number: signal.Si
         finally:
             child.kill()
         assert (said, child.returncode) == ("ended\n", 0)
+
+
+def test_with_nohup_a_terminal_that_is_closed_ends_nothing() -> None:
+    program = f"""
+import os, signal
+signal.signal(signal.SIGHUP, signal.SIG_IGN)
+{WAITS.replace("while", "os.kill(os.getpid(), signal.SIGHUP)" + chr(10) + "while")}"""
+    child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    assert child.stdout.readline() == "up\n"
+    assert child.poll() is None
+    child.terminate()
+    assert child.communicate(timeout=30.0)[0] == "ended\n"

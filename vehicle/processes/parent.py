@@ -28,6 +28,7 @@ from vehicle.processes.config import DEAF, GIVEN_UP, PACKETS_A_SECOND, VehicleCo
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
 from vehicle_link.addresses import EVERYWHERE
+from vehicle_link.defects import outlast_readers
 from vehicle_link.forked import Process, share, start
 from vehicle_link.identity import THE_ONE, Identity
 from vehicle_link.jobs import how_it_ended
@@ -165,6 +166,8 @@ def run_vehicle(
         board_options: values of the options of that kind.
         link_host: address at which the station connects, of this computer.
     """
+    outlast_readers()
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # it flies on without its terminal
     speak_for(name)
     rings = create_rings()
     started_ns = clock.time_ns()

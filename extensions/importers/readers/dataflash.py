@@ -20,8 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-from extensions.importers.readers.tables import FileTables
-from flight_log.limits import bounded_reader
+from extensions.importers.readers.tables import BoundedTables
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
@@ -56,18 +55,12 @@ class Kind(NamedTuple):
 HEAD = Kind("FMT", 89, {}, np.dtype([]))
 
 
-class DataFlashTables(FileTables):
+class DataFlashTables(BoundedTables):
     """The messages `wanted` that the log has."""
-
-    @classmethod
-    def opened(cls, path: Path, wanted: Collection[str]) -> DataFlashTables:
-        """Read the log, in bounded memory. Raises LogFormatError."""
-        with bounded_reader(path.name):
-            return cls(path, wanted)
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the log. Raises LogFormatError."""
-        super().__init__(path)
+        super().__init__(path, wanted)
         self.units = {TIME: "us", OLD_TIME: "ms"}
         data = path.read_bytes()
         names = {one.partition("#")[0] for one in wanted} | {"FMTU", "MSG", "GPS"}

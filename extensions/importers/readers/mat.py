@@ -5,14 +5,14 @@ Files of version 7.3 are HDF5 and read as such.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from extensions.importers.readers.tables import (
+    BoundedTables,
     Column,
-    FileTables,
     beyond_float,
     check_size,
     foreign_reader,
@@ -24,14 +24,14 @@ DEEPEST = 8
 """Largest number of structures within one another."""
 
 
-class MatTable(FileTables):
+class MatTable(BoundedTables):
     """A column for a vector, NAME[0], NAME[1], … for a matrix; a row vector is a column, too."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, wanted: Collection[str] = ()) -> None:
         """Read the file. Raises LogFormatError."""
         from scipy.io import loadmat
 
-        super().__init__(path)
+        super().__init__(path, wanted)
         self._columns: dict[str, Column] = {}
         with foreign_reader(path, "MATLAB file"):
             found = loadmat(path, struct_as_record=False, squeeze_me=False)

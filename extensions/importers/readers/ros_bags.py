@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mcap.records import Schema
 
-from extensions.importers.readers.tables import FileTables, foreign_reader, narrow, seconds_of
-from flight_log.limits import bounded_reader
+from extensions.importers.readers.tables import BoundedTables, foreign_reader, narrow, seconds_of
 from flight_log.payload_columns import PayloadColumns
 from flight_log.payload_layout import HEADER_STAMP, ROS1, SchemaLayouts
 from quadrotor.errors import LogFormatError
@@ -27,23 +26,19 @@ LOGGED = "logged"
 """The column with the time at which a message was written, s; `stamp` is its header's."""
 PIECE = 4096
 """Number of messages that are decoded at once."""
+KIND = "SELECT type FROM sqlite_master WHERE name = 'messages'"
+"""Asks for what holds the messages: a view may have rows without end."""
 
 
-class BagTables(FileTables):
+class BagTables(BoundedTables):
     """The topics `wanted` of a bag; stamps in s."""
-
-    @classmethod
-    def opened(cls, path: Path, wanted: Collection[str]) -> BagTables:
-        """Read the bag, in bounded memory. Raises LogFormatError."""
-        with bounded_reader(path.name):
-            return cls(path, wanted)
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the bag. Raises LogFormatError."""
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
-        super().__init__(path)
+        super().__init__(path, wanted)
         self._rows: dict[str, _Rows] = {}
         self._topics: list[str] = []
         self.torn = _unwritten(path)
@@ -104,9 +99,10 @@ def _what_to_try(bag: Path) -> str:
             suppress(DatabaseError),
             closing(connect(f"{one.absolute().as_uri()}?mode=ro", uri=True)) as opened,
         ):
-            for _ in opened.execute("SELECT data FROM messages"):
-                pass
-            return f"; try {one.name} in it alone"
+            if opened.execute(KIND).fetchone() == ("table",):
+                for _ in opened.execute("SELECT data FROM messages"):
+                    pass
+                return f"; try {one.name} in it alone"
     return f"; sqlite3 {databases[0].name} .recover may save what it has" if databases else ""
 
 

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from flight_log.limits import bounded_reader
 from quadrotor.errors import LogFormatError, QuadlabError
 from quadrotor.records import Array
 
@@ -130,6 +131,19 @@ def check_size(path: Path, rows: int, columns: int) -> None:
             f"{path.name} has {rows} rows or more; of {columns} columns at most "
             f"{MAX_VALUES // columns} are imported: cut it into flights"
         )
+
+
+class BoundedTables(FileTables):
+    """Those tables of a file that are wanted, read by a library in bounded memory."""
+
+    def __init__(self, path: Path, _: Collection[str]) -> None:
+        super().__init__(path)
+
+    @classmethod
+    def opened(cls, path: Path, wanted: Collection[str]) -> BoundedTables:
+        """Read the file. Raises LogFormatError or StorageError."""
+        with bounded_reader(path.name):
+            return cls(path, wanted)
 
 
 class Hdf5Table(FileTables):

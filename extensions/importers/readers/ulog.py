@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from extensions.importers.readers.tables import FileTables, beyond_float, foreign_reader
-from flight_log.limits import bounded_reader
+from extensions.importers.readers.tables import BoundedTables, beyond_float, foreign_reader
 from quadrotor.errors import os_errors
 from quadrotor.records import Array
 
@@ -37,20 +36,14 @@ class _Watched(io.BufferedReader):
         return data
 
 
-class UlogTables(FileTables):
+class UlogTables(BoundedTables):
     """The topics `wanted` that the log has."""
-
-    @classmethod
-    def opened(cls, path: Path, wanted: Collection[str]) -> UlogTables:
-        """Read the log, in bounded memory. Raises LogFormatError or StorageError."""
-        with bounded_reader(path.name):
-            return cls(path, wanted)
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the log. Raises LogFormatError or StorageError."""
         from pyulog import ULog
 
-        super().__init__(path)
+        super().__init__(path, wanted)
         topics = sorted({name.partition("#")[0] for name in wanted} | {DATED})
         # The library prints what it finds wrong; `torn` says it.
         with (

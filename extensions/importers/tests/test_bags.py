@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +103,15 @@ def test_a_damaged_bag_advises_only_what_can_work(tmp_path: Path) -> None:
         BagTables(bag, {"/imu"})
     (bag / "other.db3").write_bytes(data)
     with pytest.raises(LogFormatError, match=r"malformed; try other.db3 in it alone"):
+        BagTables(bag, {"/imu"})
+    (bag / "other.db3").unlink()
+    with closing(sqlite3.connect(bag / "bag.db3.new")) as endless:
+        endless.execute(
+            "CREATE VIEW messages AS WITH RECURSIVE all_of (id) AS "
+            "(SELECT 1 UNION ALL SELECT id + 1 FROM all_of) SELECT 0 AS data FROM all_of"
+        )
+    (bag / "bag.db3.new").replace(bag / "bag.db3")
+    with pytest.raises(LogFormatError, match=r"missing tables.*; sqlite3 bag.db3 .recover"):
         BagTables(bag, {"/imu"})
 
 

@@ -32,6 +32,7 @@ from extensions.importers.readers.text_table import TextTable
 from extensions.importers.stamps import continued, without_strays
 from extensions.importers.tests.bag_writer import write_bag
 from extensions.importers.tests.foreign_flight import make_flight
+from flight_log import limits
 from quadlab.__main__ import main
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array, Stamps
@@ -260,6 +261,17 @@ def test_integers_of_every_format_keep_each_nanosecond(
     stamps, rate, _ = read(path, "ns")
     assert (stamps == STAMPS_NS).all()
     assert (rate == ROWS[:, :3]).all()
+
+
+def test_a_matrix_that_opens_to_more_than_memory_is_for_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "flight.mat"
+    savemat(path, {"gyro": np.zeros(20_000_000)}, do_compression=True)
+    assert path.stat().st_size < 200_000
+    monkeypatch.setattr(limits, "MAX_FOREIGN", 40_000_000)
+    with pytest.raises(LogFormatError, match=r"flight\.mat needs more than 40 MB of memory"):
+        open_source(path, [])
 
 
 def test_structures_are_paths_and_no_run_of_quadlab(tmp_path: Path) -> None:

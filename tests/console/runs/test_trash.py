@@ -25,6 +25,7 @@ from flight_log import LogWriter
 from flight_log.columns.places import CACHES
 from quadrotor.errors import RefusedError, StorageError
 from tests.support.runs import run_entry
+from vehicle_link.clock import host_time_ns
 
 MB = 1_000_000
 
@@ -183,9 +184,13 @@ def test_the_trash_is_emptied_when_the_days_are_over(
     delete_run(catalogue, "r1", "anna")
     house.keeping.check()
     assert [run.id for run in deleted_runs(catalogue)] == ["r1"]
-    now_ns: Callable[[], int] = time.time_ns
     later = round((house.parameters.trash_keep + 0.1) * DAY * 1e9)
-    monkeypatch.setattr("console.runs.trash.time.time_ns", lambda: now_ns() + later)
+    set_ns = time.time_ns() + later
+    monkeypatch.setattr(time, "time_ns", lambda: set_ns)
+    House(catalogue).keeping.check()
+    assert [run.id for run in deleted_runs(catalogue)] == ["r1"], "the computer's clock was set"
+    now_ns: Callable[[], int] = host_time_ns
+    monkeypatch.setattr("console.runs.trash.host_time_ns", lambda: now_ns() + later)
     House(catalogue).keeping.check()
     assert deleted_runs(catalogue) == []
 

@@ -195,10 +195,10 @@ export class StatusBar {
       this.sawGround = true;
       return null;
     }
-    if (this.sawGround && !sessionStorage.getItem(this.kept))
-      sessionStorage.setItem(this.kept, String(Date.now()));
+    const now = performance.timeOrigin + performance.now(); // no setting of a clock moves it
+    if (this.sawGround) sessionStorage[this.kept] ??= String(now);
     const since = Number(sessionStorage.getItem(this.kept));
-    return since ? (Date.now() - since) / 1e3 : null;
+    return since ? (now - since) / 1e3 : null;
   }
 
   // What is not well beside the vehicle's flags.
