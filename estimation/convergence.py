@@ -42,7 +42,7 @@ class Difference:
 
     def __str__(self) -> str:
         return (
-            f"{self.position:.3f} m, {self.velocity:.3f} m/s, {math.degrees(self.attitude):.2f} deg"
+            f"{self.position:.3f} m, {self.velocity:.3f} m/s, {math.degrees(self.attitude):.2f}°"
         )
 
     def share_of(self, found: Difference) -> float:

@@ -97,7 +97,7 @@ class StillPoses:
             return "the samples are not finite"
         if turn > TURN_MAX:
             return (
-                f"it turns at {math.degrees(turn):.1f} deg/s, allowed {math.degrees(TURN_MAX):.1f}"
+                f"it turns at {math.degrees(turn):.1f} °/s, allowed {math.degrees(TURN_MAX):.1f}"
             )
         largest = float(np.abs(measured).max())
         if largest >= SATURATION:
