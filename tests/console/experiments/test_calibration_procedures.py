@@ -101,10 +101,7 @@ def test_directions_and_attitudes_are_inverse_and_told_in_words() -> None:
     for up in spread_poses(20, 1.5):
         assert up_of(np.array(attitude_of(up))) == pytest.approx(up, abs=1e-12)
     assert words_of(np.array((0.0, 0.0, 1.0))) == "level"
-    assert (
-        words_of(np.array((0.5, -0.5, np.sqrt(0.5))))
-        == "nose up by 30°, right side up by 30°"
-    )
+    assert words_of(np.array((0.5, -0.5, np.sqrt(0.5)))) == "nose up by 30°, right side up by 30°"
     assert words_of(np.array((0.0, 0.0, -1.0))) == "level, upside down"
 
 

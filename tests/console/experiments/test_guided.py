@@ -286,11 +286,7 @@ def test_what_to_do_and_how_far_it_is_are_in_the_status(lab: Lab) -> None:
     assert lab.until(lambda: lab.outbox.told[-1].instruction == "hold still")
     told = lab.outbox.told[-1]
     assert (told.step_number, told.step_count, told.step_share) == (3, 12, 0.0)
-    assert (told.live_names, list(told.live_values), told.live_units) == (
-        ["rate"],
-        [0.5],
-        ["°/s"],
-    )
+    assert (told.live_names, list(told.live_values), told.live_units) == (["rate"], [0.5], ["°/s"])
     go.set()
     done = lab.ended()
     assert (done.phase, done.instruction, done.step_count) == ("passed", "", 0)
