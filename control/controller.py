@@ -9,8 +9,10 @@ import numpy as np
 
 from control.geometric_law import new_control_memory, step
 from control.parameters import ControlParameters, control_record
+from control.rotor_lead import RotorLead
 from quadrotor.compiled import direct
 from quadrotor.records import ACTUATORS, Array, Record, new_reference, new_state
+from quadrotor.vehicle_model import MODEL
 
 Law = Callable[[Record, Record, Record, Record, Record, bool, float, Record], None]
 """Compiled law with the arguments of `control.geometric_law.step`."""
@@ -54,10 +56,12 @@ class GeometricController:
 
     Args:
         law: another compiled law with the same arguments.
+        leads: whether the law gets references that lead the rotors (`control.rotor_lead`).
     """
 
-    def __init__(self, law: Law = step) -> None:
+    def __init__(self, law: Law = step, leads: bool = False) -> None:
         self._law = self._step = law
+        self._lead = RotorLead(np.zeros(1, MODEL)) if leads else None
         self.memory = new_control_memory()
         self._tilt_limited = self.memory["tilt_limited"]  # a view, made once
         self._gains = control_record(ControlParameters())
@@ -90,6 +94,8 @@ class GeometricController:
     def reset(self) -> None:
         """Reset the integrals."""
         self.memory[...] = new_control_memory()
+        if self._lead is not None:
+            self._lead.reset()
 
     @property
     def disturbance(self) -> Record:
@@ -115,6 +121,8 @@ class GeometricController:
         """Compute one tick into `actuators`. Raises RuntimeError when not configured."""
         if self._model is None:
             raise RuntimeError(f"{type(self).__name__}.step before configure")
+        if self._lead is not None:
+            reference = self._lead.step(reference, state, self._model, dt)
         records = self.memory, state, reference, self._gains, self._model
         self._step(*records, airborne, dt, actuators)
 

@@ -48,10 +48,13 @@ class CompiledLaw:
     Attributes:
         step: a function compiled by `quadrotor.compiled.compiled(pointer=True)`.
         memory: the type of its memory.
+        leads: whether it gets references that lead the rotors (`control.rotor_lead`); False for a
+            law that has their lag in its own model.
     """
 
     step: Step
     memory: np.dtype[np.void]
+    leads: bool = True
 
     def new_memory(self) -> Bytes:
         """Return the memory of a flight that begins."""

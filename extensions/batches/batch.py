@@ -174,6 +174,7 @@ def fly_batch(
             onboard[:], case[:], plant[:], judged[:] = fresh, cases[one], plants[one], outcome[one]
             motors[:] = 0.0
             law, control = laws[scenarios[k].control.law], scenarios[k].control
+            case["leads"] = law.leads
             own = law.new_memory(), settings_of(control, control.law)
             flown = case, plant, onboard, sampled[id(scenarios[k].trajectory)], judged
             fly(*flown, history[k], motors, law.step, own, records_of(case, onboard))

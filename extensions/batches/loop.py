@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from control.laws import Own, Records, Step
+from control.rotor_lead import lead
 from control.trajectories.figure_eight import figure_eight_at
 from estimation.complementary_filter import predict_one
 from extensions.batches.noise import normals
@@ -57,6 +58,7 @@ CASE = np.dtype(
         ("whole_references", "i8"),  # 1: motors accept whole counts only
         ("gyroscope_bias_b", "f8", 3),  # rad/s, found by the calibration
         ("other_law", "i8"),  # 1: the law of an extension
+        ("leads", "i8"),  # 1: the law gets references that lead the rotors
         ("late", "i8"),  # control periods until a command reaches the motors
         ("sent", "f8", (LATEST, 4)),  # counts, the commands of the last periods
     ],
@@ -251,7 +253,7 @@ def fly(
     ticks, period, substeps = pace.ticks, 1e-9 * pace.period_ns, pace.substeps
     hover_ticks, judge_every, keep_every = pace.hover_ticks, pace.judge_every, pace.keep_every
     airborne = ticks > 0  # a plain True would be compiled as another type
-    dt, drawn = period / substeps, np.zeros((1, 3))
+    dt, drawn, snap_w = period / substeps, np.zeros((1, 3)), np.zeros(3)
     share = motor_share(p.model.motor_time_constant, dt)
     to_judge = to_keep = kept = flown = saturated = 0
     r.crash_time = math.nan
@@ -260,6 +262,8 @@ def fly(
         _see(c, p, v, k)
         observe_disturbance(v, c.settings, airborne, period)
         _refer(c, course, k - hover_ticks, v.reference)
+        if c.leads == 1:
+            lead(v.reference, v.state, c.settings.model, snap_w, period)
         if c.other_law == 1:
             law(own, records, airborne, airborne, period)
         else:

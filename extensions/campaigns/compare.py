@@ -8,6 +8,7 @@ the level is divided by the number of tests (Bonferroni).
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from typing import TYPE_CHECKING
 
@@ -27,13 +28,12 @@ LEVEL = 0.05
 
 def compare(one: CampaignFolder, other: CampaignFolder) -> Facts:
     """Return the paired differences, second minus first. Raises UsageError without pairs."""
-    first, second = _paired(one, other)
+    a, b = (folder.table(figures_only=True) for folder in (one, other))
+    first, second = _paired(one, other, a, b)
     pairs = len(first)
-    a, b = one.table().take(first), other.table().take(second)
-    metrics = sorted({*judged_metrics(a)} & {*judged_metrics(b)})
-    tests = {"passed": _verdicts(a, b)} | {
-        name: _metric(numbers(a, name), numbers(b, name)) for name in metrics
-    }
+    tests = {"passed": _verdicts(is_verdict(a, "passed")[first], is_verdict(b, "passed")[second])}
+    for name in sorted({*judged_metrics(a)} & {*judged_metrics(b)}):
+        tests[name] = _metric(numbers(a, name)[first], numbers(b, name)[second])
     level = LEVEL / len(tests)
     for found in tests.values():
         found["is_worse"] = found["p"] < level
@@ -47,8 +47,12 @@ def compare(one: CampaignFolder, other: CampaignFolder) -> Facts:
     }
 
 
-def _paired(one: CampaignFolder, other: CampaignFolder) -> tuple[list[int], list[int]]:
+def _paired(
+    one: CampaignFolder, other: CampaignFolder, a: pa.Table, b: pa.Table
+) -> tuple[Numbers, Numbers]:
     """Return the places of the rows with the same seed and factors."""
+    import pyarrow as pa
+
     mine, theirs = one.plan.plan, other.plan.plan
     if mine.varied != theirs.varied:
         raise UsageError(
@@ -56,25 +60,27 @@ def _paired(one: CampaignFolder, other: CampaignFolder) -> tuple[list[int], list
             f"{', '.join(theirs.varied) or '(none)'}: only flights with equal factors are pairs"
         )
     keys = ["seed", *mine.varied]
-    places = {key: k for k, key in enumerate(_keys(one.table(), keys))}
-    pairs = [(places[key], k) for k, key in enumerate(_keys(other.table(), keys)) if key in places]
-    if not pairs:
+    sides = [
+        pa.table({**{key: table[key] for key in keys}, side: np.arange(table.num_rows)})
+        for side, table in (("first", a), ("second", b))
+    ]
+    found = np.empty((2, 0), int)
+    with contextlib.suppress(pa.ArrowTypeError):  # words are never equal to numbers
+        rows = pa.concat_tables(sides, promote_options="permissive").group_by(keys)
+        groups = rows.aggregate([("first", "max"), ("second", "max")])
+        found = np.array([numbers(groups, "first_max"), numbers(groups, "second_max")])
+        found = found[:, np.isfinite(found).all(axis=0)].astype(int)
+    if not found.size:
         raise UsageError(
             f"{one.path} and {other.path} have no flights with the same seed and factors: fly both "
             "from plans with the same seed, seeds and factors"
         )
-    return [k for k, _ in pairs], [k for _, k in pairs]
+    return found[0], found[1]
 
 
-def _keys(table: pa.Table, names: list[str]) -> list[tuple[object, ...]]:
-    return list(zip(*(table[name].to_pylist() for name in names), strict=True))
-
-
-def _verdicts(a: pa.Table, b: pa.Table) -> Facts:
+def _verdicts(was: Numbers, now: Numbers) -> Facts:
     from scipy.stats import binomtest
 
-    was = is_verdict(a, "passed")
-    now = is_verdict(b, "passed")
     worse, better = int((was & ~now).sum()), int((~was & now).sum())
     changed = worse + better
     p, p_better = (

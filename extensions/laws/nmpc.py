@@ -297,4 +297,4 @@ def step(own: Own, records: Records, flown: bool, airborne: bool, dt: float) -> 
     )
 
 
-LAW = CompiledLaw(step, MEMORY)
+LAW = CompiledLaw(step, MEMORY, leads=False)

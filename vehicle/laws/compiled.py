@@ -7,6 +7,7 @@ import numpy as np
 from control.controller import GeometricController
 from control.laws import CompiledLaw, example_arguments, settings_of
 from control.parameters import ControlParameters, control_record
+from control.rotor_lead import RotorLead
 from quadrotor.compiled import direct
 from quadrotor.errors import RefusedError
 from quadrotor.records import ACTUATORS, Record
@@ -38,6 +39,7 @@ class CompiledController(ExternalLaw):
         self._last, self._found = np.zeros(1, ACTUATORS), np.zeros(1, ACTUATORS)
         self._numbers = self._found.view(np.float64)
         self._step = direct(law.step, *example_arguments(law, self._settings))
+        self._lead = RotorLead(self._model) if law.leads else None
 
     def configure(self, parameters: ControlParameters, model: Record) -> None:
         super().configure(parameters, model)
@@ -47,6 +49,8 @@ class CompiledController(ExternalLaw):
     def reset(self) -> None:
         super().reset()
         self._memory[:] = 0
+        if self._lead is not None:
+            self._lead.reset()
 
     def idle(self, actuators: Record) -> None:
         super().idle(actuators)
@@ -67,6 +71,8 @@ class CompiledController(ExternalLaw):
     def _wrench_of(self, state: Record, reference: Record, airborne: bool, dt: float) -> Array:
         own = self._found
         own[...] = self._last
+        if self._lead is not None:
+            reference = self._lead.step(reference, state, self._model, dt)
         records = state, reference, self._gains, self._model, own
         self._step((self._memory, self._settings), records, self.flown, airborne, dt)
         self.ticks += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from control.controller import GeometricController
@@ -17,7 +18,7 @@ from vehicle.laws.offer import others_of, plugins_of
 from vehicle.plugins.links import UDP, NoLink, udp_link
 
 BUILT_IN: dict[str, Callable[[], GeometricController]] = {
-    GEOMETRIC: GeometricController,
+    GEOMETRIC: partial(GeometricController, leads=True),
     NEAR_HOVERING: NearHoveringController,
 }
 LAW, SHADOW_LAW = "control.law", "control.shadow_law"

@@ -100,7 +100,7 @@ class OwnLaw:
             with numba.objmode():
                 tick(memory, (state, reference, gains, model, actuators), airborne, dt)
 
-        return CompiledLaw(call, MEMORY)
+        return CompiledLaw(call, MEMORY, leads=False)
 
 
 def own_laws(folder: Path | None) -> dict[str, OwnLaw]:

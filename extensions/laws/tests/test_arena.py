@@ -17,7 +17,7 @@ from extensions.laws.arena import table
 from extensions.laws.arena.cells import DISTURBANCES, chosen, entries
 from extensions.laws.arena.command import Arena
 from extensions.laws.arena.courses import MOTION, PERIOD, courses
-from extensions.laws.arena.flights import fly_cell, tick_time
+from extensions.laws.arena.flights import fly_cell
 from extensions.laws.arena.results import Cell
 from extensions.laws.tests.equations import LAWS
 from quadrotor.errors import StorageError, UsageError
@@ -65,6 +65,12 @@ def test_every_law_flies_the_8(law: str) -> None:
     assert errors(law, "nominal") < largest
 
 
+@pytest.mark.parametrize("law", ["geometric", "observer", "geometric_l1", "indi", "flatness_indi"])
+def test_the_lag_of_the_rotors_is_led_on_a_course_that_changes_the_thrust(law: str) -> None:
+    """Without the lead each of them has 17 to 20 mm."""
+    assert errors(law, "nominal", "upright 8, 2.5 m x 1.5 m in 6.28 s") < 0.004
+
+
 @pytest.mark.parametrize(
     "disturbance", ["mass + 20 %", "drag", "wind 6 m/s, gusts", "motor - 15 %"]
 )
@@ -86,7 +92,6 @@ def test_l1_cuts_the_error_of_the_plain_law_by_eighty_per_cent(
 @pytest.mark.parametrize(
     ("course", "disturbance"),
     [
-        ("3 m x 1.5 m in 4 s", "nominal"),
         ("3 m x 1.5 m in 4 s", "mass + 20 %"),
         ("3 m x 1.5 m in 3 s", "wind 6 m/s, gusts"),
         ("3 m x 1.5 m in 3 s", "mass + 20 %"),
@@ -100,11 +105,6 @@ def test_the_predictive_law_is_better_than_the_plain_one_on_fast_courses_and_fal
     """The motors saturate on the course in 3 s, and with a weak motor the plain law falls there."""
     plain = errors("geometric", disturbance, course)
     assert errors("nmpc", disturbance, course) < min(0.8 * plain, 0.45)
-
-
-def test_a_tick_of_a_law_is_far_below_its_limit() -> None:
-    for entry in entries().values():
-        assert tick_time(entry, 500) < 1e-3
 
 
 def test_a_crash_counts_as_infinite_and_is_told() -> None:

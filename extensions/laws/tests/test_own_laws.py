@@ -44,13 +44,13 @@ def entry(folder: Path) -> Entry:
 
 
 def test_a_new_law_flies_at_once_and_the_same_each_time(folder: Path) -> None:
-    """The plain law in Python but for a derivative has about its error."""
+    """The plain law in Python, but for a derivative and the lead of the rotors."""
     mine, (plain,) = entry(folder), chosen("geometric")
     errors = [
         fly_cell(one, DISTURBANCES["nominal"], SHORT, (1,)).rms for one in (mine, mine, plain)
     ]
     assert errors[0] == errors[1]
-    assert 0.7 * errors[2] < errors[0] < 1.4 * errors[2]
+    assert errors[2] < errors[0] < 2.5 * errors[2]
 
 
 @pytest.mark.parametrize(
