@@ -33,19 +33,19 @@ class BearingParameters(Parameters):
     """ids of beacons that are dark, like '2' or '1 3'; 'all' of them"""
     rate: float = parameter(30.0, unit="Hz", ge=1, le=120, step=1)
     """frames a second"""
-    sigma: float = parameter(1.5, unit="deg", ge=0.05, le=20, step=0.05)
+    sigma: float = parameter(1.5, unit="°", ge=0.05, le=20, step=0.05)
     """standard deviation of the noise on each of two tangent axes"""
     distribution: str = parameter("gaussian", choices=("gaussian", "student_t"))
     """of the noise; student_t has heavy tails at the same sigma"""
     degrees_of_freedom: float = parameter(4.0, ge=2.1, le=100, step=0.1)
     """of student_t; the fewer, the heavier its tails"""
-    mount_roll: float = parameter(0.0, unit="deg", ge=-180, le=180, step=1)
+    mount_roll: float = parameter(0.0, unit="°", ge=-180, le=180, step=1)
     """turn of the sensor about body x; its axis is the body's -z axis at 0, 0, 0"""
-    mount_pitch: float = parameter(0.0, unit="deg", ge=-180, le=180, step=1)
+    mount_pitch: float = parameter(0.0, unit="°", ge=-180, le=180, step=1)
     """turn of the sensor about body y"""
-    mount_yaw: float = parameter(0.0, unit="deg", ge=-180, le=180, step=1)
+    mount_yaw: float = parameter(0.0, unit="°", ge=-180, le=180, step=1)
     """turn of the sensor about body z"""
-    field_of_view: float = parameter(360.0, unit="deg", ge=10, le=360, step=5)
+    field_of_view: float = parameter(360.0, unit="°", ge=10, le=360, step=5)
     """full angle about the sensor's axis"""
     range_min: float = parameter(0.05, unit="m", ge=0.01, le=10, step=0.01)
     """nearer beacons are not seen"""
@@ -59,11 +59,11 @@ class BearingParameters(Parameters):
     """share of single bearings lost"""
     swap: float = parameter(0.0, ge=0, le=1, step=0.01)
     """share of frames with two identities exchanged"""
-    bias_x: float = parameter(0.0, unit="deg", ge=-20, le=20, step=0.1)
+    bias_x: float = parameter(0.0, unit="°", ge=-20, le=20, step=0.1)
     """constant turn of all bearings, body x of its rotation vector"""
-    bias_y: float = parameter(0.0, unit="deg", ge=-20, le=20, step=0.1)
+    bias_y: float = parameter(0.0, unit="°", ge=-20, le=20, step=0.1)
     """body y of that rotation vector"""
-    bias_z: float = parameter(0.0, unit="deg", ge=-20, le=20, step=0.1)
+    bias_z: float = parameter(0.0, unit="°", ge=-20, le=20, step=0.1)
     """body z of that rotation vector"""
     beacon_bias: str = parameter("")
     """constant turn of single beacons' bearings: 'id x y z; id x y z; …', the rotation vector in
@@ -142,7 +142,7 @@ def parse_beacon_bias(text: str) -> dict[int, Triple]:
             raise OutOfBoundsError(
                 f"beacon_bias = {text!r:.80}: {part!r:.40} is not a bias; allowed is 'id x y z' "
                 f"for each beacon once, separated by semicolons, each of x y z -{BIAS_MAX:g} to "
-                f"{BIAS_MAX:g} deg"
+                f"{BIAS_MAX:g}°"
             )
         found[id] = (x, y, z)
     return found

@@ -23,7 +23,7 @@ class TrackerParameters(Parameters):
     """poses a second"""
     position_noise: float = parameter(0.001, unit="m", ge=0, le=0.5, step=0.0005)
     """standard deviation on each axis"""
-    attitude_noise: float = parameter(0.2, unit="deg", ge=0, le=20, step=0.05)
+    attitude_noise: float = parameter(0.2, unit="°", ge=0, le=20, step=0.05)
     """standard deviation on each body axis"""
     delay: float = parameter(0.0, unit="s", ge=0, le=0.5, step=0.001)
     """from the pose being true to its arrival"""
@@ -35,7 +35,7 @@ class TrackerParameters(Parameters):
     """share of poses that are outliers"""
     outlier_position: float = parameter(0.5, unit="m", ge=0, le=10, step=0.1)
     """how far an outlier is off, anywhere"""
-    outlier_attitude: float = parameter(0.0, unit="deg", ge=0, le=180, step=5)
+    outlier_attitude: float = parameter(0.0, unit="°", ge=0, le=180, step=5)
     """how far an outlier is turned, anyhow"""
     positions_only: bool = parameter(False)
     """a single marker is tracked: positions without attitude"""

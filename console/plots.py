@@ -205,11 +205,11 @@ def state_estimation(
     finish(axes[0, 0], "(a) position", "m", narrow=True)
     triple(axes[0, 1], time, np.degrees(angles[0]), ANGLES)
     dashed(axes[0, 1], time, np.degrees(angles[1]), "estimated")
-    finish(axes[0, 1], "(b) orientation", "deg", narrow=True)
+    finish(axes[0, 1], "(b) orientation", "°", narrow=True)
     triple(axes[1, 0], time, 1e3 * position_error)
     finish(axes[1, 0], f"(c) position error to {truth}", "mm", narrow=True)
     triple(axes[1, 1], time, np.degrees(turn))
-    finish(axes[1, 1], "(d) orientation error, about", "deg", narrow=True)
+    finish(axes[1, 1], "(d) orientation error, about", "°", narrow=True)
     share_window(axes, judged)
 
 

@@ -75,10 +75,10 @@ class ComplementaryEstimator(CompiledEstimator):
         if run < needed:
             late = f"started {run:.1f} s ago, needs {needed:.1f} s at {slowest:g} rad/s"
             return Convergence(False, late, share)
-        text = f"innovations {position:.3f} m, {math.degrees(attitude):.2f} deg rms"
+        text = f"innovations {position:.3f} m, {math.degrees(attitude):.2f}° rms"
         fit = position < FIT_POSITION and attitude < FIT_ATTITUDE
         if not fit:
-            text += f"; allowed {FIT_POSITION:g} m, {math.degrees(FIT_ATTITUDE):.0f} deg"
+            text += f"; allowed {FIT_POSITION:g} m, {math.degrees(FIT_ATTITUDE):.0f}°"
         return Convergence(fit, text, share)
 
     def reset(self) -> None:

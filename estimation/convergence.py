@@ -41,9 +41,7 @@ class Difference:
     attitude: float
 
     def __str__(self) -> str:
-        return (
-            f"{self.position:.3f} m, {self.velocity:.3f} m/s, {math.degrees(self.attitude):.2f} deg"
-        )
+        return f"{self.position:.3f} m, {self.velocity:.3f} m/s, {math.degrees(self.attitude):.2f}°"
 
     def share_of(self, found: Difference) -> float:
         """Return the smallest ratio of these limits to what was found, at most 1; 0 for NaN."""

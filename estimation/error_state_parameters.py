@@ -41,23 +41,23 @@ class ErrorStateParameters(Parameters):
 
     accelerometer_noise: float = parameter(0.0035, unit="m/s²/√Hz", ge=1e-05, le=1.0, step=0.0005)
     """white noise of the accelerometer, vibration included"""
-    gyroscope_noise: float = parameter(0.02, unit="deg/s/√Hz", ge=1e-05, le=5.0, step=0.005)
+    gyroscope_noise: float = parameter(0.02, unit="°/s/√Hz", ge=1e-05, le=5.0, step=0.005)
     """white noise of the gyroscope, vibration included"""
     accelerometer_bias_walk: float = parameter(0.001, unit="m/s²/√s", ge=0.0, le=0.5, step=0.001)
     """random walk of the accelerometer bias"""
-    gyroscope_bias_walk: float = parameter(0.005, unit="deg/s/√s", ge=0.0, le=5.0, step=0.005)
+    gyroscope_bias_walk: float = parameter(0.005, unit="°/s/√s", ge=0.0, le=5.0, step=0.005)
     """random walk of the gyroscope bias"""
     pose_position_sigma: float = parameter(0.0015, unit="m", ge=1e-05, le=1.0, step=0.0005)
     """standard deviation of a tracker's position on each axis"""
-    pose_attitude_sigma: float = parameter(0.3, unit="deg", ge=0.001, le=30.0, step=0.05)
+    pose_attitude_sigma: float = parameter(0.3, unit="°", ge=0.001, le=30.0, step=0.05)
     """standard deviation of a tracker's attitude on each axis"""
-    bearing_sigma_floor: float = parameter(0.1, unit="deg", ge=0.001, le=10.0, step=0.05)
+    bearing_sigma_floor: float = parameter(0.1, unit="°", ge=0.001, le=10.0, step=0.05)
     """least deviation taken for a bearing, whatever its sender claims"""
-    sweep_plane_sigma: float = parameter(0.0, unit="deg", ge=0.0, le=5.0, step=0.01)
+    sweep_plane_sigma: float = parameter(0.0, unit="°", ge=0.0, le=5.0, step=0.01)
     """deviation common to the angles of one sweep, by place and calibration of its base station"""
     gate: float = parameter(4.0, ge=2.0, le=20.0, step=0.5)
     """standard deviations beyond which a bearing or pose is an outlier"""
-    heading: float = parameter(0.0, unit="deg", ge=-180.0, le=180.0, step=5.0)
+    heading: float = parameter(0.0, unit="°", ge=-180.0, le=180.0, step=5.0)
     """a marker alone: yaw of the vehicle when it is armed, within 10 deg"""
     marker_x: float = parameter(0.0, unit="m", ge=-1.0, le=1.0, step=0.001)
     """a marker alone: where it is, in body axes, forward of the IMU"""

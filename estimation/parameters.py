@@ -63,7 +63,7 @@ class PluginParameters(Parameters):
     """largest distance of a flown plugin's position from the built-in estimator's"""
     velocity_max: float = parameter(0.5, unit="m/s", ge=0.05, le=10.0, step=0.05)
     """largest difference of its velocity from the built-in estimator's"""
-    attitude_max: float = parameter(10.0, unit="deg", ge=1.0, le=90.0, step=0.5)
+    attitude_max: float = parameter(10.0, unit="°", ge=1.0, le=90.0, step=0.5)
     """largest angle between its attitude and the built-in estimator's"""
     udp_peer: str = parameter("127.0.0.1:9103")
     """ADDRESS:PORT (IPv4) of the program that is the estimator `udp`"""
@@ -121,7 +121,7 @@ class EstimationParameters(Parameters):
     """deviations of its innovation beyond which a pose is refused; 1000: never"""
     pose_position_noise: float = parameter(0.01, unit="m", ge=0.001, le=0.5, step=0.001)
     """least deviation the gate takes for a position on each axis, errors of time included"""
-    pose_attitude_noise: float = parameter(1.0, unit="deg", ge=0.1, le=20.0, step=0.1)
+    pose_attitude_noise: float = parameter(1.0, unit="°", ge=0.1, le=20.0, step=0.1)
     """least deviation the gate takes for an attitude on each axis"""
     tracker: TrackerCalibration = TrackerCalibration()
     error_state: ErrorStateParameters = ErrorStateParameters()

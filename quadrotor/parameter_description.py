@@ -82,11 +82,11 @@ def _allowed(description: ParameterDescription) -> str:
     unit = f" {description.unit}" if description.unit else ""
     low, high = description.minimum, description.maximum
     if low is not None and high is not None:
-        bounds = f"allowed {low:g} to {high:g}{unit}"
+        bounds = f"allowed {low:g} to {high:g}{unit}, "
     elif low is not None:
-        bounds = f"allowed from {low:g}{unit}"
+        bounds = f"allowed from {low:g}{unit}, "
     elif high is not None:
-        bounds = f"allowed up to {high:g}{unit}"
+        bounds = f"allowed up to {high:g}{unit}, "
     else:
-        bounds = f"any {description.type}{unit} is allowed"
-    return f"{bounds}, default {description.default}"
+        bounds = f"allowed {', '.join(description.choices)}, " if description.choices else ""
+    return f"{bounds}default {description.default}"

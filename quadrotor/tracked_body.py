@@ -29,7 +29,7 @@ def _offset(axis: str) -> Any:
 def _angle(name: str, limit: float) -> Any:
     return parameter(
         0.0,
-        unit="deg",
+        unit="°",
         ge=-limit,
         le=limit,
         step=0.1,

@@ -56,15 +56,15 @@ class FallBackParameters(Parameters):
     """longest time without a frame applied"""
     position_deviation_max: float = parameter(0.3, unit="m", ge=0.02, le=5.0, step=0.01)
     """largest deviation of position by the estimator's own covariance"""
-    attitude_deviation_max: float = parameter(6.0, unit="deg", ge=0.2, le=45.0, step=0.5)
+    attitude_deviation_max: float = parameter(6.0, unit="°", ge=0.2, le=45.0, step=0.5)
     """the same of attitude"""
     disagreement_max: float = parameter(0.3, unit="m", ge=0.05, le=5.0, step=0.05)
     """largest distance from the estimate that the tracker's poses give"""
-    disagreement_attitude_max: float = parameter(5.0, unit="deg", ge=1.0, le=90.0, step=1.0)
+    disagreement_attitude_max: float = parameter(5.0, unit="°", ge=1.0, le=90.0, step=1.0)
     """the same of attitude"""
     beacon_window: float = parameter(2.0, unit="s", ge=0.5, le=20.0, step=0.5)
     """time over which the residuals of each beacon are averaged"""
-    beacon_offset_max: float = parameter(1.5, unit="deg", ge=0.2, le=20.0, step=0.1)
+    beacon_offset_max: float = parameter(1.5, unit="°", ge=0.2, le=20.0, step=0.1)
     """largest mean offset of one beacon's bearings from what the others expect"""
     exclude_beacon: bool = parameter(False)
     """leave out a beacon whose bearings are off, as long as it is known which and the estimator has

@@ -88,7 +88,7 @@ class CorrelatedNoise(BearingFault):
     source = "first-order Gauss-Markov process: A. Gelb, Applied Optimal Estimation, 1974, 2.2"
     varies = True
 
-    sigma: float = parameter(1.0, unit="deg", ge=0, le=20, step=0.1)
+    sigma: float = parameter(1.0, unit="°", ge=0, le=20, step=0.1)
     """standard deviation on each of two axes of the turn"""
     time: float = parameter(2.0, unit="s", ge=0.01, le=100, step=0.1)
     """correlation time"""

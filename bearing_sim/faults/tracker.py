@@ -80,11 +80,11 @@ class Tilt(TrackerFault):
     name = "tracker.tilt"
     source = ASSUMED
 
-    x: float = parameter(2.0, unit="deg", ge=-45, le=45, step=0.5)
+    x: float = parameter(2.0, unit="°", ge=-45, le=45, step=0.5)
     """rotation vector along x_W"""
-    y: float = parameter(0.0, unit="deg", ge=-45, le=45, step=0.5)
+    y: float = parameter(0.0, unit="°", ge=-45, le=45, step=0.5)
     """rotation vector along y_W"""
-    z: float = parameter(0.0, unit="deg", ge=-180, le=180, step=0.5)
+    z: float = parameter(0.0, unit="°", ge=-180, le=180, step=0.5)
     """rotation vector along z_W"""
 
     def act(self, pose: PoseMeasurement, moment: Moment, memory: Memory) -> PoseMeasurement:

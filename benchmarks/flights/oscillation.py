@@ -173,7 +173,7 @@ def tell_wrong(
     """
     gains = ControlParameters()
     ParameterStore(gains).set(wrong)
-    law = WatchedLaw(fly_watched, WATCHED, gains, WRONG_AFTER)
+    law = WatchedLaw(fly_watched, WATCHED, wrong=gains, wrong_from=WRONG_AFTER)
     whole = WRONG_AFTER + WRONG_FOR
     fly([Scenario(control=OWN, seed=one) for one in seeds], whole, 8.0 if eight else whole, law)
     late, untold = [], 0

@@ -51,13 +51,13 @@ class AccelerometerOptions(Parameters):
     on"""
     poses: int = parameter(12, ge=4, le=40, step=1)
     """with the tracker; the faces are six"""
-    tilt: float = parameter(70.0, unit="deg", ge=20.0, le=90.0, step=5.0)
+    tilt: float = parameter(70.0, unit="°", ge=20.0, le=90.0, step=5.0)
     """from upright, of the poses that are asked for; the tracker must see them"""
     hold: float = parameter(1.0, unit="s", ge=0.3, le=10.0, step=0.1)
     """a pose must be still for so long"""
     patience: float = parameter(120.0, unit="s", ge=5.0, le=3600.0, step=5.0)
     """without a new pose, after which it ends"""
-    attitude_noise: float = parameter(0.2, unit="deg", ge=0.01, le=5.0, step=0.05)
+    attitude_noise: float = parameter(0.2, unit="°", ge=0.01, le=5.0, step=0.05)
     """standard deviation of the tracker's attitude in a pose"""
 
 
@@ -254,7 +254,7 @@ class Accelerometer:
             "hold": f"{self.parameters.hold:g} s",
         }
         if self.parameters.method == "tracker":
-            conditions["attitude noise"] = f"{self.parameters.attitude_noise:g} deg"
+            conditions["attitude noise"] = f"{self.parameters.attitude_noise:g}°"
         return record_of(found, conditions)
 
     @property

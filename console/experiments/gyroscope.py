@@ -96,13 +96,13 @@ class Gyroscope:
         left = Quality(
             name="drift left",
             value=result.metrics["drift_left_deg_s"],
-            unit="deg/s",
+            unit="°/s",
             limit=result.limits["drift_left_deg_s"],
         )
         error = Quality(
             name="standard error",
             value=result.metrics["standard_error_deg_s"],
-            unit="deg/s",
+            unit="°/s",
             limit=ERROR_MAX,
         )
         others = tuple(one for one in found.quality if one.name != "standard error")

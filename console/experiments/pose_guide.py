@@ -57,7 +57,7 @@ def words_of(up_b: Array) -> str:
     pitch = math.asin(max(-1.0, min(1.0, float(up_b[0]))))
     roll = math.asin(max(-1.0, min(1.0, float(up_b[1]))))
     text = [
-        f"{high if angle > 0.0 else low} by {math.degrees(abs(angle)):.0f} deg"
+        f"{high if angle > 0.0 else low} by {math.degrees(abs(angle)):.0f}°"
         for angle, high, low in (
             (pitch, "nose up", "nose down"),
             (roll, "left side up", "right side up"),

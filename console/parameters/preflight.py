@@ -20,7 +20,7 @@ class PreflightParameters(Parameters):
     """oldest pose the estimate may rest on"""
     position_innovation_max: float = parameter(0.1, unit="m", ge=0.001, le=2, step=0.01)
     """largest distance of a measured pose from the estimate"""
-    attitude_innovation_max: float = parameter(5.0, unit="deg", ge=0.1, le=45, step=0.5)
+    attitude_innovation_max: float = parameter(5.0, unit="°", ge=0.1, le=45, step=0.5)
     """the same of attitude"""
     consistency_max: float = parameter(3.0, ge=1.0, le=100.0, step=0.5)
     """largest mean square of the estimate's innovations, expected: 1"""
@@ -28,11 +28,11 @@ class PreflightParameters(Parameters):
     """largest share of measurements refused"""
     battery_min: float = parameter(14.0, unit="V", ge=2.5, le=30, step=0.1)
     """lowest battery voltage; safety.battery_warning where that is higher"""
-    tilt_max: float = parameter(10.0, unit="deg", ge=1, le=45, step=1)
+    tilt_max: float = parameter(10.0, unit="°", ge=1, le=45, step=1)
     """largest tilt on the ground"""
     speed_max: float = parameter(0.1, unit="m/s", ge=0.01, le=1, step=0.01)
     """fastest that counts as still"""
-    body_rate_max: float = parameter(10.0, unit="deg/s", ge=0.5, le=90, step=0.5)
+    body_rate_max: float = parameter(10.0, unit="°/s", ge=0.5, le=90, step=0.5)
     """the same of turning"""
     stick_deflection_max: float = parameter(0.1, ge=0, le=1, step=0.01)
     """largest deflection of a stick that counts as centred"""

@@ -36,9 +36,10 @@ class RunTitle:
             self._air.append(monotonic())
 
     def changed(self, name: str, old: ParameterValue, new: ParameterValue) -> None:
-        """Note the change of a parameter."""
-        self._first.setdefault(name, old)
-        self._last[name] = new
+        """Note the change of a parameter, but of none that only runs in parallel."""
+        if ".shadow" not in name:
+            self._first.setdefault(name, old)
+            self._last[name] = new
 
     def text(self) -> str:
         """Return the title, as "Figure 8 × 1, step tests × 2, kp_xy 4 → 13" or "Hover 2 min".

@@ -144,8 +144,8 @@ def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
         if tilt > p.trajectory_tilt_max:
             most = GRAVITY * math.tan(math.radians(p.trajectory_tilt_max)) / gains.kp_xy
             raise _too_much(
-                f"a tilt of {tilt:.0f} deg",
-                f"{p.trajectory_tilt_max:g} deg (behavior.trajectory_tilt_max)",
+                f"a tilt of {tilt:.0f}°",
+                f"{p.trajectory_tilt_max:g}° (behavior.trajectory_tilt_max)",
                 most,
                 swing,
                 a,

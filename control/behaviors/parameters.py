@@ -38,7 +38,7 @@ class BehaviorParameters(Parameters):
     """distance of references from keep-out boxes: the vehicle's radius and what it strays"""
     take_off_speed: float = parameter(0.4, unit="m/s", ge=0.05, le=2.0, step=0.05)
     """climb speed of take_off"""
-    take_off_probe: float = parameter(1.5, unit="deg", ge=0.0, le=5.0, step=0.5)
+    take_off_probe: float = parameter(1.5, unit="°", ge=0.0, le=5.0, step=0.5)
     """tilt of a small circle at lift-off that shows a tracker with wrong axes; 0 = none"""
     landing_speed: float = parameter(0.3, unit="m/s", ge=0.05, le=1.0, step=0.05)
     """descent speed of land"""
@@ -52,7 +52,7 @@ class BehaviorParameters(Parameters):
     """steepest trajectory accepted"""
     trajectory_speed_max: float = parameter(3.0, unit="m/s", ge=0.1, le=10.0, step=0.1)
     """quickest trajectory accepted"""
-    trajectory_tilt_max: float = parameter(35.0, unit="deg", ge=5.0, le=60.0, step=1.0)
+    trajectory_tilt_max: float = parameter(35.0, unit="°", ge=5.0, le=60.0, step=1.0)
     """largest tilt a trajectory may ask for; leave some to the feedback"""
     trajectory_body_rate_max: float = parameter(3.5, unit="rad/s", ge=0.5, le=10.0, step=0.1)
     """largest body rate a trajectory may ask for; the gyroscopes end at 5.2"""
@@ -70,7 +70,7 @@ class BehaviorParameters(Parameters):
     """full stick up"""
     joy_yaw_rate: float = parameter(1.0, unit="rad/s", ge=0.05, le=4.0, step=0.05)
     """full stick yaw"""
-    joy_tilt: float = parameter(12.0, unit="deg", ge=1.0, le=30.0, step=0.5)
+    joy_tilt: float = parameter(12.0, unit="°", ge=1.0, le=30.0, step=0.5)
     """near_hovering: full stick forward or left"""
     joy_thrust: float = parameter(0.3, ge=0.05, le=0.6, step=0.05)
     """near_hovering without altitude hold: full stick up, in weights"""

@@ -32,7 +32,7 @@ QUANTITIES = (
     Quantity("acceleration", "m/s²", "behavior.trajectory_acceleration_max"),
     Quantity("yaw rate", "rad/s", "behavior.yaw_rate_max"),
     Quantity("yaw acceleration", "rad/s²", "behavior.yaw_acceleration_max"),
-    Quantity("tilt", "deg", "behavior.trajectory_tilt_max", scale=math.degrees(1.0)),
+    Quantity("tilt", "°", "behavior.trajectory_tilt_max", scale=math.degrees(1.0)),
     Quantity(
         "least motor thrust", "N", "the motors' least and behavior.trajectory_thrust_margin", -1.0
     ),

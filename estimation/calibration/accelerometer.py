@@ -90,8 +90,8 @@ def face_of(measured: Array) -> str:
     if cosine < FACE_COSINE:
         tilt = np.degrees(np.arccos(cosine))
         raise MeasurementError(
-            f"pose is {tilt:.0f} deg from '{name}', the nearest of the six faces; allowed are "
-            f"{np.degrees(np.arccos(FACE_COSINE)):.0f} deg. Put it flat on a face, or use a tracker"
+            f"pose is {tilt:.0f}° from '{name}', the nearest of the six faces; allowed are "
+            f"{np.degrees(np.arccos(FACE_COSINE)):.0f}°. Put it flat on a face, or use a tracker"
         )
     return name
 

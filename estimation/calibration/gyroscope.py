@@ -53,7 +53,7 @@ def identify_gyroscope(
     if not np.isfinite(deviation).all() or deviation.max() > deviation_max:
         raise MeasurementError(
             "gyroscope not calibrated: standard deviation "
-            f"{np.degrees(deviation.max()):.2f} deg/s, "
+            f"{np.degrees(deviation.max()):.2f} °/s, "
             f"allowed {np.degrees(deviation_max):.2f}; keep the vehicle still"
         )
     return GyroscopeCalibration(angular_velocity_b.mean(axis=0), deviation, count)

@@ -96,9 +96,7 @@ class StillPoses:
         if not (np.isfinite(measured).all() and math.isfinite(turn)):
             return "the samples are not finite"
         if turn > TURN_MAX:
-            return (
-                f"it turns at {math.degrees(turn):.1f} deg/s, allowed {math.degrees(TURN_MAX):.1f}"
-            )
+            return f"it turns at {math.degrees(turn):.1f} °/s, allowed {math.degrees(TURN_MAX):.1f}"
         largest = float(np.abs(measured).max())
         if largest >= SATURATION:
             return f"the accelerometer is saturated at {largest:.1f} m/s²"

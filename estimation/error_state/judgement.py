@@ -93,14 +93,11 @@ def convergence_of(m: np.void) -> Convergence:
         return Convergence(False, f"{applied} measurements applied, needs {FIT_UPDATES}", share)
     if contradicted := _refusals(m) or _refused_share(m) or _innovations(m):
         return Convergence(False, contradicted, share)
-    text = (
-        f"deviations {d.position:.3f} m, {d.velocity:.3f} m/s, {math.degrees(d.attitude):.2f} deg"
-    )
+    text = f"deviations {d.position:.3f} m, {d.velocity:.3f} m/s, {math.degrees(d.attitude):.2f}°"
     fit = d.position < FIT.position and d.velocity < FIT.velocity and d.attitude < FIT.attitude
     if not fit:
         text += (
-            f"; allowed {FIT.position:g} m, {FIT.velocity:g} m/s, "
-            f"{math.degrees(FIT.attitude):g} deg"
+            f"; allowed {FIT.position:g} m, {FIT.velocity:g} m/s, {math.degrees(FIT.attitude):g}°"
         )
     return Convergence(fit, text, share)
 

@@ -177,7 +177,7 @@ class PlanarPoseSolver:
             residual = frame[POSITION, 3]
             allowed = sigma * math.sqrt(chi_square(2.0 * count - 6.0) / count)
             return MeasurementError(
-                f"no pose fits the bearings: {math.degrees(residual):.3g} deg rms remain where "
+                f"no pose fits the bearings: {math.degrees(residual):.3g}° rms remain where "
                 f"noise leaves at most {math.degrees(allowed):.3g}; check the beacons' identities "
                 "and positions, or give a predicted pose to start from"
             )

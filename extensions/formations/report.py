@@ -112,7 +112,7 @@ def _draw(
     errors = bearing_errors(shape, places, yaws, left)
     line(axes[1], time, np.sqrt((errors**2).mean(axis=1)), color=COLORS[0], label="rms")
     line(axes[1], time, errors.max(axis=1), color=COLORS[1], label="largest")
-    finish(axes[1], "(b) bearings, to the desired ones", "deg", narrow=True)
+    finish(axes[1], "(b) bearings, to the desired ones", "°", narrow=True)
     i, j = np.triu_indices(len(names), 1)
     apart = np.linalg.norm(places[:, i] - places[:, j], axis=2).min(axis=1)
     line(axes[2], time, apart, color=COLORS[0])

@@ -114,8 +114,8 @@ def shape_of(text: str, count: int) -> Shape:
             k = int(off.argmax())
             raise UsageError(
                 f"experiment.desired: the bearings contradict each other by "
-                f"{math.degrees(residual):.1f} deg rms; worst is {_named((edges[k],))}, by "
-                f"{math.degrees(float(off[k])):.0f} deg: leave it out, or correct it"
+                f"{math.degrees(residual):.1f}° rms; worst is {_named((edges[k],))}, by "
+                f"{math.degrees(float(off[k])):.0f}°: leave it out, or correct it"
             )
         if not is_rigid(places, yaws, edges):
             lacking = missing_edges(places, yaws, edges)

@@ -38,7 +38,7 @@ def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         for time in found:
             axes[0].axvline(time, **DASHED)
         axes[0].plot([], [], **DASHED, label="new drift")
-        finish(axes[0], "angular velocity minus the drift in force", "deg/s")
+        finish(axes[0], "angular velocity minus the drift in force", "°/s")
         axes[0].set_xlabel("s")
 
     return [
@@ -101,7 +101,7 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     def draw(figure: Figure) -> None:
         axes = grid(figure, 3, height_ratios=(1.0, 1.0, 1.4))[:, 0]
         triple(axes[0], state.time, rates, linewidth=0.8)
-        finish(axes[0], "angular velocity", "deg/s")
+        finish(axes[0], "angular velocity", "°/s")
         triple(axes[1], actuators.time, torque, linewidth=0.8)
         finish(axes[1], "commanded torque", "mN m")
         triple(axes[2], time, found.inertia_b, ("xx", "yy", "zz"))

@@ -79,14 +79,14 @@ def _attitude(log: RunLog, flight: Flight) -> Picture:
         triple(axes[0], shown.time, np.degrees(shown.angles), ANGLES)
         wanted = flight.reference[:, 3:]
         band(axes[0], shown.time, np.degrees(np.unwrap(wanted, axis=0)), "yaw reference")
-        finish(axes[0], f"attitude ({shown.name})", "deg")
+        finish(axes[0], f"attitude ({shown.name})", "°")
         line(axes[1], shown.time, np.degrees(yaw_error), color=COLORS[2])
-        finish(axes[1], "yaw minus reference", "deg", legend=False)
+        finish(axes[1], "yaw minus reference", "°", legend=False)
         if rows == 4 and truth is not None:
             triple(axes[2], truth.time, 1e3 * position)
             finish(axes[2], f"estimate: position error to {truth.name}", "mm")
             triple(axes[3], truth.time, np.degrees(angles), ANGLES)
-            finish(axes[3], f"estimate: attitude error to {truth.name}", "deg")
+            finish(axes[3], f"estimate: attitude error to {truth.name}", "°")
         _times(axes, log)
 
     more = " The estimate's errors are truth minus estimate." if len(position) else ""

@@ -156,11 +156,11 @@ def figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture
         yaw = wanted[:, 3] + yaw_error  # next to its reference, without jumps
         line(axes[0, 1], time, np.degrees(yaw), color=COLORS[0], label="yaw")
         band(axes[0, 1], time, np.degrees(wanted[:, 3:]), "reference")
-        finish(axes[0, 1], "(b) yaw", "deg", narrow=True)
+        finish(axes[0, 1], "(b) yaw", "°", narrow=True)
         triple(axes[1, 0], time, 1e3 * error)
         finish(axes[1, 0], "(c) position error", "mm", narrow=True)
         line(axes[1, 1], time, np.degrees(yaw_error), color=COLORS[0])
-        finish(axes[1, 1], "(d) yaw error", "deg", legend=False, narrow=True)
+        finish(axes[1, 1], "(d) yaw error", "°", legend=False, narrow=True)
         share_window(axes, judged.windows)
 
     return [

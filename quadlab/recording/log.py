@@ -162,7 +162,7 @@ def _without_bias(samples: Record) -> str:
         return "the log begins without a second at rest: the gyroscope's bias is not taken off"
     samples["angular_velocity_b"] -= found.bias_b
     degrees = ", ".join(f"{one:.2f}" for one in np.degrees(found.bias_b))
-    return f"gyroscope bias {degrees} deg/s, found at rest, is taken off"
+    return f"gyroscope bias {degrees} °/s, found at rest, is taken off"
 
 
 def _check_length(path: Path, name: str, topic: Topic) -> None:

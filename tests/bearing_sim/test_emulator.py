@@ -382,8 +382,8 @@ def test_a_new_layout_acts_at_the_next_frame() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("sigma", 0.0, "allowed 0.05 to 20 deg"),
-        ("sigma", -1.0, "allowed 0.05 to 20 deg"),
+        ("sigma", 0.0, "allowed 0.05 to 20 °"),
+        ("sigma", -1.0, "allowed 0.05 to 20 °"),
         ("sigma", math.nan, "not a finite number"),
         ("rate", 0.5, "allowed 1 to 120 Hz"),
         ("rate", 121.0, "allowed 1 to 120 Hz"),

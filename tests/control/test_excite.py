@@ -135,7 +135,7 @@ def test_a_step_that_these_gains_answer_with_too_much_is_refused(bench: Bench) -
     bench.machine.control = gains
     gains.position.kp_xy, gains.position.kp_z = 20.0, 20.0
     reason = bench.refusal(axis="y", amplitude=0.5)
-    assert "a tilt of 46 deg; allowed 35 deg" in reason
+    assert "a tilt of 46°; allowed 35°" in reason
     assert "try an amplitude of 0.34 m" in reason
     assert "try an amplitude of 0.17 m" in bench.refusal(axis="y", shape="doublet", amplitude=0.5)
     bench.machine.parameters.trajectory_thrust_margin = 0.3

@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import "./browser.js";
 
-import { decisive } from "../../web/static/experiments/figures.js";
+import { decisive, titleOf } from "../../web/static/experiments/figures.js";
 import { planned, summary } from "../../web/static/experiments/series.js";
 
 const PERIOD = { name: "period", type: "float", choices: [], minimum: 4, maximum: 20, unit: "s" };
@@ -52,4 +52,9 @@ test("a summary has mean and range of the deciding figure, where all flights hav
   assert.equal(summary([[rms(0.001)], [rms(0.003)], [rms(0.002)]]), "mean 2 mm, 1 to 3");
   assert.equal(summary([[rms(0.001)], [yaw(3)]]), "");
   assert.equal(summary([[rms(0.001)]]), "");
+});
+
+test("a metric is named in words with the unit in which it is stored", () => {
+  const names = ["position_rms_m", "yaw_rms_deg", "impact_m_s", "saturated_share", "passed"];
+  assert.deepEqual(names.map(titleOf), ["position rms [m]", "yaw rms [°]", "impact [m/s]", "saturated share", "passed"]);
 });

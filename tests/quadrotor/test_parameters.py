@@ -103,7 +103,7 @@ def test_one_bad_value_changes_nothing_at_all(
         ("motor.offset", 6, OutOfBoundsError, "allowed up to 5"),
         ("motor.enabled", 1, WrongTypeError, "must be true or false"),
         ("motor.kind", "steam", OutOfBoundsError, "not one of brushless, brushed"),
-        ("motor.kind", 3, WrongTypeError, "must be text"),
+        ("motor.kind", 3, WrongTypeError, "must be text, not 3; allowed brushless, brushed, def"),
         ("motor.port", "/dev/null", ReadOnlyError, "set it at the start with --set motor.port="),
         ("motor.gian", 1.0, UnknownParameterError, "did you mean motor.gain"),
         ("motor.duration", 1.0, UnknownParameterError, "motor has "),

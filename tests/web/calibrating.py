@@ -112,9 +112,9 @@ def motor() -> CalibrationRecord:
 
 def history() -> list[CalibrationRecord]:
     """Return the calibrations that the vehicle stores, newest first."""
-    still = (Quality(name="standard error", value=0.006, unit="deg/s", limit=0.03),)
+    still = (Quality(name="standard error", value=0.006, unit="°/s", limit=0.03),)
     drift = tuple(
-        Quality(name=f"drift {axis}", value=value, unit="deg/s")
+        Quality(name=f"drift {axis}", value=value, unit="°/s")
         for axis, value in (("x", 0.41), ("y", -0.22), ("z", 0.07))
     )
     hovered = (Quality(name="deviation", value=0.0021, unit="kg", limit=0.004),)

@@ -83,7 +83,7 @@ class ImuCalibration(Parameters):
     accelerometer_bias_y: float = _accelerometer_bias("y")
     accelerometer_bias_z: float = _accelerometer_bias("z")
     gyroscope_scale: float = parameter(
-        0.586, unit="deg/s", ge=0.001, le=10.0, flight_step=0.02, step=0.001
+        0.586, unit="°/s", ge=0.001, le=10.0, flight_step=0.02, step=0.001
     )
     """angular velocity per count of the gyroscope"""
     gyroscope_zero: float = parameter(

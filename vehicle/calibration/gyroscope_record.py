@@ -10,7 +10,7 @@ from vehicle.mailbox import GyroscopeFound
 
 ERROR_MAX = 0.03
 """deg/s, largest standard error of the mean."""
-UNIT = "deg/s"
+UNIT = "°/s"
 DRIFT = "drift "
 AXES = ("x", "y", "z")
 

@@ -121,4 +121,4 @@ class AgreementWatch:
 
 def _size(far: float, turn: float) -> str:
     """Return a distance (m) and a turn (rad) as text."""
-    return f"{far:.2f} m, {math.degrees(turn):.1f} deg"
+    return f"{far:.2f} m, {math.degrees(turn):.1f}°"

@@ -143,7 +143,7 @@ class BearingsWatch:
         if self._apart >= IN_A_ROW:
             self._say(
                 f"{apart} away from the tracker's poses, allowed {p.disagreement_max:g} m, "
-                f"{p.disagreement_attitude_max:g} deg"
+                f"{p.disagreement_attitude_max:g}°"
             )
 
     @property
@@ -169,8 +169,8 @@ class BearingsWatch:
         ):
             self._say(
                 f"deviations {deviations.position:.3f} m, "
-                f"{math.degrees(deviations.attitude):.2f} deg, allowed "
-                f"{p.position_deviation_max:g} m, {p.attitude_deviation_max:g} deg"
+                f"{math.degrees(deviations.attitude):.2f}°, allowed "
+                f"{p.position_deviation_max:g} m, {p.attitude_deviation_max:g}°"
             )
         if len(self._frames) < FEWEST_FRAMES:
             return

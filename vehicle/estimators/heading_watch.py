@@ -32,7 +32,7 @@ class HeadingWatch:
     def state(self) -> str:
         """Return how well the heading is known, with the bound."""
         now, allowed = math.degrees(self._deviation), math.degrees(UNKNOWN)
-        return f"known to {now:.0f} deg, allowed {allowed:.0f} deg"
+        return f"known to {now:.0f}°, allowed {allowed:.0f}°"
 
     def check(self, estimate: Record) -> None:
         """Check the ESTIMATE (1,) that the estimator reported after a measurement; one of fixed

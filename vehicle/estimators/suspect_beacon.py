@@ -53,7 +53,7 @@ class SuspectBeacon:
         if before is not None and before.beacon == suspect.beacon:
             return
         degrees = math.degrees(suspect.angle)
-        line = f"{_subject(suspect.beacon)} are off by {degrees:.1f} deg on average"
+        line = f"{_subject(suspect.beacon)} are off by {degrees:.1f}° on average"
         if not known:
             line += f"; it cannot be identified without the tracker or {LEAST + 1} beacons"
         elif left_out:

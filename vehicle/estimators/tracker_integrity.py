@@ -151,8 +151,8 @@ class TrackerIntegrity:
         off, most = math.degrees(self._errors(self._memory)[0]), self._parameters.tracker_tilt_max
         if off > most:
             raise RefusedError(
-                f"not armed: the vertical of the tracker is {off:.1f} deg off that of the "
-                f"accelerometer, allowed {most:.1f} deg: {_VERTICAL}"
+                f"not armed: the vertical of the tracker is {off:.1f}° off that of the "
+                f"accelerometer, allowed {most:.1f}°: {_VERTICAL}"
             )
 
     def _weigh(self, evidence: float) -> None:
@@ -198,7 +198,7 @@ class TrackerIntegrity:
             return  # they may be those of a lie
         p, (tilt, late, size) = self._parameters, self._errors(self._memory)
         tilt, size = math.degrees(tilt), 100.0 * size
-        line = f"the vertical of the tracker is {tilt:.1f} deg off that of the accelerometer"
+        line = f"the vertical of the tracker is {tilt:.1f}° off that of the accelerometer"
         self._tell("vertical", tilt / p.tracker_tilt_told, f"{line}: {_VERTICAL}")
         self._flag()
         self._tell(

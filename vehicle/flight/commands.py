@@ -175,7 +175,7 @@ class CommandHandler:
             raise RefusedError(f"not armed: {self._low_battery()}")
         tilt, limit = math.degrees(self.tick.tilt), self.parameters.safety.arm_tilt_max
         if tilt > limit:
-            raise RefusedError(f"not armed: tilted by {tilt:.0f} deg, allowed {limit:.0f} deg")
+            raise RefusedError(f"not armed: tilted by {tilt:.0f}°, allowed {limit:.0f}°")
         self.navigation.take_heading()
         modes.move(Mode.ARMED, f"requested by {requester}", mailbox.INFO, EventKind.ACT)
 

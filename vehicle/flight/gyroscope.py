@@ -81,7 +81,7 @@ class GyroscopeStart:
         drift = math.degrees(float(abs(found.bias_b).max()))
         if drift > largest:
             raise MeasurementError(
-                f"gyroscope not calibrated: {what} {drift:.1f} deg/s, allowed {largest:g}; keep "
+                f"gyroscope not calibrated: {what} {drift:.1f} °/s, allowed {largest:g}; keep "
                 "the vehicle still"
             )
 
@@ -120,4 +120,4 @@ class GyroscopeStart:
             )
         )
         degrees = ", ".join(f"{math.degrees(bias):.2f}" for bias in (x, y, z))
-        self.modes.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
+        self.modes.move(Mode.READY, f"gyroscope bias {degrees} °/s")

@@ -106,5 +106,5 @@ class Bench:
         x, y, z = self._turn_b.tolist()
         turned, most = math.degrees(math.sqrt(x * x + y * y + z * z)), self._safety.bench_turn_max
         if turned > most:
-            return f"the vehicle turned by {turned:.0f} deg, allowed {most:g}; fix it"
+            return f"the vehicle turned by {turned:.0f}°, allowed {most:g}; fix it"
         return ""

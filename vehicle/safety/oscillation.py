@@ -25,10 +25,14 @@ CHANNELS = ("x", "y", "z", "roll", "pitch", "yaw")
 """Tracking errors along the world's axes, m, and body rates about the body's, rad/s."""
 OFF = len(CHANNELS)
 """Number of what is no oscillation, but too far from the reference."""
-LEAST = np.array([0.03, 0.03, 0.03, 1.0, 1.0, 0.5])
+LEAST = np.array([0.02, 0.02, 0.02, 1.0, 1.0, 0.5])
 """Least size of a swing, from its middle, that counts."""
+SURE = np.array([0.03, 0.03, 0.03, 1.0, 1.0, 0.5])
+"""The same where four growing or five equal swings are enough."""
 LONGEST = np.array([2.0, 2.0, 2.0, 0.25, 0.25, 1.0])
 """Longest duration of a swing, s: what is slower is no oscillation of this loop."""
+REGULAR = 1.3
+"""Ratio of the longest to the shortest of four swings that grow to a fifth, smaller one."""
 OF_PAST = 2.5
 """Multiple of the usual swing of the flight so far that counts."""
 PAST = 20.0
@@ -84,27 +88,40 @@ def _are_alike(k: int, one: float, other: float) -> bool:
 
 
 @compiled(inner=True)
-def _grow(m: Item, k: int, size: float) -> bool:
+def _grow(m: Item, k: int, size: float, sure: float) -> bool:
     """Return whether the newest swings of channel k, and one of this size, grow."""
     before, second, third = m.size[k, 0], m.size[k, 1], m.size[k, 2]
     if k < 3:  # a single gust makes two swings of the position grow
-        return bool(size > before > second > third and size > GROWS * GROWS * second)
+        is_sure = size > sure or (
+            third > m.size[k, 3] and m.lasted[k].max() < REGULAR * m.lasted[k].min()
+        )
+        return bool(is_sure and size > before > second > third and size > GROWS * GROWS * second)
     return bool(size > GROWS * before and before > GROWS * second)
 
 
 @compiled(inner=True)
-def _goes_on(m: Item, k: int, size: float, lasts: float, limit: float) -> bool:
-    """Return whether a swing larger than the limit continues an oscillation in channel k."""
+def _limit(m: Item, k: int, least: float) -> float:
+    """Return the size from which a swing of channel k counts, at least `least`."""
+    usual = float(OF_PAST * m.usual[k])
+    if m.now < LEARNT:
+        return max(NEW * least, usual)
+    return max(least, usual) * (NEW if k < 3 and m.now < m.new_until else 1.0)
+
+
+@compiled(inner=True)
+def _goes_on(m: Item, k: int, size: float, lasts: float) -> bool:
+    """Return whether a swing that counts continues an oscillation in channel k."""
     sizes, lasted = m.size[k], m.lasted[k]
     if not (lasts < ALIKE[k] * lasted[0] and m.now - m.turn_at[k] < 2.0 * LONGEST[k]):
         return False
     if m.channel == k:
         return True
+    sure = _limit(m, k, float(SURE[k]))
     pair = _are_alike(k, lasted[0], lasted[1]) and max(lasted[0], lasted[1]) < LONGEST[k]
-    if pair and _grow(m, k, size):
+    if pair and _grow(m, k, size, sure):
         return True
     for j in range(KEPT):
-        steady = sizes[j] > limit and _are_alike(k, sizes[j], size)
+        steady = sizes[j] > sure and _are_alike(k, sizes[j], size)
         if not (steady and lasted[j] < LONGEST[k] and _are_alike(k, lasted[j], lasted[0])):
             return False
     return True
@@ -117,15 +134,6 @@ def _note_motion(m: Item, velocity_w: Array) -> None:
         if m.now - m.moved_at > RESTED:
             m.new_until = m.now + LEARNT
         m.moved_at = m.now
-
-
-@compiled(inner=True)
-def _limit(m: Item, k: int) -> float:
-    """Return the size from which a swing of channel k counts."""
-    least, usual = float(LEAST[k]), float(OF_PAST * m.usual[k])
-    if m.now < LEARNT:
-        return max(NEW * least, usual)
-    return max(least, usual) * (NEW if k < 3 and m.now < m.new_until else 1.0)
 
 
 @compiled(inner=True)
@@ -165,10 +173,10 @@ def watch(state: Record, reference: Record, memory: Record, dt: float) -> int:
             m.turn_at[k] = m.far_at[k] = m.now
         if m.way[k] * (value - m.far[k]) > 0.0:
             m.far[k], m.far_at[k] = value, m.now
-        limit = _limit(m, k)
+        limit = _limit(m, k, float(LEAST[k]))
         size = 0.5 * m.way[k] * (m.far[k] - m.turn[k])
         lasts = m.far_at[k] - m.turn_at[k]
-        if size > limit and m.channel in (-1, k) and _goes_on(m, k, size, lasts, limit):
+        if size > limit and m.channel in (-1, k) and _goes_on(m, k, size, lasts):
             m.channel, m.until = k, m.now + OVER
             m.frequency = 1.0 / (m.lasted[k, 0] + m.lasted[k, 1])
         if m.way[k] * (m.far[k] - value) > max(SEEN * limit, TURNED * size):

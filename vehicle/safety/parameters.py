@@ -35,10 +35,10 @@ class SafetyParameters(Parameters):
     battery_delay: float = parameter(1.0, unit="s", ge=0.1, le=10.0, step=0.1)
     """time the voltage must stay below a limit before it counts"""
     battery_reaction: str = _reaction("emergency", "reaction to a voltage below battery_land")
-    tilt_cut: float = parameter(100.0, unit="deg", ge=60.0, le=180.0, step=5.0)
+    tilt_cut: float = parameter(100.0, unit="°", ge=60.0, le=180.0, step=5.0)
     """tilt above which the vehicle has turned over"""
     tilt_cut_reaction: str = _reaction("cut", "reaction to a tilt above tilt_cut")
-    arm_tilt_max: float = parameter(15.0, unit="deg", ge=2.0, le=45.0, step=1.0)
+    arm_tilt_max: float = parameter(15.0, unit="°", ge=2.0, le=45.0, step=1.0)
     """largest tilt at which the vehicle may be armed"""
     tracker_check: bool = parameter(True)
     """poses that contradict gyroscope or accelerometer (reversed or permuted axes) count as
@@ -46,9 +46,9 @@ class SafetyParameters(Parameters):
     inertial_reaction: str = _reaction(
         "land", "reaction to an IMU that tracker and motors contradict"
     )
-    tracker_tilt_told: float = parameter(1.2, unit="deg", ge=0.5, le=45.0, step=0.1)
+    tracker_tilt_told: float = parameter(1.2, unit="°", ge=0.5, le=45.0, step=0.1)
     """angle between the verticals of tracker and accelerometer that is reported"""
-    tracker_tilt_max: float = parameter(5.0, unit="deg", ge=1.0, le=45.0, step=0.5)
+    tracker_tilt_max: float = parameter(5.0, unit="°", ge=1.0, le=45.0, step=0.5)
     """largest such angle at which the vehicle may be armed"""
     tracker_stamps_told: float = parameter(0.02, unit="s", ge=0.005, le=1.0, step=0.005)
     """error of the poses' stamps, by the gyroscope, that is reported"""
@@ -58,7 +58,7 @@ class SafetyParameters(Parameters):
     """time from touch-down to motors off"""
     landing_support: float = parameter(0.1, ge=0.05, le=1.0, step=0.01)
     """touch-down: share by which the lift exceeds what the thrust gives in the air"""
-    tilt_max: float = parameter(70.0, unit="deg", ge=20.0, le=150.0, step=5.0)
+    tilt_max: float = parameter(70.0, unit="°", ge=20.0, le=150.0, step=5.0)
     """tilt that no manoeuvre needs"""
     tilt_delay: float = parameter(0.2, unit="s", ge=0.0, le=2.0, step=0.05)
     """time it must last"""
@@ -92,14 +92,14 @@ class SafetyParameters(Parameters):
     the microcontroller"""
     bench_timeout: float = parameter(0.5, unit="s", ge=0.1, le=5.0, step=0.1)
     """time after which a motor on the bench stops unless it is requested again"""
-    bench_turn_max: float = parameter(20.0, unit="deg", ge=5.0, le=90.0, step=5.0)
+    bench_turn_max: float = parameter(20.0, unit="°", ge=5.0, le=90.0, step=5.0)
     """turn of the vehicle within about a second that stops a motor on the bench, because the
     vehicle is not fixed"""
     gyro_samples: int = parameter(500, ge=50, le=5000, step=50)
     """still gyroscope samples averaged at each start (Sec. 5.1)"""
-    gyro_deviation_max: float = parameter(1.0, unit="deg/s", ge=0.1, le=10.0, step=0.1)
+    gyro_deviation_max: float = parameter(1.0, unit="°/s", ge=0.1, le=10.0, step=0.1)
     """standard deviation above which the vehicle counts as moving"""
-    gyro_drift_max: float = parameter(40.0, unit="deg/s", ge=1.0, le=300.0, step=1.0)
+    gyro_drift_max: float = parameter(40.0, unit="°/s", ge=1.0, le=300.0, step=1.0)
     """largest plausible gyroscope drift; above it the vehicle was turning steadily"""
-    gyro_change_max: float = parameter(5.0, unit="deg/s", ge=0.1, le=300.0, step=0.1)
+    gyro_change_max: float = parameter(5.0, unit="°/s", ge=0.1, le=300.0, step=0.1)
     """largest plausible change of the gyroscope drift in a new calibration"""

@@ -116,9 +116,9 @@ class Supervisor:
         """Check the tilt, given in degrees."""
         p = self._parameters
         if tilt > p.tilt_cut:
-            return self._once("cut", p.tilt_cut_reaction, f"turned over: tilt {tilt:.0f} deg")
+            return self._once("cut", p.tilt_cut_reaction, f"turned over: tilt {tilt:.0f}°")
         if self._lasts("tilt", tilt > p.tilt_max, stamp_ns, p.tilt_delay):
-            return self._once("tilt", p.tilt_reaction, f"tilt {tilt:.0f} deg")
+            return self._once("tilt", p.tilt_reaction, f"tilt {tilt:.0f}°")
         return None
 
     def _on_the_estimate(self, stamp_ns: int, now: Situation) -> Verdict | None:

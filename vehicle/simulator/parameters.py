@@ -86,7 +86,7 @@ class SimulatorParameters(VehicleModel):
     vibration: float = parameter(0.0, unit="m/s²", ge=0.0, le=20.0, step=0.05)
     """rms of the accelerometer's vibration at hover: lines at each rotor's speed and its blades',
     and broadband"""
-    vibration_gyroscope: float = parameter(0.0, unit="deg/s", ge=0.0, le=50.0, step=0.5)
+    vibration_gyroscope: float = parameter(0.0, unit="°/s", ge=0.0, le=50.0, step=0.5)
     """rms of the gyroscope's vibration at hover, of the same lines"""
     accelerometer_noise: float = parameter(0.05, unit="m/s²", ge=0.0, le=5.0, step=0.01)
     """accelerometer noise per sample"""
@@ -105,17 +105,17 @@ class SimulatorParameters(VehicleModel):
     """bias left after calibration"""
     accelerometer_bias_z: float = parameter(0.04, unit="m/s²", ge=-2.0, le=2.0, step=0.01)
     """bias left after calibration"""
-    gyroscope_noise: float = parameter(0.3, unit="deg/s", ge=0.0, le=20.0, step=0.05)
+    gyroscope_noise: float = parameter(0.3, unit="°/s", ge=0.0, le=20.0, step=0.05)
     """gyroscope noise per sample"""
-    gyroscope_bias_x: float = parameter(0.9, unit="deg/s", ge=-20.0, le=20.0, step=0.1)
+    gyroscope_bias_x: float = parameter(0.9, unit="°/s", ge=-20.0, le=20.0, step=0.1)
     """constant drift"""
-    gyroscope_bias_y: float = parameter(-0.7, unit="deg/s", ge=-20.0, le=20.0, step=0.1)
+    gyroscope_bias_y: float = parameter(-0.7, unit="°/s", ge=-20.0, le=20.0, step=0.1)
     """constant drift"""
-    gyroscope_bias_z: float = parameter(0.5, unit="deg/s", ge=-20.0, le=20.0, step=0.1)
+    gyroscope_bias_z: float = parameter(0.5, unit="°/s", ge=-20.0, le=20.0, step=0.1)
     """constant drift"""
     accelerometer_warm_up: float = parameter(0.0, unit="m/s²", ge=-1.0, le=1.0, step=0.01)
     """change of each accelerometer bias until warm, e-folding in 120 s"""
-    gyroscope_warm_up: float = parameter(0.0, unit="deg/s", ge=-5.0, le=5.0, step=0.1)
+    gyroscope_warm_up: float = parameter(0.0, unit="°/s", ge=-5.0, le=5.0, step=0.1)
     """change of each gyroscope bias until warm, e-folding in 120 s"""
     lost_samples: float = parameter(0.0, ge=0.0, le=0.5, step=0.001)
     """share of the IMU samples that the microcontroller does not send"""
@@ -129,7 +129,7 @@ class SimulatorParameters(VehicleModel):
     """of the landing gear's four feet together"""
     ground_friction: float = parameter(0.6, ge=0.0, le=2.0, step=0.05)
     """Coulomb friction coefficient of the feet"""
-    ground_slope: float = parameter(0.0, unit="deg", ge=-20.0, le=20.0, step=1.0)
+    ground_slope: float = parameter(0.0, unit="°", ge=-20.0, le=20.0, step=1.0)
     """the floor rises along x_W, from the origin on"""
     battery_capacity: float = parameter(2.6, unit="A h", ge=0.1, le=20.0, step=0.1)
     """capacity of the full battery, 4S"""
@@ -152,11 +152,11 @@ class SimulatorParameters(VehicleModel):
     held: str = parameter("free", choices=("free", "hand", "bench"))
     """held by a hand, lifted and turned to the hand_* angles, or fixed level on a bench with a
     force/torque sensor; a hand that lets go sets the vehicle down"""
-    hand_roll: float = parameter(0.0, unit="deg", ge=-180.0, le=180.0, step=5.0)
+    hand_roll: float = parameter(0.0, unit="°", ge=-180.0, le=180.0, step=5.0)
     """roll angle held by the hand"""
-    hand_pitch: float = parameter(0.0, unit="deg", ge=-90.0, le=90.0, step=5.0)
+    hand_pitch: float = parameter(0.0, unit="°", ge=-90.0, le=90.0, step=5.0)
     """pitch angle held by the hand"""
-    hand_yaw: float = parameter(0.0, unit="deg", ge=-180.0, le=180.0, step=5.0)
+    hand_yaw: float = parameter(0.0, unit="°", ge=-180.0, le=180.0, step=5.0)
     """yaw angle held by the hand"""
     bench_sensor: str = parameter("force and speed", choices=("force and speed", "force", "none"))
     """sensors connected at the bench: force/torque, with or without a tachometer"""

@@ -14,9 +14,9 @@ class BetaflightOptions(Parameters):
     """stiffness of its angle loop, a tenth of its `angle_p_gain`"""
     newer: bool = parameter(False)
     """fly a firmware newer than the newest that was tried, 4.6"""
-    rate_max: float = parameter(400.0, unit="deg/s", ge=100.0, le=1000.0, step=10.0)
+    rate_max: float = parameter(400.0, unit="°/s", ge=100.0, le=1000.0, step=10.0)
     """body rate of a full stick, the same about all axes"""
-    angle_max: float = parameter(35.0, unit="deg", ge=10.0, le=60.0, step=1.0)
+    angle_max: float = parameter(35.0, unit="°", ge=10.0, le=60.0, step=1.0)
     """angle of a full stick"""
     idle: float = parameter(5.5, unit="%", ge=0.0, le=20.0, step=0.1)
     """motor output at the lowest throttle, its `motor_idle`"""

@@ -46,7 +46,7 @@ def test_the_option_level_moves_where_the_law_ends() -> None:
 def test_options_that_describe_the_boards_settings_can_only_be_read() -> None:
     store = ParameterStore(tree(BETAFLIGHT, rate_max=300.0))
     assert store.get("board.rate_max") == 300.0
-    assert store.description("board.rate_max").unit == "deg/s"
+    assert store.description("board.rate_max").unit == "°/s"
     with pytest.raises(ReadOnlyError, match=r"set it at the start with --set board\.rate_max="):
         store.set({"board.rate_max": 400.0})
 

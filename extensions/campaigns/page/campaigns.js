@@ -4,8 +4,9 @@
 import { get, request } from "/static/core/api.js";
 import { attempt, element, optionsOf, setText } from "/static/core/dom.js";
 import { here, isThere } from "/static/core/vehicle_path.js";
+import { titleOf } from "/static/experiments/figures.js";
 import { Comparison } from "./comparison.js";
-import { drawEcdf, drawHeat, short } from "./drawings.js";
+import { drawEcdf, drawHeat, short, titled } from "./drawings.js";
 import { drawEffects, drawIndices, drawParallel, drawScatter, drawSearch } from "./factors.js";
 
 const LOOK = 3000; // ms between two looks at a campaign that runs
@@ -45,15 +46,8 @@ class Campaigns {
     this.map = new Section("Medians", this.axes);
     this.scatter = new Section("Scatter matrix");
     this.parallel = new Section("Parallel coordinates");
-    const sections = [
-      this.distribution,
-      this.search,
-      this.effects,
-      this.indices,
-      this.map,
-      this.scatter,
-      this.parallel,
-    ];
+    const { distribution, search, effects, indices, map, scatter, parallel } = this;
+    const sections = [distribution, search, effects, indices, map, scatter, parallel];
     this.one = element(
       "div",
       { hidden: true },
@@ -143,7 +137,7 @@ class Campaigns {
         ),
       ]),
     );
-    this.metric.replaceChildren(...optionsOf(found.metrics, found.metric));
+    this.metric.replaceChildren(...optionsOf(found.metrics.map(titled), found.metric));
     this.x.replaceChildren(...optionsOf(found.factors, found.x));
     this.y.replaceChildren(
       ...optionsOf(
@@ -160,11 +154,11 @@ class Campaigns {
   drawFigures({ metric, ecdf, heat, effects, sensitivity, points, search }) {
     const choose = (index) => this.chooseFlight(index);
     const varied = effects.filter(({ levels }) => levels.length > 1);
-    this.distribution.show(ecdf?.values.length && drawEcdf(ecdf, metric));
+    this.distribution.show(ecdf?.values.length && drawEcdf(ecdf, titleOf(metric)));
     setText(this.told, search ? search.told.join("\n") : "");
     this.search.show(search && (drawSearch(search) ?? ""));
-    this.effects.show(varied.length && drawEffects(varied, metric));
-    this.indices.show(sensitivity.length && drawIndices(sensitivity, metric));
+    this.effects.show(varied.length && drawEffects(varied, titleOf(metric)));
+    this.indices.show(sensitivity.length && drawIndices(sensitivity, titleOf(metric)));
     this.map.show(heat && drawHeat(heat));
     this.scatter.show(points?.values.length > 1 && drawScatter(points, choose));
     this.parallel.show(points?.values.length > 1 && points.names.length > 2 && drawParallel(points, choose));

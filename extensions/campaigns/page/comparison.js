@@ -2,6 +2,7 @@
 
 import { get } from "/static/core/api.js";
 import { attempt, element, optionsOf } from "/static/core/dom.js";
+import { titleOf } from "/static/experiments/figures.js";
 import { short } from "./drawings.js";
 
 const NONE = "–";
@@ -80,7 +81,7 @@ export class Comparison {
       change,
       element("b", { className: isWorse ? "amber" : "" }, verdict),
     );
-    return element("tr", {}, element("th", { scope: "row" }, metric), ...cells, last);
+    return element("tr", {}, element("th", { scope: "row" }, titleOf(metric)), ...cells, last);
   }
 }
 

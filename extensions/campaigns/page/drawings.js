@@ -1,12 +1,16 @@
 // A distribution as a curve, and medians over two factors as a map.
 
 import { element, svg } from "/static/core/dom.js";
+import { titleOf } from "/static/experiments/figures.js";
 
 const WIDTH = 360,
   HEIGHT = 132,
   LEFT = 42,
   BOTTOM = 18,
   TOP = 6;
+
+/** @type {(metric: string) => [string, string]} */
+export const titled = (metric) => [metric, titleOf(metric)];
 
 // Some digits, as people read them.
 export function short(value, digits = 4) {

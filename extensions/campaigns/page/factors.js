@@ -2,6 +2,7 @@
 // and the course of a search or its Pareto front. Flights that are drawn can be chosen.
 
 import { svg } from "/static/core/dom.js";
+import { titleOf } from "/static/experiments/figures.js";
 import { short } from "./drawings.js";
 
 const WIDTH = 360,
@@ -9,7 +10,7 @@ const WIDTH = 360,
   LEFT = 52,
   BOTTOM = 30;
 
-const last = (name) => name.slice(name.lastIndexOf(".") + 1);
+const last = (name) => (name.includes(".") ? name.slice(name.lastIndexOf(".") + 1) : titleOf(name));
 const text = (x, y, words, anchor = "middle", more = {}) =>
   svg("text", { x, y, "text-anchor": anchor, ...more }, words);
 const cut = (words) => (words.length > 8 ? `${words.slice(0, 7)}…` : words);

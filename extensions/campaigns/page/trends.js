@@ -6,8 +6,9 @@ import { $, attempt, element, optionsOf, setText, svg } from "/static/core/dom.j
 import { day } from "/static/core/format.js";
 import { timeZone } from "/static/core/time_zone.js";
 import { here, isThere } from "/static/core/vehicle_path.js";
+import { titleOf } from "/static/experiments/figures.js";
 import { query } from "/static/runs/labels.js";
-import { short } from "./drawings.js";
+import { short, titled } from "./drawings.js";
 
 const WIDTH = 720,
   HEIGHT = 150,
@@ -58,7 +59,7 @@ class Trends {
   }
 
   show({ metrics, metric, by, groups, series }) {
-    this.metric.replaceChildren(...optionsOf(metrics, metric));
+    this.metric.replaceChildren(...optionsOf(metrics.map(titled), metric));
     this.by.replaceChildren(...optionsOf(groups, by));
     this.empty.hidden = series.length > 0;
     setText(
@@ -100,7 +101,7 @@ function drawn({ name, points }, metric, [first, last], [low, high]) {
     const dot = svg("circle", { cx: x(time), cy: y(value), r: 3.5 }, title);
     return isThere("replay") ? svg("a", { href: here(`/replay/${encodeURIComponent(run)}`) }, dot) : dot;
   });
-  const label = `${metric} of ${name}, ${points.length} runs in ${short((last - first) / DAY, 2)} days`;
+  const label = `${titleOf(metric)} of ${name}, ${points.length} runs in ${short((last - first) / DAY, 2)} days`;
   return svg(
     "svg",
     { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "trend", role: "img", "aria-label": label },

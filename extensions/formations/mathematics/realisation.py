@@ -121,7 +121,7 @@ def desired_places(
     if residual > AGREEMENT:
         names = ", ".join(f"({i}, {j})" for i, j in contradicting_edges(wanted, pairs, n))
         raise DegenerateGeometryError(
-            f"the desired bearings contradict each other by {math.degrees(residual):.2f} deg rms; "
+            f"the desired bearings contradict each other by {math.degrees(residual):.2f}° rms; "
             f"correct or remove those of {names}"
         )
     if not is_rigid(p, psi, pairs):

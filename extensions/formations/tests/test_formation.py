@@ -32,7 +32,7 @@ CONTRADICTING = (
             [f"experiment.desired={SQUARE}"],
             "experiment.desired: the formation is not rigid; it lacks quad",
         ),
-        (4, [f"experiment.desired={CONTRADICTING}"], "deg rms; worst is quad"),
+        (4, [f"experiment.desired={CONTRADICTING}"], "° rms; worst is quad"),
         (
             3,
             ["experiment.desired=1 5 0 0"],

@@ -96,7 +96,7 @@ class TrackedBodyFound:
             "tracker_body",
             pose,
             (
-                Quality(name="turned by", value=math.degrees(turn), unit="deg"),
+                Quality(name="turned by", value=math.degrees(turn), unit="°"),
                 Quality(name="lever arm", value=1e3 * float(np.linalg.norm(f.lever_b)), unit="mm"),
                 Quality(
                     name="acceleration if left uncorrected, up to",
@@ -108,7 +108,7 @@ class TrackedBodyFound:
                 Quality(
                     name="deviation of the axes",
                     value=math.degrees(f.turn_deviation),
-                    unit="deg",
+                    unit="°",
                     limit=TURN_DEVIATION_MAX,
                 ),
                 Quality(
@@ -120,7 +120,7 @@ class TrackedBodyFound:
                 Quality(
                     name="tracker's z against gravity",
                     value=math.degrees(f.world_tilt),
-                    unit="deg",
+                    unit="°",
                     limit=WORLD_TILT_MAX,
                 ),
             ),
@@ -149,12 +149,12 @@ class TrackedBodyFound:
             values={f"{PARAMETER}{key}": round(value, 5) for key, value in values.items()},
             figures=(
                 *figures,
-                Quality(name="attitude, rms", value=math.degrees(f.attitude_rms), unit="deg"),
+                Quality(name="attitude, rms", value=math.degrees(f.attitude_rms), unit="°"),
                 Quality(name="position, rms", value=1e3 * f.position_rms, unit="mm"),
             ),
             quality=quality,
             residuals=tuple(
-                (f"second {k}, deg", math.degrees(part)) for k, part in enumerate(f.parts[:200], 1)
+                (f"second {k}, °", math.degrees(part)) for k, part in enumerate(f.parts[:200], 1)
             ),
             conditions={"seen": f"{f.seconds:.0f} s"},
         )

@@ -123,7 +123,7 @@ def coarse_fit(
     turning = float(np.sqrt(((gyro - np.median(gyro, axis=0)) ** 2).sum(axis=1).mean()))
     if turning < STILL:
         raise MeasurementError(
-            f"the vehicle hardly turns ({math.degrees(turning):.1f} deg/s rms, needed are "
+            f"the vehicle hardly turns ({math.degrees(turning):.1f} °/s rms, needed are "
             f"{math.degrees(STILL):.1f}): turn it about all three axes, then begin again"
         )
     seen = on_grid(grid, pose_time, angular_velocity(pose_time, quaternion_wt))
@@ -147,7 +147,7 @@ def told_misfit(turn: Turn, motion: Motion) -> str:
     if tilt < TILTED:
         return ""
     return (
-        f"the tracked body turns as the gyroscope, but gravity is {math.degrees(tilt):.0f} deg off "
+        f"the tracked body turns as the gyroscope, but gravity is {math.degrees(tilt):.0f}° off "
         "the tracker's z: its world is not z up, or mirrored; set z up in the tracking system"
     )
 

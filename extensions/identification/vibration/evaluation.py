@@ -61,7 +61,7 @@ BOUNDS = {
     "accelerometer_bias_walk": (0.0, 0.5),
     "gyroscope_bias_walk": (0.0, 5.0),
 }
-UNITS = {"accelerometer": ("m/s²", 1.0), "gyroscope": ("deg/s", math.degrees(1.0))}
+UNITS = {"accelerometer": ("m/s²", 1.0), "gyroscope": ("°/s", math.degrees(1.0))}
 """Unit of each sensor's parameters, and the factor from SI."""
 
 

@@ -521,7 +521,7 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["--run", "estimation.preset=paper"], "write the estimator first"),
         (["--run", "error_state 'x"], "close the quotes"),
         (["--run", "error_state bearings.sigma"], "name=value"),
-        (["--run", "error_state bearings.sigma=0"], "allowed 0.05 to 20 deg"),
+        (["--run", "error_state bearings.sigma=0"], "allowed 0.05 to 20 °"),
         (["--run", "error_state bearings.sgma=1"], "bearings.sigma"),
         (["--run", "complementary estimation.preset=sporty"], "there are paper"),
         (["--set", "model.mass=1"], "a replay changes estimation.*"),

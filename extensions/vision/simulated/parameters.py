@@ -12,7 +12,7 @@ class CameraParameters(Parameters):
     """bearings are found in rendered pictures of the beacons, not emulated"""
     markers: str = parameter("tags", choices=("tags", "leds"))
     """what the beacons are: printed tags, or LEDs that blink 2, 3, 4, … times a second"""
-    field_of_view: float = parameter(90.0, unit="deg", ge=20, le=130, step=5)
+    field_of_view: float = parameter(90.0, unit="°", ge=20, le=130, step=5)
     """across the picture of 640 x 480"""
     tag_size: float = parameter(0.2, unit="m", ge=0.02, le=1, step=0.01)
     """side of the tags' black square"""
@@ -26,7 +26,7 @@ class CameraParameters(Parameters):
     """of each row; moving tags smear"""
     readout: float = parameter(0.0, unit="s", ge=0, le=0.03, step=0.001)
     """of a rolling shutter, of all rows"""
-    sigma: float = parameter(0.2, unit="deg", ge=0.01, le=20, step=0.01)
+    sigma: float = parameter(0.2, unit="°", ge=0.01, le=20, step=0.01)
     """stated in addition to the corners' noise"""
     pictures: float = parameter(5.0, unit="Hz", ge=0, le=30, step=1)
     """pictures a second that the log has at most, tags marked; 0 has none"""

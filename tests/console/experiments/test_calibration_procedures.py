@@ -101,10 +101,7 @@ def test_directions_and_attitudes_are_inverse_and_told_in_words() -> None:
     for up in spread_poses(20, 1.5):
         assert up_of(np.array(attitude_of(up))) == pytest.approx(up, abs=1e-12)
     assert words_of(np.array((0.0, 0.0, 1.0))) == "level"
-    assert (
-        words_of(np.array((0.5, -0.5, np.sqrt(0.5))))
-        == "nose up by 30 deg, right side up by 30 deg"
-    )
+    assert words_of(np.array((0.5, -0.5, np.sqrt(0.5)))) == "nose up by 30°, right side up by 30°"
     assert words_of(np.array((0.0, 0.0, -1.0))) == "level, upside down"
 
 
@@ -133,7 +130,7 @@ def test_a_face_that_is_none_or_done_is_told_and_not_taken() -> None:
     experiment = accelerometer(method="faces")
     with pytest.raises(RefusedError, match=r"no new pose was held still for 10 s .*; 2 were taken"):
         experiment.fly(person)  # type: ignore[arg-type]
-    assert "45 deg from" in person.said()
+    assert "45° from" in person.said()
     assert "'upright' is done already. Hold the vehicle" in person.said()
     assert person.turned[-1] is None, "it is let go of"
 

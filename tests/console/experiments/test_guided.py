@@ -278,19 +278,15 @@ def test_what_to_do_and_how_far_it_is_are_in_the_status(lab: Lab) -> None:
     go = threading.Event()
 
     def script(client: Client) -> None:
-        client.tell(Progress("turn it", 2, 12, 0.25, {"rate": (1.5, "deg/s")}))
-        client.tell(Progress("hold still", 3, 12, float("nan"), {"rate": (0.5, "deg/s")}))
+        client.tell(Progress("turn it", 2, 12, 0.25, {"rate": (1.5, "°/s")}))
+        client.tell(Progress("hold still", 3, 12, float("nan"), {"rate": (0.5, "°/s")}))
         go.wait(BOUND)
 
     lab.runner.start(Scripted(script), "ada")
     assert lab.until(lambda: lab.outbox.told[-1].instruction == "hold still")
     told = lab.outbox.told[-1]
     assert (told.step_number, told.step_count, told.step_share) == (3, 12, 0.0)
-    assert (told.live_names, list(told.live_values), told.live_units) == (
-        ["rate"],
-        [0.5],
-        ["deg/s"],
-    )
+    assert (told.live_names, list(told.live_values), told.live_units) == (["rate"], [0.5], ["°/s"])
     go.set()
     done = lab.ended()
     assert (done.phase, done.instruction, done.step_count) == ("passed", "", 0)
@@ -474,11 +470,11 @@ def test_a_bench_is_secured_on_the_simulators_sensor_and_ended_with_the_experime
 def test_a_bench_that_the_vehicle_ends_ends_the_script(lab: Lab) -> None:
     def script(client: Client) -> None:
         client.bench(1, 30)
-        lab.vehicle.refusal = "the vehicle turned by 30 deg"
+        lab.vehicle.refusal = "the vehicle turned by 30°"
         client.wait(BOUND)
 
     done = lab.fly(script)
-    assert (done.phase, done.reason) == ("failed", "the vehicle turned by 30 deg")
+    assert (done.phase, done.reason) == ("failed", "the vehicle turned by 30°")
 
 
 @pytest.mark.parametrize(("motor", "reference"), [(5, 30), (-1, 30), (1, 256), (1, -1)])

@@ -124,7 +124,7 @@ def test_an_answer_that_is_missed_once_does_not_end_it(bench: LiveBench, vehicle
         ("timeout", 0.05, "did not answer for"),
         ("mode", "ready", "the vehicle has ended the bench; it is ready"),
         ("looked", -1e9, "did not read its client"),
-        ("error", RefusedError("the vehicle turned by 30 deg"), "turned by 30 deg"),
+        ("error", RefusedError("the vehicle turned by 30°"), "turned by 30°"),
     ],
 )
 def test_a_motor_that_has_stopped_or_that_nobody_watches_is_not_started_again(

@@ -77,6 +77,14 @@ def test_a_change_that_was_taken_back_is_not_in_the_title() -> None:
     assert title.text() == ""
 
 
+def test_what_runs_in_parallel_and_does_not_fly_is_not_in_the_title() -> None:
+    title = RunTitle()
+    title.started("bearings", {})
+    title.changed("estimation.shadow_source", "bearings", "same")
+    title.changed("control.shadow_law", "none", "pid_cascade")
+    assert title.text() == "Bearings × 1"
+
+
 def test_a_title_stays_short() -> None:
     title = RunTitle()
     title.changed("control.use_observer", False, True)

@@ -99,7 +99,7 @@ def test_following_the_advice_ends_with_enough() -> None:
 
 
 def test_a_pose_on_no_face_is_refused_without_a_tracker() -> None:
-    with pytest.raises(MeasurementError, match=r"45 deg from '(upright|nose up)'"):
+    with pytest.raises(MeasurementError, match=r"45° from '(upright|nose up)'"):
         face_of(np.array([6.9, 0.0, 6.9]))
 
 

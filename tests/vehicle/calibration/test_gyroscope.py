@@ -27,7 +27,7 @@ def test_a_moving_vehicle_is_refused_with_both_numbers_and_calibrated_once_still
     swing = 0.1 * np.sin(np.linspace(0, 20, 50))
     for rate in swing[:-1]:
         assert calibration.add(np.array([rate, 0.0, 0.0])) is None
-    with pytest.raises(MeasurementError, match=r"4\.\d\d deg/s, allowed 1\.00"):
+    with pytest.raises(MeasurementError, match=r"4\.\d\d °/s, allowed 1\.00"):
         calibration.add(np.array([swing[-1], 0.0, 0.0]))
     results = [calibration.add(np.array([0.03, 0.0, 0.0])) for _ in range(50)]
     found = results[-1]

@@ -166,5 +166,5 @@ def test_a_steady_turn_at_the_start_is_no_drift(new_lab: Any) -> None:
     lab = new_lab(simulator__held="hand", simulator__hand_yaw=60.0)
     lab.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
     assert "gyroscope not calibrated: drift 60" in lab.said
-    assert "deg/s, allowed 40; keep the vehicle still" in lab.said
+    assert "°/s, allowed 40; keep the vehicle still" in lab.said
     assert drift(lab)[2] == pytest.approx(lab.stack.parameters.simulator.gyroscope_bias_z, abs=0.3)

@@ -71,7 +71,7 @@ SPOILT: dict[str, tuple[dict[str, tuple[float, ...]], str]] = {
     "variance": ({"position_variance_w": (-1.0, 0.0, 0.0)}, "no variance"),
     "away": ({"position_w": (0.0, 0.0, 1.3)}, r"0\.3\d\d m.* from complementary; allowed 0.250 m"),
     "fast": ({"velocity_w": (0.6, 0.0, 0.0)}, r"0\.6\d\d m/s"),
-    "turned": ({"quaternion_wb": (math.cos(0.1), math.sin(0.1), 0.0, 0.0)}, "11.46 deg"),
+    "turned": ({"quaternion_wb": (math.cos(0.1), math.sin(0.1), 0.0, 0.0)}, "11.46°"),
 }
 """Wrong values in an answer for a vehicle at rest 1 m above the origin."""
 HARM = {

@@ -78,7 +78,7 @@ def test_a_heading_not_observed_is_told_and_refuses_planned_flight_until_motion_
     assert "heading not observed: known to" in lab.said
     why = refusal(lambda: lab.start("follow_trajectory", trajectory="figure_eight"))
     assert "heading not observed" in why
-    assert "allowed 15 deg" in why
+    assert "allowed 15°" in why
     lab.to_and_fro()
     assert now(lab).flags == Flag.NONE
     assert "heading known again" in lab.said

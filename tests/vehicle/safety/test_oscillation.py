@@ -126,6 +126,14 @@ def test_positions_grow_over_four_swings_and_further_while_a_motion_is_new(
     assert (flown.fly(8.0, 0, signal) < math.inf) == is_told
 
 
+@pytest.mark.parametrize(("second", "is_told"), [(0.8, True), (1.2, False)])
+def test_regular_swings_are_told_before_they_are_large(second: float, is_told: bool) -> None:
+    flown = Flown().settled()
+    sizes = 0.008, 0.01, 0.013, 0.017, 0.022, 0.028, 0.005
+    signal = swings(flown.time, sizes, [0.8, 0.8, second, second, 0.8, 0.8, 0.8])
+    assert (flown.fly(8.0, 0, signal) < math.inf) == is_told
+
+
 def test_a_yaw_that_swings_back_more_slowly_is_an_oscillation() -> None:
     flown = Flown().settled()
     lasts = [0.5, 0.9] * 8

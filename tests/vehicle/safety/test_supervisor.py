@@ -150,7 +150,7 @@ def test_a_vehicle_that_turned_over_stops_its_motors() -> None:
 
 # The measured quantity, its delay (s), its parameter, the default reaction, a word of the reason.
 TRIGGERS = [
-    ({"tilt": math.radians(75.0)}, "tilt", 0.2, Reaction.EMERGENCY, "tilt 75 deg"),
+    ({"tilt": math.radians(75.0)}, "tilt", 0.2, Reaction.EMERGENCY, "tilt 75°"),
     ({"innovation": 0.7}, "innovation", 0.3, Reaction.DESCEND, "0.70 m from their prediction"),
     ({"innovation": math.nan}, "innovation", 0.3, Reaction.DESCEND, "estimate diverged"),
     ({"innovation": 0.7, "jumped": True}, "innovation", 0.3, Reaction.DESCEND, "tracker jumped"),

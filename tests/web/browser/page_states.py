@@ -105,7 +105,7 @@ class Room:
             step_number=6,
             step_count=12,
             step_share=0.6,
-            instruction="Hold the vehicle still for 1 s: nose up by 20 deg",
+            instruction="Hold the vehicle still for 1 s: nose up by 20°",
         )
         self.page.wait_for_selector(".sphere .held >> nth=4")
 

@@ -267,6 +267,6 @@ def _report_gyroscope(lines: Sequence[_Line], say: Say) -> None:
     mean, deviation = rates.mean(axis=0), rates.std(axis=0).max()
     moved = "" if deviation <= DEVIATION_MAX else f", more than {DEVIATION_MAX:g}: was it moved?"
     say(
-        f"gyroscope x, y, z: mean {mean[0]:.2f}, {mean[1]:.2f}, {mean[2]:.2f} deg/s, "
-        f"deviation {deviation:.2f} deg/s{moved}"
+        f"gyroscope x, y, z: mean {mean[0]:.2f}, {mean[1]:.2f}, {mean[2]:.2f} °/s, "
+        f"deviation {deviation:.2f} °/s{moved}"
     )

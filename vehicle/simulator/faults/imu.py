@@ -47,11 +47,11 @@ class Misalignment(VehicleFault):
 
     sensor: str = parameter("accelerometer", choices=SENSORS)
     """sensor that is turned"""
-    x: float = parameter(2.0, unit="deg", ge=-45, le=45, step=0.5)
+    x: float = parameter(2.0, unit="°", ge=-45, le=45, step=0.5)
     """rotation vector of the sensor along x_B"""
-    y: float = parameter(0.0, unit="deg", ge=-45, le=45, step=0.5)
+    y: float = parameter(0.0, unit="°", ge=-45, le=45, step=0.5)
     """rotation vector of the sensor along y_B"""
-    z: float = parameter(0.0, unit="deg", ge=-45, le=45, step=0.5)
+    z: float = parameter(0.0, unit="°", ge=-45, le=45, step=0.5)
     """rotation vector of the sensor along z_B"""
 
     def act(self, truth: Truth, moment: Moment, memory: Memory) -> None:
@@ -68,7 +68,7 @@ class Clip(VehicleFault):
 
     accelerometer: float = parameter(15.0, unit="m/s²", ge=1, le=200, step=1)
     """largest reading of the accelerometer on each axis"""
-    gyroscope: float = parameter(200.0, unit="deg/s", ge=1, le=2000, step=10)
+    gyroscope: float = parameter(200.0, unit="°/s", ge=1, le=2000, step=10)
     """largest reading of the gyroscope on each axis"""
 
     def act(self, truth: Truth, moment: Moment, memory: Memory) -> None:
@@ -117,11 +117,11 @@ class GyroscopeRamp(VehicleFault):
     source = _MODEL
     varies = True
 
-    x: float = parameter(0.2, unit="deg/s²", ge=-10, le=10, step=0.1)
+    x: float = parameter(0.2, unit="°/s²", ge=-10, le=10, step=0.1)
     """rate about x_B"""
-    y: float = parameter(0.0, unit="deg/s²", ge=-10, le=10, step=0.1)
+    y: float = parameter(0.0, unit="°/s²", ge=-10, le=10, step=0.1)
     """rate about y_B"""
-    z: float = parameter(0.0, unit="deg/s²", ge=-10, le=10, step=0.1)
+    z: float = parameter(0.0, unit="°/s²", ge=-10, le=10, step=0.1)
     """rate about z_B"""
 
     def act(self, truth: Truth, moment: Moment, memory: Memory) -> None:

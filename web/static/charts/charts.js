@@ -383,10 +383,7 @@ export class Charts {
     hide(this.reset, !zoom);
     this.place.classList.toggle("paused", paused);
     const shown = zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : "";
-    const coarse =
-      this.slowness > 1
-        ? `coarser, for this connection is slow: least and greatest of ${this.slowness} samples`
-        : "";
+    const coarse = this.slowness > 1 ? `slow connection: extremes of ${this.slowness} samples` : "";
     setText(this.state, paused ? `paused for ${duration(axis.pausedFor)}${shown}` : coarse);
     setText(this.at, this.stamp);
   }

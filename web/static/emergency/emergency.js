@@ -48,6 +48,7 @@ class Emergency {
     place.replaceChildren(this.land, this.cut, this.line); // in place of the form that needs no script
     onKey("e", "emergency land", () => this.press("land"));
     if (this.mayCut) onKey("x", "cut the motors", () => this.press("cut"), { hold: CUT_HOLD });
+    events.on("emergency", () => this.draw());
     setInterval(() => this.draw(), 100);
     this.draw();
   }
@@ -60,9 +61,8 @@ class Emergency {
   draw() {
     const { tone, said, running } = this.sent.state,
       how = pressed(this.events.summary.emergency_land);
-    const more = how && `: ${how}`;
     const rest = "Every command but Cut is refused until it is down (key e)";
-    const title = `emergency: land now, overriding everything else${more}. ${rest}`;
+    const title = `emergency: land now, overriding everything else${how && `: ${how}`}. ${rest}`;
     setIfChanged(this.land, "title", title);
     const idle = this.mayCut ? KEYS.operator : KEYS.viewer;
     setText(this.said, tone === "idle" ? "" : said);

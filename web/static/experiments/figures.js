@@ -20,6 +20,9 @@ const UNITS = [
 const endOf = (name) => UNITS.find(([ending]) => name.endsWith(ending)) ?? ["", "", 1];
 export const unitOf = (name) => endOf(name)[1];
 export const nameOf = (name) => words(name.slice(0, name.length - endOf(name)[0].length));
+// The name in words with the unit in which its values are stored.
+const stored = (name) => (name.endsWith("_m") ? "m" : unitOf(name));
+export const titleOf = (name) => (unitOf(name) ? `${nameOf(name)} [${stored(name)}]` : nameOf(name));
 // A value of this name in its unit, with three digits.
 export const number = (value, name = "") =>
   value === null || value === undefined

@@ -52,7 +52,7 @@ export class Transport {
     };
     const [own, run] = time("run", "since the recording began"),
       [since, flight] = time("flight", "since the last take-off"),
-      [clockCell, wall] = time("clock", "time of day at the base station");
+      [clockCell, wall] = time("clock", "time of day by the stamps; simulated time in a simulation");
     this.run = run;
     this.flight = flight;
     this.wall = wall;

@@ -73,7 +73,7 @@ def test_a_good_connection_is_measured_and_told(simulator: Simulator) -> None:
     assert "damaged frames: 0 of " in text
     assert "motor controllers: all four answer" in text
     assert re.search(r"round trip of a request: [\d.]+ ms p50, [\d.]+ ms at most; \d+ of", text)
-    gyroscope = re.search(r"mean (.+), (.+), (.+) deg/s, deviation (.+) deg/s$", text, re.MULTILINE)
+    gyroscope = re.search(r"mean (.+), (.+), (.+) °/s, deviation (.+) °/s$", text, re.MULTILINE)
     assert gyroscope is not None
     x, y, z, deviation = map(float, gyroscope.groups())
     assert (x, y, z) == pytest.approx((0.9, -0.7, 0.5), abs=0.2)  # the simulated drift
