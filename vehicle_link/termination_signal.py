@@ -7,7 +7,6 @@ import signal
 import socket
 from collections.abc import Iterable
 from contextlib import suppress
-from types import FrameType
 from typing import Protocol
 
 ENDING = signal.SIGTERM, signal.SIGINT, signal.SIGHUP  # the last one: the terminal was closed
@@ -44,7 +43,7 @@ class EndSignal:
             select.select([self._reader], [], [], timeout)
         return bool(self.count)
 
-    def _note(self, number: int, frame: FrameType | None) -> None:
+    def _note(self, number: int, frame: object) -> None:
         self.count += 1
         with suppress(BlockingIOError):  # the buffer is full: the waiting thread has been woken
             self._writer.send(b"\0")

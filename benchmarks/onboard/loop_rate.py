@@ -141,9 +141,9 @@ def _judge(
     at_500 = eight.get(500, math.inf)
     report.targets += [
         Target(
-            "8 at 500 Hz: share by which its rms differs from the reference of 3.0 mm",
-            abs(at_500 / REFERENCE_MM - 1.0),
-            WITHIN - 1.0,
+            f"8 at 500 Hz: rms over the reference's {REFERENCE_MM:g} mm",
+            at_500 / REFERENCE_MM,
+            WITHIN,
         ),
         Target("largest over smallest rms from 250 Hz on", max(flat) / min(flat), WITHIN),
         Target("rms at 120 Hz over that at 500 Hz", _over(eight, 120), WITHIN),

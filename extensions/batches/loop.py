@@ -277,13 +277,12 @@ def fly(
         if to_keep == 0 and kept < history.shape[0]:
             _keep(k * period, p.x, v, history[kept])
             kept, to_keep = kept + 1, keep_every
-        to_keep -= 1
         if to_judge == 0:
             to_judge = judge_every
             if _judge(p.x, v, r, 1 if k >= hover_ticks else 0):
                 r.crashed, r.crash_time = 1, k * period
                 break
-        to_judge -= 1
+        to_judge, to_keep = to_judge - 1, to_keep - 1
         if k >= hover_ticks:
             flown += 1
             saturated += 1 if v.actuators.scaling < 1.0 else 0
