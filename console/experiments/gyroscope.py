@@ -81,11 +81,12 @@ class Gyroscope:
             "deviation_deg_s": float(np.degrees(rates.std(axis=0).max())),
             "samples": float(len(rates)),
         }
-        # The remaining drift is measured with an error of its own.
-        seen = np.degrees(rates.std(axis=0).max()) / np.sqrt(len(rates))
+        # The remaining drift is measured with an error of its own, as the drift taken off was.
+        seen = float(np.degrees(rates.std(axis=0).max()) / np.sqrt(len(rates)))
+        both = float(np.hypot(metrics["standard_error_deg_s"], seen))
         limits = {
             "standard_error_deg_s": ERROR_MAX,
-            "drift_left_deg_s": 2.0 * ERROR_MAX + 2.0 * float(seen),
+            "drift_left_deg_s": max(2.0 * (ERROR_MAX + seen), 4.0 * both),
         }
         return judged(metrics, limits)
 

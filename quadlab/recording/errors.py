@@ -86,7 +86,7 @@ class Errors:
         for name, values, unit in (
             ("position", self.position, "m"),
             ("velocity", self.velocity, "m_s"),
-            ("attitude", np.degrees(self.attitude), "°"),
+            ("attitude", np.degrees(self.attitude), "deg"),
         ):
             with np.errstate(over="ignore"):
                 rms = math.sqrt(float(np.mean(values**2))) if len(values) else math.nan

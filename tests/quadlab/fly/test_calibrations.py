@@ -85,6 +85,13 @@ def test_the_gyroscope_s_drift_is_found(tmp_path: Path) -> None:
     assert {one["name"] for one in proposal["quality"]} > {"standard error", "drift left"}
 
 
+def test_the_drift_left_may_be_four_times_its_error(tmp_path: Path) -> None:
+    report = fly(tmp_path, "gyroscope", "experiment.samples=200")
+    quality = {one["name"]: one for one in report["proposal"]["quality"]}
+    assert quality["standard error"]["value"] == pytest.approx(0.0245, rel=0.1)
+    assert quality["drift left"]["limit"] == pytest.approx(4.0 * 0.0255, rel=0.1)
+
+
 def test_twelve_poses_with_the_tracker_give_matrix_and_bias(tmp_path: Path) -> None:
     words = *SKEWED, "experiment.hold=0.5", "tracker.attitude_noise=0.2"
     report = fly(tmp_path, "accelerometer", *words)

@@ -428,7 +428,7 @@ def test_a_flight_goes_on_when_the_tracker_is_right_again_in_time() -> None:
 
 def test_a_vehicle_is_not_armed_on_a_tilted_tracker() -> None:
     flight = ready(tilted(8.0))
-    with pytest.raises(RefusedError, match=r"vertical of the tracker is [78]\.\d deg off"):
+    with pytest.raises(RefusedError, match=r"vertical of the tracker is [78]\.\d° off"):
         flight.arm()
 
 
