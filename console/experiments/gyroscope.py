@@ -76,17 +76,16 @@ class Gyroscope:
         found, rates = self._checked(log)
         left = np.degrees(np.abs(rates.mean(axis=0)).max())
         metrics = {
-            "standard_error_deg_s": _figure(found, "standard error"),
+            "standard_error_deg_s": (error := _figure(found, "standard error")),
             "drift_left_deg_s": float(left),
             "deviation_deg_s": float(np.degrees(rates.std(axis=0).max())),
             "samples": float(len(rates)),
         }
         # The remaining drift is measured with an error of its own, as the drift taken off was.
-        seen = float(np.degrees(rates.std(axis=0).max()) / np.sqrt(len(rates)))
-        both = float(np.hypot(metrics["standard_error_deg_s"], seen))
+        seen = metrics["deviation_deg_s"] / len(rates) ** 0.5
         limits = {
             "standard_error_deg_s": ERROR_MAX,
-            "drift_left_deg_s": max(2.0 * (ERROR_MAX + seen), 4.0 * both),
+            "drift_left_deg_s": max(2.0 * (ERROR_MAX + seen), 4.0 * float(np.hypot(error, seen))),
         }
         return judged(metrics, limits)
 

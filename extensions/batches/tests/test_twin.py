@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ import pytest
 from benchmarks.onboard.compiled_step import onboard_steps
 from benchmarks.onboard.onboard import PERIOD, recorded, started
 from benchmarks.peers.cpp_twin import BUILT, CppTwin
-from control.parameters import ControlParameters
+from control.parameters import GEOMETRIC, ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.parameters import EstimationParameters
 from extensions.batches.batch import Scenario, fly_batch, prepare
+from extensions.batches.laws import NOTHING
 from extensions.batches.onboard import new_onboard, new_settings
 from quadrotor.vehicle_model import VehicleModel
 
@@ -51,7 +53,8 @@ def test_a_recorded_flight_gives_both_the_same_thrusts(twin: CppTwin) -> None:
 
 def test_a_closed_loop_ends_where_the_twins_does(twin: CppTwin) -> None:
     scenario = Scenario(true_state=True, whole_references=False, disturbance_w=(0.3, 0.0, 0.0))
-    flight = fly_batch([scenario], 10.0)
+    without_lead = {GEOMETRIC: replace(NOTHING, leads=False)}
+    flight = fly_batch([scenario], 10.0, others=without_lead)
     cases, plants = prepare([scenario])
     error = twin.fly_true_state(cases["settings"], plants, new_onboard(), 5000, 0.002)
     np.testing.assert_allclose(plants["x"][0, :3], flight.final["position_w"][0], atol=1e-9)

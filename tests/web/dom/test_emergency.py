@@ -164,13 +164,3 @@ def test_the_pages_beside_the_console_have_both_controls(
     fresh.keyboard.press("e")
     until(lambda: actions(station) == ["land"])
     look_at(fresh).text("#emergency-state", "accepted, not yet shown")
-
-
-def test_the_answer_is_drawn_when_it_comes_and_waits_for_no_timer(
-    fresh: Any, station: Any, look_at: Any
-) -> None:
-    fresh.evaluate("() => { for (let k = 1; k < 10_000; k++) clearInterval(k); }")
-    fresh.click("#emergency-land")
-    look_at(fresh).text("#emergency-state", "accepted, not yet shown by the vehicle")
-    show(station, "emergency_land")
-    look_at(fresh).has_class("#emergency-state", "done")

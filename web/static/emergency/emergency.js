@@ -48,7 +48,7 @@ class Emergency {
     place.replaceChildren(this.land, this.cut, this.line); // in place of the form that needs no script
     onKey("e", "emergency land", () => this.press("land"));
     if (this.mayCut) onKey("x", "cut the motors", () => this.press("cut"), { hold: CUT_HOLD });
-    events.on("emergency", () => this.draw());
+    for (const type of ["emergency", "summary"]) events.on(type, () => this.draw());
     setInterval(() => this.draw(), 100);
     this.draw();
   }
