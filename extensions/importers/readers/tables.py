@@ -134,7 +134,7 @@ def check_size(path: Path, rows: int, columns: int) -> None:
 
 
 class BoundedTables(FileTables):
-    """Those tables of a file that are wanted, read by a library in bounded memory."""
+    """Tables that a library reads from a file in bounded memory, as far as they are wanted."""
 
     def __init__(self, path: Path, _: Collection[str]) -> None:
         super().__init__(path)
