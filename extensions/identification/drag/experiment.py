@@ -6,14 +6,15 @@ wrong mass or weak motors do not look like drag, and a steady wind is a constant
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, fly_laps, landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
 from extensions.identification.drag.evaluation import RAMP, read_drag
-from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, parameter
 
 STEPS = 3
@@ -32,14 +33,29 @@ class DragOptions(Parameters):
     """of the circle"""
 
 
+@dataclass(frozen=True, slots=True)
+class Circles:
+    """Circles at one speed: radius (m), time of a lap (s), and number of laps, ramps included."""
+
+    radius: float
+    period: float
+    laps: int
+
+
 class DragExperiment(CalibrationFlight):
     """Take-off, circles, landing; the coefficient from every tick."""
 
     name = "drag"
+    options: type[Parameters] = DragOptions
 
     def __init__(self, vehicle: str = "quad1") -> None:
-        self.parameters = DragOptions()
+        self.parameters: Any = self.options()
         super().__init__(vehicle)
+
+    def circles(self, client: Client) -> Circles:
+        """Return the circles to be flown."""
+        p = self.parameters
+        return Circles(p.radius, p.period, p.laps)
 
     @property
     def planned(self) -> float:
@@ -58,13 +74,10 @@ class DragExperiment(CalibrationFlight):
             take_off(client, p.height)
             client.wait(2.0)
             client.tell(Progress("It flies circles: keep clear", 2, STEPS))
-            circles: dict[str, ParameterValue] = {
-                "trajectory": "circle",
-                "radius": p.radius,
-                "period": p.period,
-                "laps": p.laps,
-            }
-            fly_laps(client, "the circles", p.laps * p.period + 20.0, ramp=RAMP, **circles)
+            flown = self.circles(client)
+            patience = flown.laps * flown.period + 20.0
+            how = {"trajectory": "circle", "ramp": RAMP, **asdict(flown)}
+            fly_laps(client, "the circles", patience, **how)
 
     def found(self, log: Path) -> CalibrationResult:
         """Return the drag found in the log."""
