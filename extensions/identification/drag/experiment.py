@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client
@@ -42,20 +41,36 @@ class Circles:
     laps: int
 
 
-class DragExperiment(CalibrationFlight):
-    """Take-off, circles, landing; the coefficient from every tick."""
+class CircledFlight(CalibrationFlight):
+    """The common part: take-off, circles, landing; the coefficient from every tick."""
+
+    def fly_circles(self, client: Client, circles: Circles, height: float) -> None:
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
+        wait_ready(client)
+        client.confirm(CLEAR)
+        client.tell(Progress("Keep clear: it takes off on its own", 1, STEPS))
+        arm(client)
+        with landing_afterwards(client, STEPS):
+            take_off(client, height)
+            client.wait(2.0)
+            client.tell(Progress("It flies circles: keep clear", 2, STEPS))
+            patience = circles.laps * circles.period + 20.0
+            how = {"trajectory": "circle", "ramp": RAMP, **asdict(circles)}
+            fly_laps(client, "the circles", patience, **how)
+
+    def found(self, log: Path) -> CalibrationResult:
+        """Return the drag found in the log."""
+        return read_drag(log, self._vehicle)
+
+
+class DragExperiment(CircledFlight):
+    """Circles as the options say."""
 
     name = "drag"
-    options: type[Parameters] = DragOptions
 
     def __init__(self, vehicle: str = "quad1") -> None:
-        self.parameters: Any = self.options()
         super().__init__(vehicle)
-
-    def circles(self, client: Client) -> Circles:
-        """Return the circles to be flown."""
-        p = self.parameters
-        return Circles(p.radius, p.period, p.laps)
+        self.parameters = DragOptions()
 
     @property
     def planned(self) -> float:
@@ -66,19 +81,4 @@ class DragExperiment(CalibrationFlight):
     def fly(self, client: Client) -> None:
         """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
         p = self.parameters
-        wait_ready(client)
-        client.confirm(CLEAR)
-        client.tell(Progress("Keep clear: it takes off on its own", 1, STEPS))
-        arm(client)
-        with landing_afterwards(client, STEPS):
-            take_off(client, p.height)
-            client.wait(2.0)
-            client.tell(Progress("It flies circles: keep clear", 2, STEPS))
-            flown = self.circles(client)
-            patience = flown.laps * flown.period + 20.0
-            how = {"trajectory": "circle", "ramp": RAMP, **asdict(flown)}
-            fly_laps(client, "the circles", patience, **how)
-
-    def found(self, log: Path) -> CalibrationResult:
-        """Return the drag found in the log."""
-        return read_drag(log, self._vehicle)
+        self.fly_circles(client, Circles(p.radius, p.period, p.laps), p.height)

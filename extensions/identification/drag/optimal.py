@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from console.experiments.client import Client
 from extensions.identification.drag.evaluation import LEAST, RAMP
-from extensions.identification.drag.experiment import Circles, DragExperiment
+from extensions.identification.drag.experiment import CircledFlight, Circles
 from quadrotor.constants import GRAVITY
 from quadrotor.parameters import Parameters, parameter
 
@@ -35,21 +35,25 @@ class OptimalDragOptions(Parameters):
     """of the circle"""
 
 
-class OptimalDrag(DragExperiment):
-    """Take-off, the quickest circles that the limits allow, landing."""
+class OptimalDrag(CircledFlight):
+    """The quickest circles that the limits allow."""
 
     name = "drag_optimal"
-    options = OptimalDragOptions
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        super().__init__(vehicle)
+        self.parameters = OptimalDragOptions()
 
     @property
     def planned(self) -> float:
         """Return the approximate planned time in s."""
         return 25.0 + 2.0 * RAMP + self.parameters.seconds
 
-    def circles(self, client: Client) -> Circles:
-        """Return the circles that promise the most information for this vehicle's limits."""
+    def fly(self, client: Client) -> None:
+        """Choose by the vehicle's limits, and fly. Raises RefusedError when it refuses."""
         p = self.parameters
-        return quickest(p.radius_max, p.seconds, lambda name: float(client.parameter(name)))
+        chosen = quickest(p.radius_max, p.seconds, lambda name: float(client.parameter(name)))
+        self.fly_circles(client, chosen, p.height)
 
 
 def quickest(radius_max: float, seconds: float, value: Callable[[str], float]) -> Circles:
