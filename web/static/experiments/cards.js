@@ -29,15 +29,16 @@ export class Cards {
     const last = element("span", { className: "last" }),
       button = element(
         "button",
-        { className: "head", ariaExpanded: "false", onclick: () => this.open(name) },
+        {
+          className: "head",
+          ariaExpanded: "false",
+          title: problem || description,
+          onclick: () => this.open(name),
+        },
         element("b", {}, problem ? name : words(name)),
         last,
       );
-    const about = element(
-      "p",
-      { className: problem ? "about reason" : "about", title: problem || description },
-      problem || description,
-    );
+    const about = element("p", { className: problem ? "about reason" : "about" }, problem || description);
     return { button, last, place: element("li", { className: "card" }, button, about) };
   }
 
