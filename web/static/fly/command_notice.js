@@ -13,8 +13,9 @@ const GOOD = 4000,
   BAD = 60_000; // ms a notice stays at most
 const READ = 3000; // ms bad news stays at least
 const TICK = 100; // ms
+// What has happened when the answer comes.
 /** @type {Record<string, string>} */
-const DONE = { arm: "Armed", disarm: "Disarmed", "experiment: start": "Experiment started" }; // what has happened when the answer comes
+const DONE = { arm: "Armed", disarm: "Disarmed", "experiment: start": "Experiment started" };
 const NOBODY = 503,
   NO_ANSWER = 504; // statuses of the API
 
