@@ -37,11 +37,16 @@ from web.signals.expression import is_expression
 
 RATE = 25.0  # Hz
 MOST_SIGNALS = 96  # state table, four charts and the Beacons tab together
+MOST_KEPT = 4 * MOST_SIGNALS
+"""Signals of pages, also of those that have gone, whose samples are kept; of these at most
+MOST_SIGNALS derived ones: a page can ask for others as often as it likes."""
 SLOW = 0.3
 """Seconds that a frame waits to be sent, above which a page is slow."""
 SLOWEST = 128
 REST = 0.01
-"""Seconds between two frames of what a page has missed, which leave the event loop to others."""
+"""Seconds before a frame of what a page has missed, which leave the event loop to others."""
+AT_ONCE, AT_LEAST = 32_768, 512
+"""Samples of all series in one frame, and those that each series counts at least."""
 QUICK = 50
 """Number of frames that were sent at once, after which a slow page gets finer series again."""
 
@@ -123,11 +128,12 @@ class _Page:
         after: of each series, the time of the last sample that was sent.
         slowness: number of samples that become one.
         is_behind: whether there is more to send than the last frame had.
+        left: number of samples that the frame may still have.
     """
 
     def __init__(self, wanted: Subscription, slowness: int = 1) -> None:
         self.wanted, self.slowness, self.quick = wanted, slowness, 0
-        self.is_behind = False
+        self.is_behind, self.left = True, AT_ONCE
         self.topics = topics_of(wanted.names) if wanted.ages else []
         self.origin = wanted.origin
         self.after = [-math.inf if one.after is None else one.after for one in wanted.series]
@@ -147,7 +153,7 @@ class TelemetryFeed:
 
     def __init__(self, live: Live, log: SignalLog, clock: Callable[[], float] = monotonic) -> None:
         self._live, self._log, self._clock = live, log, clock
-        self._tick = asyncio.Condition()
+        self._tick, self._turn = asyncio.Condition(), asyncio.Lock()
         self._pages: dict[WebSocket, _Page] = {}
         self._asked: dict[str, float] = {}  # s, when a page wanted each signal last
         self._made = Made()
@@ -179,16 +185,15 @@ class TelemetryFeed:
     def step(self) -> None:
         """Sort in what has arrived, and compute the next samples of derived signals."""
         now = self._clock()
-        self._asked.update(
-            dict.fromkeys(
-                (name for page in self._pages.values() for name in page.wanted.names), now
-            )
-        )
-        self._asked = {name: at for name, at in self._asked.items() if now - at <= KEPT}
+        for name in (name for page in self._pages.values() for name in page.wanted.names):
+            self._asked.pop(name, None)  # the newest last
+            self._asked[name] = now
+        kept = list(self._asked.items())[-MOST_KEPT:]
+        self._asked = {name: at for name, at in kept if now - at <= KEPT}
         self._made.clear()
         self._parts.clear()
         self._log.take()
-        self._log.keep([name for name in self._asked if is_expression(name)])
+        self._log.keep([*filter(is_expression, self._asked)][-MOST_SIGNALS:])
         self._log.advance()
 
     def frame(self, page: _Page) -> bytes:
@@ -197,7 +202,7 @@ class TelemetryFeed:
         origin = 1e-9 * log.origin_ns
         if page.origin != origin:
             page.origin, page.after = origin, [-math.inf] * len(page.after)
-        page.is_behind = False
+        page.is_behind, page.left = False, AT_ONCE
         parts = [self._part(page, place) for place in range(len(page.after))]
         ages = [self._live.age(topic) for topic in page.topics]
         values = [self._newest(name) for name in page.wanted.signals]
@@ -212,6 +217,9 @@ class TelemetryFeed:
 
     def _part(self, page: _Page, place: int) -> bytes:
         """Return the new samples of one series; empty without any."""
+        if page.left <= 0:
+            page.is_behind = True
+            return b""
         names = page.wanted.series[place].signals
         topic = self._log.log(topic_of(names[0]))
         if topic is None:
@@ -221,6 +229,7 @@ class TelemetryFeed:
         if count <= first:
             return b""
         first, last, of = frames.piece(first, count, page.slowness)
+        page.left -= max(AT_LEAST, last - first)
         page.after[place] = float(topic.time[last - 1])
         page.is_behind = page.is_behind or last < count
         key = (place, *names, first, last, of)
@@ -249,11 +258,11 @@ class TelemetryFeed:
             loop = asyncio.get_running_loop()
             page = self._pages[socket]
             while True:
-                if page.is_behind:
-                    await asyncio.sleep(REST)
-                else:
+                if not page.is_behind:
                     async with self._tick:
                         await self._tick.wait()
+                async with self._turn:  # one page after the other, others' requests between them
+                    await asyncio.sleep(REST if page.is_behind else 0.0)
                 page = self._pages[socket]
                 frame, began = self.frame(page), loop.time()
                 await socket.send_bytes(frame)
