@@ -158,11 +158,11 @@ class Job(Generic[T]):
     def _lines(self, data: bytes) -> None:
         *lines, self._partial = (self._partial + data).split(b"\n")
         for line in lines:
-            answer = json.loads(line)
+            answer = _answer_of(line)
             if self._report is not None and "report" in answer:
                 self._report(answer["report"])
             else:
-                self._answer = answer
+                self._answer = answer or self._answer
 
     def _keep_stderr(self, data: bytes) -> None:
         self._stderr = (self._stderr + data)[-STDERR_KEPT:]
@@ -174,6 +174,15 @@ class Job(Generic[T]):
             self._ended = -1
             for stream in (self._process.stdout, self._process.stderr):
                 cast(IO[bytes], stream).close()
+
+
+def _answer_of(line: bytes) -> dict[str, object]:
+    """Return what a line says; nothing if the function itself wrote it, past its own output."""
+    try:
+        answer = json.loads(line)
+    except (ValueError, RecursionError):
+        return {}
+    return answer if isinstance(answer, dict) else {}
 
 
 def run(
