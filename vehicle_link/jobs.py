@@ -132,15 +132,10 @@ class Job(Generic[T]):
         """Ask the process to end, by SIGTERM."""
         self._process.terminate()
 
-    def stop(self, patience: float = 0.0) -> None:
-        """End the process by SIGKILL; with `patience` (s), by SIGTERM before."""
-        if patience:
-            self.terminate()
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(patience)
-        self._process.kill()
+    def stop(self) -> None:
+        """Kill the process, and wait for its end."""
+        self.abandon()
         self._process.wait()
-        self._close()
 
     def abandon(self) -> None:
         """Kill the process without waiting; Python reaps it when the next one is started."""
@@ -178,11 +173,10 @@ class Job(Generic[T]):
 
 def _answer_of(line: bytes) -> dict[str, object]:
     """Return what a line says; nothing if the function itself wrote it, past its own output."""
-    try:
-        answer = json.loads(line)
-    except (ValueError, RecursionError):
-        return {}
-    return answer if isinstance(answer, dict) else {}
+    with suppress(ValueError, RecursionError):
+        if isinstance(answer := json.loads(line), dict):
+            return answer
+    return {}
 
 
 def run(
