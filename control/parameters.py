@@ -109,7 +109,7 @@ class DisturbanceParameters(Parameters):
         0.8, unit="rad/s", ge=0.05, le=15.0, step=0.05, flight_step=3.0
     )
     """low pass of the torque found; costs margin at the motors"""
-    force_max: float = parameter(4.0, unit="N", ge=0.0, le=10.0, step=0.1, flight_step=2.0)
+    force_max: float = parameter(6.0, unit="N", ge=0.0, le=10.0, step=0.1, flight_step=2.0)
     """largest force taken off, each world axis"""
     torque_max: float = parameter(0.2, unit="N m", ge=0.0, le=1.0, step=0.01, flight_step=0.2)
     """largest torque taken off, each body axis"""

@@ -32,6 +32,11 @@ STATES = {"true state": True, "full sensors": False}
 TRACKER_SEEDS = 20
 EFFICIENCY = 0.938
 AXES = ("xx", "yy", "zz")
+CHOSEN = {
+    "inertia": (tuple(f"model.inertia_{axis}" for axis in AXES), "excited_s"),
+    "drag": (("model.drag",), "circled_s"),
+}
+"""What each experiment finds, and the figure of its time."""
 EXCITATIONS = (*SHAPES, "random")
 PAYLOAD = 0.3
 DRAWS = 200
@@ -70,7 +75,8 @@ def run(size: Size = Size.FULL) -> Report:
     )
     _mass(report, seeds, size)
     _inertia(report, seeds, size)
-    _rough_inertia(report, size)
+    _chosen_by_information(report, size, "inertia", {"experiment.seconds": 10.0})
+    _chosen_by_information(report, size, "drag", {})
     _accelerometer(report, seeds, size)
     _gyroscope(report, seeds)
     _motor(report, size)
@@ -155,32 +161,29 @@ def _inertia(report: Report, seeds: range, size: Size) -> None:
             ]
 
 
-def _rough_inertia(report: Report, size: Size) -> None:
-    """Fly doublets at random and chosen ones on the rough vehicle; compare time and deviation."""
+def _chosen_by_information(
+    report: Report, size: Size, name: str, options: dict[str, ParameterValue]
+) -> None:
+    """Fly an excitation, and the one chosen by its information, on the rough vehicle; compare time
+    and deviation.
+    """
     rough: dict[str, ParameterValue] = {f"simulator.{key}": value for key, value in ROUGH.items()}
-    cases: dict[str, dict[str, ParameterValue]] = {
-        "inertia": {},
-        "inertia_optimal": {"experiment.seconds": 10.0},
-    }
+    found_for, time = CHOSEN[name]
     times, spreads = [], []
-    for name, options in cases.items():
-        flown = [fly(name, rough | options, seed=k + 1) for k in range(size.of(8, 4, 2))]
-        found = np.array([[one.value(f"model.inertia_{axis}") for axis in AXES] for one in flown])
+    for flown_as, own in ((name, {}), (f"{name}_optimal", options)):
+        flown = [fly(flown_as, rough | own, seed=k + 1) for k in range(size.of(8, 4, 2))]
+        found = np.array([[one.value(value) for value in found_for] for one in flown])
         spreads.append(found.std(axis=0, ddof=1) / found.mean(axis=0))
-        times.append(np.mean([one.result.metrics["excited_s"] for one in flown]))
-        report.rows.append(
-            Row(
-                f"{name}, rough, {times[-1]:.1f} s",
-                {
-                    "found": " / ".join(f"± {100.0 * one:.2g}" for one in spreads[-1]),
-                    "unit": "%",
-                    "after, s": _worst(flown, "within_3_percent_s")["within_3_percent_s"],
-                },
-            )
-        )
+        times.append(np.mean([one.result.metrics[time] for one in flown]))
+        off = " / ".join(f"± {100.0 * one:.2g}" for one in spreads[-1])
+        row: dict[str, str | float] = {"found": off, "unit": "%"}
+        if name == "inertia":
+            row["after, s"] = _worst(flown, "within_3_percent_s")["within_3_percent_s"]
+        report.rows.append(Row(f"{flown_as}, rough, {times[-1]:.1f} s", row))
+    took, left = times[1] / times[0], (spreads[1] / spreads[0]).max()
     report.notes.append(
-        f"inertia_optimal takes {times[1] / times[0]:.2f} of the time of inertia, with "
-        f"{(spreads[1] / spreads[0]).max():.2f} of its deviation about the worst axis"
+        f"{name}_optimal takes {took:.2f} of the time of {name}, with {left:.2f} of its deviation "
+        f"in the worst place: {1.0 / (took * left**2):.1f} times the information a second"
     )
 
 

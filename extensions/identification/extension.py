@@ -22,6 +22,7 @@ EXTENSION = Extension(
             calibration="inertia",
         ),
         Experiment(name="drag", target=".drag.experiment:DragExperiment", calibration="drag"),
+        Experiment(name="drag_optimal", target=".drag.optimal:OptimalDrag", calibration="drag"),
         Experiment(
             name="vibration",
             target=".vibration.experiment:VibrationExperiment",

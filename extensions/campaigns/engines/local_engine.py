@@ -20,6 +20,8 @@ STARTS = 10
 """Deaths of a worker at its start, one after the other, after which the run is ended."""
 LOOK = 1.0
 """s between two looks at tasks that last too long."""
+NICE = 10
+"""Niceness of workers: a page, and a flight, on the same computer go first."""
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -28,6 +30,7 @@ def _begin(parent: int) -> None:
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     die_with_parent(parent)
+    os.nice(NICE)
 
 
 def _warm_up(needs_stack: bool) -> None:

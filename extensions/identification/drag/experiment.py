@@ -6,6 +6,7 @@ wrong mass or weak motors do not look like drag, and a steady wind is a constant
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
@@ -13,7 +14,6 @@ from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, fly_laps, landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
 from extensions.identification.drag.evaluation import RAMP, read_drag
-from quadrotor.parameter_description import ParameterValue
 from quadrotor.parameters import Parameters, parameter
 
 STEPS = 3
@@ -32,14 +32,45 @@ class DragOptions(Parameters):
     """of the circle"""
 
 
-class DragExperiment(CalibrationFlight):
-    """Take-off, circles, landing; the coefficient from every tick."""
+@dataclass(frozen=True, slots=True)
+class Circles:
+    """Circles at one speed: radius (m), time of a lap (s), and number of laps, ramps included."""
+
+    radius: float
+    period: float
+    laps: int
+
+
+class CircledFlight(CalibrationFlight):
+    """The common part: take-off, circles, landing; the coefficient from every tick."""
+
+    def fly_circles(self, client: Client, circles: Circles, height: float) -> None:
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
+        wait_ready(client)
+        client.confirm(CLEAR)
+        client.tell(Progress("Keep clear: it takes off on its own", 1, STEPS))
+        arm(client)
+        with landing_afterwards(client, STEPS):
+            take_off(client, height)
+            client.wait(2.0)
+            client.tell(Progress("It flies circles: keep clear", 2, STEPS))
+            patience = circles.laps * circles.period + 20.0
+            how = {"trajectory": "circle", "ramp": RAMP, **asdict(circles)}
+            fly_laps(client, "the circles", patience, **how)
+
+    def found(self, log: Path) -> CalibrationResult:
+        """Return the drag found in the log."""
+        return read_drag(log, self._vehicle)
+
+
+class DragExperiment(CircledFlight):
+    """Circles as the options say."""
 
     name = "drag"
 
     def __init__(self, vehicle: str = "quad1") -> None:
-        self.parameters = DragOptions()
         super().__init__(vehicle)
+        self.parameters = DragOptions()
 
     @property
     def planned(self) -> float:
@@ -50,22 +81,4 @@ class DragExperiment(CalibrationFlight):
     def fly(self, client: Client) -> None:
         """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
         p = self.parameters
-        wait_ready(client)
-        client.confirm(CLEAR)
-        client.tell(Progress("Keep clear: it takes off on its own", 1, STEPS))
-        arm(client)
-        with landing_afterwards(client, STEPS):
-            take_off(client, p.height)
-            client.wait(2.0)
-            client.tell(Progress("It flies circles: keep clear", 2, STEPS))
-            circles: dict[str, ParameterValue] = {
-                "trajectory": "circle",
-                "radius": p.radius,
-                "period": p.period,
-                "laps": p.laps,
-            }
-            fly_laps(client, "the circles", p.laps * p.period + 20.0, ramp=RAMP, **circles)
-
-    def found(self, log: Path) -> CalibrationResult:
-        """Return the drag found in the log."""
-        return read_drag(log, self._vehicle)
+        self.fly_circles(client, Circles(p.radius, p.period, p.laps), p.height)

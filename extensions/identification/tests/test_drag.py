@@ -7,6 +7,7 @@ import pytest
 
 from console.evaluation.log_columns import FlownParameters
 from extensions.identification.drag.evaluation import PIECES, RAMP, estimate_drag
+from extensions.identification.drag.optimal import quickest
 from quadrotor.errors import MeasurementError
 from quadrotor.vehicle_model import GRAVITY
 from tests.support.arrays import Array
@@ -71,3 +72,20 @@ def test_what_shows_nothing_is_refused() -> None:
         estimate_drag(*slow, RAMP, PARAMETERS)
     with pytest.raises(MeasurementError, match="outside what the model accepts"):
         estimate_drag(*circled(-0.2, MASS), RAMP, PARAMETERS).record()
+
+
+def test_the_quickest_circles_are_bounded_by_room_acceleration_tilt_and_speed() -> None:
+    limits = {
+        "behavior.trajectory_acceleration_max": 4.0,
+        "behavior.trajectory_tilt_max": 35.0,
+        "behavior.trajectory_speed_max": 3.0,
+    }
+    within = quickest(0.9, 20.0, limits.__getitem__)
+    assert (within.radius, within.laps) == (0.9, 7)  # 7 laps of 3.33 s, less a ramp
+    assert within.period == pytest.approx(2.0 * np.pi * np.sqrt(0.9 / (0.8 * 4.0)))
+    quick = quickest(3.0, 20.0, limits.__getitem__)  # its speed is the bound
+    assert quick.radius == pytest.approx(2.4**2 / 3.2)
+    assert quick.period == pytest.approx(2.0 * np.pi * 2.4 / 3.2)
+    level = quickest(0.9, 20.0, (limits | {"behavior.trajectory_tilt_max": 10.0}).__getitem__)
+    tilt = np.tan(np.radians(0.8 * 10.0))
+    assert level.period == pytest.approx(2.0 * np.pi * np.sqrt(0.9 / (GRAVITY * tilt)), rel=0.01)

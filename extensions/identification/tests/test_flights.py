@@ -21,26 +21,32 @@ from tests.support.laboratory import laboratory
 
 def test_they_are_listed_after_those_of_the_paper() -> None:
     names = list(experiments())
-    mine = ["drag", "vibration", "tracker_delay", "tracker_body"]
+    mine = ["drag", "drag_optimal", "vibration", "tracker_delay", "tracker_body"]
     assert [name for name in names if name in mine] == mine
     assert names.index("inertia") < names.index("drag")
 
 
 # ---------------------------------------------------------------- drag
-def test_drag_is_found_on_circles_and_proposed_for_the_model(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "options", "speed"),
+    [("drag", {"experiment__laps": 3}, 1.0), ("drag_optimal", {"experiment__seconds": 6.0}, 1.7)],
+)
+def test_drag_is_found_on_circles_and_proposed_for_the_model(
+    name: str, options: dict[str, float], speed: float, tmp_path: Path
+) -> None:
     log = tmp_path / "drag.mcap"
-    settings = {
+    settings = options | {
         "simulator__rotor_drag_x": 0.2,
         "simulator__rotor_drag_y": 0.2,
         "simulator__drag_lever": 0.03,
-        "experiment__laps": 3,
     }
-    with laboratory("drag", log, **settings) as (experiment, flight):
+    with laboratory(name, log, **settings) as (experiment, flight):
         experiment.fly(flight)
         assert flight.view().mode == "ready"
     result = experiment.evaluate(log)
     assert result.verdict == "passed"
     assert result.metrics["drag_N_s_m"] == pytest.approx(0.2, abs=0.01)
+    assert result.metrics["speed_rms_m_s"] == pytest.approx(speed, rel=0.15)
     assert experiment.proposal(log).values == {
         "model.drag": pytest.approx(0.2, abs=0.01),
         "model.drag_lever": pytest.approx(0.03, abs=0.005),

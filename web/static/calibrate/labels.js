@@ -35,6 +35,11 @@ export const CALIBRATIONS = {
     gives: "the drag of the whole vehicle and the height at which it acts, from a flight",
     needs: "free room to fly circles, in still air",
   },
+  drag_optimal: {
+    label: "Quick drag",
+    gives: "drag and height, from the quickest circles within the vehicle's limits",
+    needs: "free room to fly fast circles",
+  },
   vibration: {
     label: "Vibration",
     gives: "the noise of accelerometer and gyroscope, at rest and in hover, for the error-state filter",
