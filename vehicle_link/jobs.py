@@ -132,8 +132,12 @@ class Job(Generic[T]):
         """Ask the process to end, by SIGTERM."""
         self._process.terminate()
 
-    def stop(self) -> None:
-        """Kill the process, and wait for its end."""
+    def stop(self, patience: float = 0.0) -> None:
+        """End the process by SIGKILL; with `patience` (s), by SIGTERM before."""
+        if patience:
+            self.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(patience)
         self.abandon()
         self._process.wait()
 
@@ -147,17 +151,19 @@ class Job(Generic[T]):
             if not data:
                 self._selector.unregister(stream)
                 stream.close()
-                return
             take(data)
 
     def _lines(self, data: bytes) -> None:
         *lines, self._partial = (self._partial + data).split(b"\n")
         for line in lines:
-            answer = _answer_of(line)
-            if self._report is not None and "report" in answer:
-                self._report(answer["report"])
-            else:
-                self._answer = answer or self._answer
+            answer: object = None
+            with suppress(ValueError, RecursionError):  # the function wrote past its own output
+                answer = json.loads(line)
+            match answer:
+                case {"report": value} if self._report is not None:
+                    self._report(value)
+                case dict():
+                    self._answer = answer
 
     def _keep_stderr(self, data: bytes) -> None:
         self._stderr = (self._stderr + data)[-STDERR_KEPT:]
@@ -169,14 +175,6 @@ class Job(Generic[T]):
             self._ended = -1
             for stream in (self._process.stdout, self._process.stderr):
                 cast(IO[bytes], stream).close()
-
-
-def _answer_of(line: bytes) -> dict[str, object]:
-    """Return what a line says; nothing if the function itself wrote it, past its own output."""
-    with suppress(ValueError, RecursionError):
-        if isinstance(answer := json.loads(line), dict):
-            return answer
-    return {}
 
 
 def run(
@@ -230,10 +228,9 @@ def main(parent: int, niceness: int) -> None:
         print(json.dumps({kind: value}, default=dataclasses.asdict), file=answers, flush=True)
 
     function, arguments, reports = pickle.load(sys.stdin.buffer)
-    if reports:
-        arguments = (*arguments, lambda value: send("report", value))
+    reporter = [lambda value: send("report", value)] * reports
     try:
-        send("result", function(*arguments))
+        send("result", function(*arguments, *reporter))
     except errors.QuadlabError as error:
         known = next(one for one in type(error).__mro__ if one.__module__ == errors.__name__)
         send("error", (known.__name__, " ".join(str(error).split())))

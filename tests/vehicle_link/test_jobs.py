@@ -125,7 +125,8 @@ def test_a_job_has_its_time_and_can_be_ended(tmp_path: Path) -> None:
 
 def test_a_job_that_is_asked_to_end_does(tmp_path: Path) -> None:
     job = Job(wait, str(tmp_path / "pid"))
-    job.terminate()
+    job.stop(BOUND)
+    assert job.poll()
     with pytest.raises(JobError, match="SIGTERM"):
         job.result()
 

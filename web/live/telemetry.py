@@ -129,9 +129,8 @@ class _Page:
 
     def __init__(self, wanted: Subscription, slowness: int = 1) -> None:
         self.wanted, self.slowness, self.quick = wanted, slowness, 0
-        self.is_behind, self.left = True, AT_ONCE
+        self.origin, self.is_behind, self.left = wanted.origin, True, AT_ONCE
         self.topics = topics_of(wanted.names) if wanted.ages else []
-        self.origin = wanted.origin
         self.after = [-math.inf if one.after is None else one.after for one in wanted.series]
 
     def sent(self, seconds: float) -> None:
@@ -184,8 +183,8 @@ class TelemetryFeed:
         for name in (name for page in self._pages.values() for name in page.wanted.names):
             self._asked.pop(name, None)  # the newest last
             self._asked[name] = now
-        kept = list(self._asked.items())[-MOST_KEPT:]
-        self._asked = {name: at for name, at in kept if now - at <= KEPT}
+        newest = [*self._asked.items()][-MOST_KEPT:]
+        self._asked = {name: at for name, at in newest if now - at <= KEPT}
         self._made.clear()
         self._parts.clear()
         self._log.take()
