@@ -53,7 +53,7 @@ FOLDERS = {
         "network_localisation",
         "formation_faults",
     ),
-    "explanation": ("explanations", "diagnosis", "fault_verdicts"),
+    "explanation": ("explanations", "diagnosis", "fault_verdicts", "healthy"),
     "firmware": ("firmware",),
     "flights": (
         "board_flights",
@@ -122,6 +122,7 @@ OWN_OPTIONS = {
         "fuzz_imports",
         "fault_verdicts",
         "firmware",
+        "healthy",
         "hostile_bytes",
         "hostile_doors",
         "hostile_plugins",
@@ -132,6 +133,7 @@ OWN_OPTIONS = {
     "only": ("failures", "hostile_plugins"),
     "flights": (
         "fault_verdicts",
+        "healthy",
         "hostile_flights",
         "hostile_plugins",
         "law_rescues",

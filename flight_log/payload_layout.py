@@ -117,10 +117,10 @@ class SchemaLayouts:
             raise LogFormatError(f"the description of {schema.name} cannot be read") from error
         self._types: Types = {**typestore().fielddefs, **self._found}
         try:
-            self._check(self._name)
+            self._check(self._name, set())
         except KeyError as error:
             raise LogFormatError(
-                f"{schema.name} is made of {error}, which the log does not describe"
+                f"{schema.name} is made of {error!s:.80}, which the log does not describe"
             ) from error
         except RecursionError as error:
             raise LogFormatError(f"{schema.name} is made of itself; no message can be") from error
@@ -135,14 +135,15 @@ class SchemaLayouts:
             if name in ours and list(fields) != list(ours[name][1])
         ]
 
-    def _check(self, name: str) -> None:
+    def _check(self, name: str, sound: set[str]) -> None:
         """Raise KeyError where a message contains a type that is not described, RecursionError
-        where it contains itself.
+        where it contains itself; `sound` has the types that were checked, and gets this one.
         """
         for _, (kind, details) in self._types[name][1]:
             inner = details[0] if kind == Nodetype.ARRAY else (kind, details)
-            if inner[0] == Nodetype.NAME:
-                self._check(str(inner[1]))
+            if inner[0] == Nodetype.NAME and inner[1] not in sound:
+                self._check(str(inner[1]), sound)
+        sound.add(name)
 
     def of(self, payload: bytes) -> PayloadLayout:
         """Return the layout of a payload. Raises LogFormatError when it is no such message."""
@@ -241,8 +242,7 @@ class _Walk:
 
     def _text(self) -> tuple[int, int]:
         self._count_part()
-        length = self._length()
-        offset = self._at
+        length, offset = self._length(), self._at  # behind the length
         self._at += length
         if self._at > len(self._payload):
             raise LogFormatError(f"{len(self._payload)} bytes are too few for its texts")

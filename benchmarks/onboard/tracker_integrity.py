@@ -37,7 +37,7 @@ from estimation.tracker_integrity.comparison import compare_pose
 from estimation.tracker_integrity.evidence import ALARM, strongest
 from estimation.tracker_integrity.felt import note_sample
 from estimation.tracker_integrity.memory import INTEGRITY_MEMORY, new_integrity
-from estimation.tracker_integrity.slopes import errors_of
+from estimation.tracker_integrity.slopes import errors
 from extensions.batches.noise import normals, seeded
 from extensions.batches.onboard import ONBOARD, SETTINGS, new_onboard, new_settings
 from quadrotor.compiled import compiled
@@ -181,12 +181,13 @@ def _receive(
 
 
 @compiled(inner=True)
-def _watch(f: Any, m: Any, t: float) -> None:
+def _watch(f: Any, memory: Record, t: float) -> None:
     """Note evidence, alarm and what is told, t (s) into the flight."""
-    found = errors_of(m)
+    found, m = errors(memory), memory[0]
     for i in range(3):
-        f.error[i] = max(f.error[i], abs(found[i]))
-        if abs(found[i]) > f.bound[i] and not f.told[i] >= 0.0:
+        size = abs(found[i]) if i != SCALE or found[3] > 1.0 else 0.0
+        f.error[i] = max(f.error[i], size)
+        if size > f.bound[i] and not f.told[i] >= 0.0:
             f.told[i] = t
     f.overruled[0], f.overruled[1] = m.overruled[0], m.overruled[1]
     for i in range(4):
@@ -248,7 +249,7 @@ def fly(
         lean = 2.0 * (p.x[7] * p.x[7] + p.x[8] * p.x[8])
         f.tilt = max(f.tilt, math.acos(max(-1.0, 1.0 - lean)))
         f.flown = t
-        _watch(f, memory[0], t)
+        _watch(f, memory, t)
         lies = t - 1e-9 * f.tracker.lies_ns
         noticed = f.alarm if f.awaits < 0 else f.told[f.awaits]
         if f.stops == 1 and (noticed >= 0.0 or lies > GIVEN_UP):

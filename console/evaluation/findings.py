@@ -107,11 +107,11 @@ def within(time: Array, spans: Spans) -> npt.NDArray[np.bool_]:
     return found
 
 
-def flagged(topics: Topics, flag: str) -> Spans:
-    """Return when a flag of the vehicle's status was set."""
+def flagged(topics: Topics, flag: str, field: str = "flags") -> Spans:
+    """Return when a flag of the vehicle's status was set, or another text of it was this one."""
     if "status" not in topics:
         return []
-    changes = topics["status"].changes("flags")
+    changes = topics["status"].changes(field)
     ends = [time for time, _ in changes[1:]] + [float(topics["status"].time[-1])]
     found: Spans = []
     for (start, text), end in zip(changes, ends, strict=False):

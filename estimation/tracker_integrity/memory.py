@@ -95,7 +95,7 @@ INTEGRITY_MEMORY = np.dtype(
         ("overruled", "i8", 2),  # number of alarms by turns and by displacements dismissed
         ("fitted", "f8"),  # s, for which the slopes were fitted
         ("late", "f8", 2),  # rad², means of (g - t)·rate, in s, and of |rate|², in 1/s²
-        ("size", "f8", 2),  # m², means of |t|² and of t·g
+        ("size", "f8", 2),  # m² s, by how much positions are too large, and t·g, both summed up
         ("size_offset_h", "f8", 3),  # m, mean of g - t along the heading, for these
     ],
     align=True,

@@ -44,16 +44,16 @@ TILT = 70.0
 
 
 def off_reference(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find where the vehicle was far from its reference."""
+    """Find where the vehicle was far from its reference, other than by a step or doublet."""
     if not has(topics, "state", *POSITION) or not has(topics, "reference", *REFERENCE):
         return
     state, wanted = topics["state"], topics["reference"]
     distance = distances(state, POSITION, wanted, REFERENCE)
-    inside = within(state.time, spans) & (distance > OFF_REFERENCE)
+    excited = [(start, end + SETTLING) for start, end in flagged(topics, "excite", "behavior")]
+    inside = within(state.time, spans) & ~within(state.time, excited) & (distance > OFF_REFERENCE)
     if not inside.any():
         return
-    most = float(distance[inside].max())
-    times = state.time[inside]
+    most, times = float(distance[inside].max()), state.time[inside]
     yield Finding(
         "off_reference",
         most / OFF_REFERENCE,

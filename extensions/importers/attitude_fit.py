@@ -12,6 +12,7 @@ from estimation.calibration.motion import Turn, angular_velocity, best_turn, int
 from extensions.importers.frames import axes, bodies
 from extensions.importers.mapping import ORDERS
 from extensions.importers.raw import RawTrack, ordered
+from extensions.importers.rows import usual_step
 from extensions.importers.trajectory import away_from_gaps
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import matrices_of
@@ -119,8 +120,9 @@ def _fit(
 ) -> Fit:
     assert raw.quaternion is not None
     mine, theirs = grids
-    at = raw.seconds + offset
-    attitude = ordered(raw.quaternion, order, way)
+    each = max(1, int((theirs[1] - theirs[0]) / max(usual_step(raw.seconds), 1e-6)))
+    at = raw.seconds[::each] + offset
+    attitude = ordered(raw.quaternion[::each], order, way)
     rate = on_grid(theirs, at, angular_velocity(at, attitude))
     moved = lag(gyro, rate)
     inside = (mine >= theirs[0] + moved) & (mine <= theirs[-1] + moved)

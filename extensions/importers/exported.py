@@ -16,6 +16,9 @@ import numpy as np
 import numpy.typing as npt
 from rosbags.interfaces import Nodetype
 
+from extensions.importers.readers.mat import loaded
+from extensions.importers.readers.progress import bounded_time
+from extensions.importers.readers.tables import foreign_reader
 from flight_log.payload_columns import schema_of
 from flight_log.payload_layout import HEADER_STAMP, MAX_ITEMS, SchemaLayouts
 from flight_log.writer import Batch, LogWriter
@@ -56,7 +59,7 @@ def read_exported(path: Path) -> tuple[list[TopicTable], list[str]]:
     Raises LogFormatError or StorageError.
     """
     found, notes = [], []
-    with os_errors(lambda why: f"cannot read {path}: {why}"):
+    with bounded_time([path]), os_errors(lambda why: f"cannot read {path}: {why}"):
         for one in _of_mat(path) if path.is_file() else map(_of_file, _tables_in(path)):
             if stored_name(one.type_name or "/") not in typestore().types:
                 notes.append(f"{one.topic} is left out: the type of its messages is not known")
@@ -123,22 +126,18 @@ def _type_of(topic: str) -> str:
 
 def _of_file(path: Path) -> TopicTable:
     """Read a table. Raises LogFormatError."""
-    import pyarrow as pa
     from pyarrow import csv, parquet
 
     told: Mapping[bytes, bytes] = {}
-    try:
-        with path.open("rb") as file:
-            if path.suffix == ".parquet":
-                table = parquet.read_table(file)
-                told = table.schema.metadata or {}
-            else:
-                options = csv.ConvertOptions(column_types=_kinds_of(path))
-                table = csv.read_csv(file, convert_options=options)
-                names = [re.sub(r" \[[^\]]*\]$", "", one) for one in table.column_names]
-                table = table.rename_columns(names)
-    except (pa.ArrowException, UnicodeDecodeError) as error:
-        raise LogFormatError(f"{path.name} cannot be read: {error!s:.120}") from error
+    with foreign_reader(path, "table"), path.open("rb") as file:
+        if path.suffix == ".parquet":
+            table = parquet.read_table(file)
+            told = table.schema.metadata or {}
+        else:
+            options = csv.ConvertOptions(column_types=_kinds_of(path))
+            table = csv.read_csv(file, convert_options=options)
+            names = [re.sub(r" \[[^\]]*\]$", "", one) for one in table.column_names]
+            table = table.rename_columns(names)
     columns = {one: table[one].to_numpy() for one in table.column_names}
     type_name = told.get(TYPE, b"").decode() or _type_of(path.stem)
     return TopicTable(path.stem, type_name, columns, json.loads(told.get(RUN, b"{}")))
@@ -176,13 +175,8 @@ def _is_text(type_name: str, path: str) -> bool:
 
 def _of_mat(path: Path) -> Iterator[TopicTable]:
     """Yield the topics of a .mat file. Raises LogFormatError."""
-    from scipy.io import loadmat
-
-    try:
-        read = {k: one for k, one in loadmat(path).items() if isinstance(one, np.ndarray)}
-    except Exception as error:  # of the reader, of compression
-        raise LogFormatError(f"{path.name} cannot be read: {error!s:.120}") from error
-    content = {name: one for name, one in read.items() if one.dtype.names}
+    every = loaded(path).items()
+    content = {k: one for k, one in every if isinstance(one, np.ndarray) and one.dtype.names}
     run = _of_struct(content.pop("run")) if "run" in content else {}
     for topic, found in content.items():
         fields = _of_struct(found)

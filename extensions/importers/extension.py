@@ -15,38 +15,24 @@ EXTENSION = Extension(
             examples={"quadlab log import FLIGHT.ulg": "import a flight that PX4 recorded"},
         ),
         Importer(
-            name="hdf5",
-            starts=(b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),
-            target=".readers.tables:Hdf5Table.opened",
+            name="hdf5", starts=(b"\x89HDF", b"MATLAB 7.3"), target=".readers.tables:Hdf5Table"
         ),
-        Importer(name="parquet", starts=(b"PAR1",), target=".readers.parquet:ParquetTable.opened"),
-        Importer(
-            name="mat", starts=(b"MATLAB 5.0 MAT-file",), target=".readers.mat:MatTable.opened"
-        ),
-        Importer(name="npy", starts=(b"\x93NUMPY",), target=".readers.tables:NumpyTable.opened"),
-        Importer(
-            name="ulog", starts=(b"ULog\x01\x12\x35",), target=".readers.ulog:UlogTables.opened"
-        ),
-        Importer(
-            name="crazyflie", starts=(b"\xbc",), target=".readers.crazyflie:CrazyflieTables.opened"
-        ),
-        Importer(
-            name="mcap", starts=(b"\x89MCAP0\r\n",), target=".readers.mcap_tables:McapTables.opened"
-        ),
+        Importer(name="parquet", starts=(b"PAR1",), target=".readers.parquet:ParquetTable"),
+        Importer(name="mat", starts=(b"MATLAB 5.0 MAT-file",), target=".readers.mat:MatTable"),
+        Importer(name="npy", starts=(b"\x93NUMPY",), target=".readers.tables:NumpyTable"),
+        Importer(name="ulog", starts=(b"ULog\x01\x12\x35",), target=".readers.ulog:UlogTables"),
+        Importer(name="crazyflie", starts=(b"\xbc",), target=".readers.crazyflie:CrazyflieTables"),
+        Importer(name="mcap", starts=(b"\x89MCAP0\r\n",), target=".readers.mcap_tables:McapTables"),
         Importer(
             name="blackbox",
             starts=(b"H Product:Blackbox flight data recorder by Nicholas Sherlock",),
-            target=".readers.blackbox:BlackboxTables.opened",
+            target=".readers.blackbox:BlackboxTables",
         ),
         Importer(
-            name="dataflash",
-            starts=(b"\xa3\x95",),
-            target=".readers.dataflash:DataFlashTables.opened",
+            name="dataflash", starts=(b"\xa3\x95",), target=".readers.dataflash:DataFlashTables"
         ),
         Importer(
-            name="rosbag",
-            starts=(b"#ROSBAG V2", b"SQLite format 3\0"),
-            target=".readers.ros_bags:BagTables.opened",
+            name="rosbag", starts=(b"#ROSBAG V2", b"SQLite f"), target=".readers.ros_bags:BagTables"
         ),
     ),
     judged=(

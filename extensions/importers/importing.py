@@ -16,7 +16,7 @@ from extensions.importers.flight import ImportedFlight
 from extensions.importers.mapping import Mapping, load_mapping, names
 from extensions.importers.raw import read_raw
 from extensions.importers.readers.formats import format_of
-from extensions.importers.readers.progress import told
+from extensions.importers.readers.progress import bounded_time, told
 from extensions.importers.run_writer import write_run
 from extensions.importers.working_folder import working_folder
 from flight_log.run_folder import STATION
@@ -66,7 +66,7 @@ def read_flight(
         found = _with_truth(found, truth, chosen)
     if flight is not None:
         found, flight = _of_flight(path, found, flight)
-    with told(lambda share: progress(READ * share)):
+    with told(lambda share: progress(READ * share)), bounded_time([path, *more]):
         raw = read_raw([path, *more], found, torn=torn, flight=flight)
     progress(READ)
     vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
@@ -88,7 +88,8 @@ def flights_of(
 ) -> int:
     """Return how many flights a file has. Raises as `read_flight`."""
     _, found, _ = _chosen(path, mapping, (), table, stamps)
-    with told(progress), Files([path], found, torn=True, flight=1) as files:
+    reading = Files([path], found, torn=True, flight=1)
+    with told(progress), bounded_time([path]), reading as files:
         if tables := files.source(found.imu).flights:
             return len(tables)
         files.read(found.imu, "imu", {"specific_force": (found.imu.specific_force, 3)})

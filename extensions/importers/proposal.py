@@ -15,6 +15,7 @@ import numpy as np
 from extensions.importers.checks import LARGEST_RATE
 from extensions.importers.proposed_tables import Table, find, force_unit, read_table, values_of
 from extensions.importers.readers.formats import format_of, source_of
+from extensions.importers.readers.progress import bounded_time
 from extensions.importers.units import RATE_UNITS, unit_of
 from quadrotor.errors import LogFormatError, UsageError, os_errors
 
@@ -34,7 +35,7 @@ def propose(path: Path, target: Path) -> list[str]:
     format_of(path)
     with source_of(path, ()) as source:
         names = source.tables()
-    with source_of(path, names) as source:
+    with bounded_time([path]), source_of(path, names) as source:
         tables = [one for name in names if (one := read_table(source, name)) is not None]
     for one in tables:
         find(one)

@@ -183,8 +183,8 @@ def _unit(quaternions: Array, section: str) -> Array:
             f"[{section}] quaternion has the length {length[k, 0]:.3g} in row {k + 1}; "
             "unit quaternions are needed: are these the right columns?"
         )
-    unit: Array = quaternions / length
-    return unit
+    quaternions /= length  # in the table of the file, which is large
+    return quaternions
 
 
 def ordered(quaternion: Array, order: str, maps: str) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 from estimation.calibration import motion
 from estimation.calibration.attitude_fit import AttitudeFit, fit_attitudes
 from estimation.calibration.motion import (
-    angular_velocity,
     best_turn,
     common_grid,
     interpolated,
@@ -22,9 +21,9 @@ from extensions.importers.attitude_fit import FITS, GRAVITY, angle_between, fit_
 from extensions.importers.flight import Track
 from extensions.importers.frames import axes, quaternion_of
 from extensions.importers.raw import RawTrack, ordered
-from extensions.importers.rows import nanoseconds, turn
+from extensions.importers.rows import blocks, nanoseconds, turn
 from extensions.importers.track_clock import SURE, TrackClock
-from extensions.importers.trajectory import averaged, away_from_gaps, derivative
+from extensions.importers.trajectory import averaged, away_from_gaps, derivative, rates_of
 from extensions.importers.units import LENGTH_UNITS, RATE_UNITS
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.plain_rotations import matrices_of, product_of
@@ -104,21 +103,26 @@ class Checked:
             velocity = raw.velocity
             turn(velocity, self._unit * self._world)
         states = {"position_w": raw.position, "velocity_w": velocity}
-        if raw.quaternion is None:
+        attitude_known = raw.quaternion is not None
+        if not attitude_known:
             states["quaternion_wb"] = np.broadcast_to(math.nan, (count, 4))
             states["angular_velocity_b"] = np.broadcast_to(math.nan, (count, 3))
         else:
-            turned = product_of(quaternion_of(self._world), self._attitudes())
-            states["quaternion_wb"] = turned
-            states["angular_velocity_b"] = angular_velocity(raw.seconds, turned)
+            turned = states["quaternion_wb"] = self._attitudes(slice(None))
+            raw.quaternion = None
+            for some in blocks(turned):
+                turned[some] = product_of(quaternion_of(self._world), turned[some])
+            states["angular_velocity_b"] = rates_of(raw.seconds, turned)
         stamps = nanoseconds(self._clock.at, base_ns)
-        return Track(raw.name, stamps, states, raw.quaternion is not None)
+        return Track(raw.name, stamps, states, attitude_known)
 
-    def _attitudes(self) -> Array:
+    def _attitudes(self, rows: slice) -> Array:
         """Return the attitudes (N, 4) of the body FLU in the file's world."""
         assert self.raw.quaternion is not None
-        found = ordered(self.raw.quaternion, *self._order)
-        return product_of(found, quaternion_of(self._body.T))
+        found = ordered(self.raw.quaternion[rows], *self._order)
+        for some in blocks(found):
+            found[some] = product_of(found[some], quaternion_of(self._body.T))
+        return found
 
     def _fit_attitude(self) -> None:
         """Determine order, clock and body from the rotation."""
@@ -156,9 +160,10 @@ class Checked:
         too short for that.
         """
         some = slice(None, None, len(self.raw.seconds) // MOST_POSES + 1)
-        stated = self._attitudes()[some]
+        stated = self._attitudes(some)
         scale = next((1.0 / k for k in RATE_UNITS.values() if 0.75 < turn.scale * k < 1.33), None)
-        times, rate = averaged(self._seconds, self._turning / (scale or turn.scale))
+        times, rate = averaged(self._seconds, self._turning)
+        rate /= scale or turn.scale
         try:
             return fit_attitudes(times, rate, self._clock.at[some], stated, -lag, np.eye(3))
         except MeasurementError as error:

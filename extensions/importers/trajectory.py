@@ -7,11 +7,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from estimation.calibration.motion import best_turn, interpolated
+from estimation.calibration.motion import angular_velocity, best_turn, interpolated
 from estimation.calibration.segmented_fit import solve_segments
 from extensions.importers.flight import Track
 from extensions.importers.flights import FEWEST
 from extensions.importers.frames import quaternion_of
+from extensions.importers.rows import blocks
 from extensions.importers.track_clock import SURE
 from quadrotor.plain_rotations import product_of
 from quadrotor.records import Array, Record, Stamps
@@ -70,6 +71,16 @@ def derivative(seconds: Array, values: Array) -> Array:
         even = np.pad(even, half, mode="reflect", reflect_type="odd")
         slopes = np.convolve(even, weights[::-1], mode="valid")
         found[:, k] = np.interp(seconds, grid, slopes)
+    return found
+
+
+def rates_of(seconds: Array, quaternions: Array) -> Array:
+    """Return the angular velocity (rad/s, body axes) of attitudes, (N, 3), some at a time."""
+    found = np.empty((len(seconds), 3))
+    for some in blocks(found):
+        near = slice(max(some.start - 1, 0), some.stop + 1)
+        rates = angular_velocity(seconds[near], quaternions[near])
+        found[some] = rates[some.start - near.start :][: some.stop - some.start]
     return found
 
 

@@ -66,7 +66,7 @@ class GeometricL1Parameters(Parameters):
 class IndiParameters(Parameters):
     """The filters of the incremental law; gains are those of `control.attitude`."""
 
-    cutoff: float = parameter(50.0, unit="rad/s", ge=5.0, le=200.0, step=1.0, flight_step=20.0)
+    cutoff: float = parameter(140.0, unit="rad/s", ge=5.0, le=200.0, step=1.0, flight_step=20.0)
     """of the second-order low pass of angular velocity and actuators alike"""
     damping: float = parameter(0.7, ge=0.4, le=1.5, step=0.05)
     """its damping ratio"""
@@ -78,7 +78,7 @@ class FlatnessIndiParameters(IndiParameters):
     """The filters of both incremental loops."""
 
     force_cutoff: float = parameter(
-        20.0, unit="rad/s", ge=2.0, le=100.0, step=1.0, flight_step=10.0
+        55.0, unit="rad/s", ge=2.0, le=100.0, step=1.0, flight_step=10.0
     )
     """of the second-order low pass of acceleration and thrust alike"""
 

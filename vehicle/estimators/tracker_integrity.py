@@ -196,23 +196,18 @@ class TrackerIntegrity:
         """Report errors that the vehicle can fly with."""
         if evidence > DOUBTED or self.contradiction or self.suspicion:
             return  # they may be those of a lie
-        p, (tilt, late, size) = self._parameters, self._errors(self._memory)
+        p, (tilt, late, size, sure) = self._parameters, self._errors(self._memory)
         tilt, size = math.degrees(tilt), 100.0 * size
         line = f"the vertical of the tracker is {tilt:.1f}° off that of the accelerometer"
         self._tell("vertical", tilt / p.tracker_tilt_told, f"{line}: {_VERTICAL}")
         self._flag()
-        self._tell(
-            "stamps",
-            abs(late) / p.tracker_stamps_told,
-            f"the tracker's stamps are {1e3 * abs(late):.0f} ms too "
-            f"{'late' if late > 0 else 'early'} by the gyroscope: run the experiment tracker_delay",
-        )
-        self._tell(
-            "scale",
-            abs(size) / p.tracker_scale_told,
-            f"the tracker's positions are {abs(size):.0f} % too {'large' if size > 0 else 'small'} "
-            "by the accelerometer: calibrate the tracker, or the accelerometer",
-        )
+        share, way = abs(late) / p.tracker_stamps_told, "late" if late > 0 else "early"
+        line = f"the tracker's stamps are {1e3 * abs(late):.0f} ms too {way} by the gyroscope"
+        self._tell("stamps", share, f"{line}: run the experiment tracker_delay")
+        share = min(abs(size) / p.tracker_scale_told, sure)
+        way = "large" if size > 0 else "small"
+        line = f"the tracker's positions are {abs(size):.0f} % too {way} by the accelerometer"
+        self._tell("scale", share, f"{line}: calibrate the tracker, or the accelerometer")
 
     def _tell(self, what: str, share: float, line: str) -> None:
         """Report an error, given as a share of its bound, once when it appears and once when it has

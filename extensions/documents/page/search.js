@@ -7,6 +7,8 @@ import { here, isThere } from "/static/core/vehicle_path.js";
 import { ranked } from "./ranking.js";
 
 const PAUSE = 150; // ms without typing before the runs are searched
+const PLACES = "[role=tab]:not([hidden]), nav .pages a, #head nav a";
+const BUTTONS = "#invite, :is(#primary, #behaviors, #recorder, #parameter-views) button";
 const EACH = 6; // most of a kind
 
 /** @typedef {{ kind: string, text: string, note?: string, words?: string, go: () => void }} Found */
@@ -144,17 +146,12 @@ class Search {
   /** @returns {Found[]} */
   all() {
     const { gains, description, charts } = this.parts;
-    const tabs = [...document.querySelectorAll("[role=tab]:not([hidden])")].map((one) => ({
+    const places = [...document.querySelectorAll(PLACES)].map((one) => ({
       kind: "Places",
       text: one.textContent ?? "",
       go: () => /** @type {HTMLElement} */ (one).click(),
     }));
-    const pages = [...document.querySelectorAll("nav .pages a, #head nav a")].map((one) => ({
-      kind: "Places",
-      text: one.textContent ?? "",
-      go: () => /** @type {HTMLElement} */ (one).click(),
-    }));
-    const buttons = [...document.querySelectorAll("#primary button, #behaviors button, #recorder button")]
+    const buttons = [...document.querySelectorAll(BUTTONS)]
       .filter((one) => one.textContent && !(/** @type {HTMLElement} */ (one).hidden))
       .map((one) => ({
         kind: "Buttons",
@@ -181,7 +178,7 @@ class Search {
       note: one.children[0]?.textContent ?? "",
       go: () => $("event-center").showPopover(),
     }));
-    return [...tabs, ...pages, ...buttons, ...parameters, ...signals, ...events];
+    return [...places, ...buttons, ...parameters, ...signals, ...events];
   }
 
   showButton(button) {

@@ -240,6 +240,15 @@ def test_a_fault_is_named_with_its_figure_and_nothing_below_its_limit(kind: str)
     assert 5.0 < found.start < found.end < END
 
 
+def test_a_step_or_doublet_that_moves_the_vehicle_away_is_nothing() -> None:
+    doublet = {"reference": {"position.y": during(500, 15.0, 17.0, 0.3)}}
+    behaviors = [(0.0, "hover"), (14.5, "excite"), (16.5, "brake")]
+    assert explained(doublet | {"status": {"flags": behaviors}}) == []
+    behaviors = [(0.0, "hover"), (20.0, "excite"), (22.0, "brake")]
+    [found] = explained(doublet | {"status": {"flags": behaviors}})
+    assert found.kind == "off_reference"
+
+
 def test_a_silent_tracker_is_named_and_stands_behind_the_link_that_was_lost() -> None:
     topics = flight()
     poses = topics["tracker_pose"]

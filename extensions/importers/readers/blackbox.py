@@ -39,11 +39,6 @@ FIRST_YEAR, LAST_YEAR = 2000, 2105
 class BlackboxTables(FileTables):
     """The logs of a file; of those that are not `wanted` only the length is known."""
 
-    @classmethod
-    def opened(cls, path: Path, wanted: Collection[str]) -> BlackboxTables:
-        """Open the file. Raises LogFormatError."""
-        return cls(path, wanted)
-
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Open the file. Raises LogFormatError."""
         super().__init__(path)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 from array import array
 from collections import defaultdict
+from collections.abc import Collection
 from mmap import ACCESS_READ, MADV_DONTNEED, mmap
 from pathlib import Path
 from zlib import crc32
@@ -32,7 +33,7 @@ TIME = "timestamp"
 class CrazyflieTables(FileTables):
     """The tables of the kinds of events that were written at least once."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, _: Collection[str] = ()) -> None:
         """Read the log. Raises LogFormatError."""
         super().__init__(path)
         with path.open("rb") as file:

@@ -11,8 +11,7 @@ from __future__ import annotations
 import re
 import struct
 from array import array
-from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-from extensions.importers.readers.tables import BoundedTables
+from extensions.importers.readers.tables import FileTables
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
@@ -41,6 +40,9 @@ TIME, OLD_TIME = "TimeUS", "TimeMS"
 GPS_EPOCH, LEAP, WEEK = 315_964_800, 18, 604_800  # s: 1980-01-06 since 1970; until UTC, since 2017
 LAST_WEEK = 6600  # 2106
 INFO = 20  # level of rcl_interfaces/Log
+PIECE = 1 << 22
+"""Bytes that are searched for messages at once."""
+Places = npt.NDArray[np.int64]
 
 
 class Kind(NamedTuple):
@@ -55,19 +57,19 @@ class Kind(NamedTuple):
 HEAD = Kind("FMT", 89, {}, np.dtype([]))
 
 
-class DataFlashTables(BoundedTables):
+class DataFlashTables(FileTables):
     """The messages `wanted` that the log has."""
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the log. Raises LogFormatError."""
-        super().__init__(path, wanted)
+        super().__init__(path)
         self.units = {TIME: "us", OLD_TIME: "ms"}
         data = path.read_bytes()
         names = {one.partition("#")[0] for one in wanted} | {"FMTU", "MSG", "GPS"}
         kinds, places, others = self._walk(data, names)
         raw = np.frombuffer(data, np.uint8)
         rows = {
-            number: sliding_window_view(raw, kinds[number].size)[np.frombuffer(found, np.int64)]
+            number: sliding_window_view(raw, kinds[number].size)[found]
             .view(kinds[number].layout)
             .reshape(-1)
             for number, found in places.items()
@@ -103,50 +105,45 @@ class DataFlashTables(BoundedTables):
 
     def _walk(
         self, data: bytes, names: Collection[str]
-    ) -> tuple[dict[int, Kind], dict[int, array[int]], list[str]]:
+    ) -> tuple[dict[int, Kind], dict[int, Places], list[str]]:
         """Return the kinds, the places of messages of these names, and the other names.
 
         Raises LogFormatError.
         """
         kinds = {**_described_later(data, self.path.name), FMT: HEAD}
-        sizes = {number: kind.size for number, kind in kinds.items()}
-        places: dict[int, array[int]] = defaultdict(lambda: array("q"))
-        seen: set[int] = set()
-        at, damages = 0, 0
-        while at + 3 <= len(data):
-            number = data[at + 2]
-            size = sizes.get(number, 0) if data[at : at + 2] == START else 0
-            if not size:
-                damages += CONTENT.search(data, at) is not None
-                at = _next(data, at + 1, sizes)
-                continue
-            if at + size > len(data):
-                self.torn = f"it ends within a message at byte {at}"
-                break
-            if number == FMT:
-                kind = _kind(data, at, self.path.name)
-                kinds[kind[0]], sizes[kind[0]] = kind[1], kind[1].size
-            elif kinds[number].name in names:
-                places[number].append(at)
-            else:
-                seen.add(number)
-            at += size
+        sizes = [kinds[number].size if number in kinds else 0 for number in range(256)]
+        raw, found, due, damages = np.frombuffer(data, np.uint8), array("q"), 0, 0
+        for at in _starts(raw):
+            for place, number in zip(at.tolist(), raw[at + 2].tolist(), strict=True):
+                if place < due or not sizes[number]:
+                    continue
+                damages += place > due and CONTENT.search(data, due, place) is not None
+                due = place + sizes[number]
+                if number == FMT and due <= len(data):
+                    described, kind = _kind(data, place, self.path.name)
+                    kinds[described], sizes[described] = kind, kind.size
+                found.append(place)
+        if due > len(data):
+            self.torn = f"it ends within a message at byte {found.pop()}"
+        damages += CONTENT.search(data, due, len(data) - 2) is not None
         if damages:
             self.notes.append(f"{self.path.name}: damaged in {damages} places, which are left out")
-        return kinds, places, [kinds[one].name for one in seen]
+        every = np.frombuffer(found, np.int64)
+        numbers = raw[every + 2]
+        seen = set(np.unique(numbers).tolist()) - {FMT}
+        places = {one: every[numbers == one] for one in seen if kinds[one].name in names}
+        return kinds, places, [kinds[one].name for one in sorted(seen - places.keys())]
+
+
+def _starts(raw: npt.NDArray[np.uint8]) -> Iterator[Places]:
+    """Yield where messages may begin, some at a time."""
+    for begin in range(0, len(raw) - 2, PIECE):
+        piece = raw[begin : begin + PIECE + 2]
+        yield begin + np.flatnonzero((piece[:-2] == START[0]) & (piece[1:-1] == START[1]))
 
 
 def _stem(table: str) -> str:
     return table.partition("#")[0]
-
-
-def _next(data: bytes, at: int, sizes: dict[int, int]) -> int:
-    """Return the place of the next message of a known kind, or the end."""
-    while (at := data.find(START, at)) >= 0:
-        if at + 2 < len(data) and data[at + 2] in sizes:
-            return at
-        at += 1
-    return len(data)
 
 
 def _kind(data: bytes, at: int, name: str) -> tuple[int, Kind]:

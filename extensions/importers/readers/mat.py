@@ -5,55 +5,64 @@ Files of version 7.3 are HDF5 and read as such.
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from extensions.importers.readers.tables import (
-    BoundedTables,
-    Column,
-    beyond_float,
-    check_size,
-    foreign_reader,
-)
-from quadrotor.errors import LogFormatError
-from quadrotor.records import Array
+from extensions.importers.readers.tables import WIDEST, Column, HeldColumns, foreign_reader
 
 DEEPEST = 8
-"""Largest number of structures within one another."""
+"""Largest number of structures within one another that are read."""
+DEEPEST_FILE = 100
+"""Largest number of matrices within one another: SciPy's compiled reader ends the process where
+there are some thousands.
+"""
+HEAD, MATRIX, PACKED = 128, 14, 15
 
 
-class MatTable(BoundedTables):
+class MatTable(HeldColumns):
     """A column for a vector, NAME[0], NAME[1], … for a matrix; a row vector is a column, too."""
 
-    def __init__(self, path: Path, wanted: Collection[str] = ()) -> None:
+    def __init__(self, path: Path, _: Collection[str] = ()) -> None:
         """Read the file. Raises LogFormatError."""
-        from scipy.io import loadmat
-
-        super().__init__(path, wanted)
-        self._columns: dict[str, Column] = {}
-        with foreign_reader(path, "MATLAB file"):
-            found = loadmat(path, struct_as_record=False, squeeze_me=False)
-        for name, values in _matrices(found, ""):
+        super().__init__(path)
+        for name, values in _matrices(loaded(path, struct_as_record=False), ""):
             if 1 in values.shape:
                 self._columns[name] = values.reshape(-1)
-            else:
+            elif values.shape[1] < WIDEST:
                 self._columns |= {f"{name}[{k}]": one for k, one in enumerate(values.T)}
 
-    def columns(self, table: str) -> list[str]:
-        return list(self._columns)
 
-    def read(self, table: str, names: list[str]) -> Array:
-        found = [self._columns[name] for name in names]
-        check_size(self.path, len(found[0]), len(found))
-        if len({len(one) for one in found}) > 1:
-            listed = ", ".join(f"{name} {len(self._columns[name])}" for name in names)
-            raise LogFormatError(f"{self.path.name}: columns of several lengths: {listed}")
-        return np.stack(found, axis=1, dtype=np.float64)
+def loaded(path: Path, *, struct_as_record: bool = True) -> dict[str, object]:
+    """Return what a file has, by name, as `scipy.io.loadmat`. Raises LogFormatError."""
+    from scipy.io import loadmat
 
-    def remainders(self, table: str, name: str) -> Array | None:
-        return beyond_float(self._columns[name])
+    with foreign_reader(path, "MATLAB file"):
+        _check_depth(path.read_bytes())
+        return dict(loadmat(path, struct_as_record=struct_as_record))
+
+
+def _check_depth(data: bytes, at: int = HEAD, order: str = "") -> None:
+    """Raise ValueError where a file has matrices within one another too often."""
+    order = order or ("<" if data[HEAD - 2 : HEAD] == b"IM" else ">")
+    ends: list[int] = []
+    while at + 8 <= len(data):
+        while ends and at >= ends[-1]:
+            ends.pop()
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        at += 8
+        if kind == MATRIX:
+            ends.append(at + size)
+            if len(ends) > DEEPEST_FILE:
+                raise ValueError("it is nested too deep")
+        elif kind == PACKED:
+            _check_depth(zlib.decompress(data[at : at + size]), 0, order)
+            at += size
+        elif kind >> 16 == 0:  # else its number is in the head
+            at += size + -size % 8
 
 
 def _matrices(

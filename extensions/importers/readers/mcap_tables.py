@@ -32,11 +32,6 @@ class McapTables(FileTables):
     Topics of other serialisations than ROS 2's are passed over.
     """
 
-    @classmethod
-    def opened(cls, path: Path, wanted: Collection[str]) -> McapTables:
-        """Read the file, in bounded memory. Raises LogFormatError or StorageError."""
-        return cls(path, wanted)
-
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the file. Raises LogFormatError or StorageError."""
         super().__init__(path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,9 +13,9 @@ from extensions.importers.readers.tables import (
     FileTables,
     beyond_float,
     check_size,
+    foreign_reader,
     seconds_of,
 )
-from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
 
 if TYPE_CHECKING:
@@ -28,19 +28,15 @@ DECIMALS = 9
 class ParquetTable(FileTables):
     """One table; times as integers of ns, rows without a number as NaN."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, _: Collection[str] = ()) -> None:
         """Open the file. Raises LogFormatError."""
-        from pyarrow import ArrowException, parquet
+        from pyarrow import parquet
 
         super().__init__(path)
-        try:
+        with foreign_reader(path, "Parquet file"):
             # A name that is no UTF-8 is not opened by Arrow.
             self._file = parquet.ParquetFile(path.open("rb"))
             found = list(_leaves(self._file.schema_arrow))
-        except (ArrowException, OSError) as error:
-            raise LogFormatError(
-                f"{path.name} is not a complete Parquet file: {error!s:.120}"
-            ) from None
         self._names = [name for name, _ in found]
         self.units = dict.fromkeys((name for name, is_time in found if is_time), "ns")
 
@@ -64,20 +60,18 @@ class ParquetTable(FileTables):
         column = self._arrow(name)
         if decimals := decimals_of(column):
             return decimals[0]
-        try:
+        with foreign_reader(self.path, "Parquet file"):
             if pa.types.is_timestamp(column.type):
                 column = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64())
             elif not pa.types.is_integer(column.type):
                 column = column.cast(pa.float64())
             return numbers_of(column)
-        except pa.ArrowException as error:
-            raise LogFormatError(f"{self.path.name}, {name}: {error!s:.120}") from None
 
     def _arrow(self, name: str) -> pyarrow.ChunkedArray:
         """Return a column as Arrow has it. Raises LogFormatError."""
         import pyarrow as pa
 
-        try:
+        with foreign_reader(self.path, "Parquet file"):
             table = self._file.read([name])
             while any(pa.types.is_struct(one.type) for one in table.schema):
                 table = table.flatten()
@@ -85,8 +79,6 @@ class ParquetTable(FileTables):
             if pa.types.is_dictionary(column.type):
                 column = pa.chunked_array([one.dictionary_decode() for one in column.chunks])
             return column
-        except (pa.ArrowException, OSError, KeyError) as error:
-            raise LogFormatError(f"{self.path.name}, {name}: {error!s:.120}") from None
 
 
 def numbers_of(column: pyarrow.ChunkedArray) -> Column:

@@ -15,7 +15,7 @@ from quadrotor.records import Array
 if TYPE_CHECKING:
     import pyarrow
 
-PIECE = 1 << 22
+PIECE = 1 << 20
 """Bytes that are parsed at once."""
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mcap.records import Schema
 
-from extensions.importers.readers.tables import BoundedTables, foreign_reader, narrow, seconds_of
+from extensions.importers.readers.tables import FileTables, foreign_reader, narrow, seconds_of
 from flight_log.payload_columns import PayloadColumns
 from flight_log.payload_layout import HEADER_STAMP, ROS1, SchemaLayouts
 from quadrotor.errors import LogFormatError
@@ -30,7 +30,7 @@ KIND = "SELECT type FROM sqlite_master WHERE name = 'messages'"
 """Asks for what holds the messages: a view may have rows without end."""
 
 
-class BagTables(BoundedTables):
+class BagTables(FileTables):
     """The topics `wanted` of a bag; stamps in s."""
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
@@ -38,7 +38,7 @@ class BagTables(BoundedTables):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
-        super().__init__(path, wanted)
+        super().__init__(path)
         self._rows: dict[str, _Rows] = {}
         self._topics: list[str] = []
         self.torn = _unwritten(path)

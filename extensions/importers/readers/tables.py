@@ -17,6 +17,8 @@ from quadrotor.records import Array
 Column = npt.NDArray[np.generic]  # (N,), numbers as a file has them
 MAX_VALUES = 16_000_000
 """Largest number of values read from a table, 128 MB: half an hour of an IMU at 1000 Hz."""
+WIDEST = 10_000
+"""More columns than a matrix of a flight has."""
 
 
 class Source(Protocol):
@@ -62,8 +64,9 @@ def foreign_reader(path: Path, what: str, hint: Callable[[], str] = str) -> Iter
     the bound on memory raise stays.
     """
     try:
-        yield
-    except (MemoryError, QuadlabError):
+        with bounded_reader(path.name):
+            yield
+    except QuadlabError:
         raise
     except Exception as error:
         why = str(error).replace(f"{path.parent}/", "") or type(error).__name__
@@ -73,7 +76,7 @@ def foreign_reader(path: Path, what: str, hint: Callable[[], str] = str) -> Iter
 class FileTables:
     """A file that contains tables, and where it was cut off."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, _: Collection[str] = ()) -> None:
         self.path = path
         self.epoch_ns: int | None = None
         self.torn = ""
@@ -82,11 +85,6 @@ class FileTables:
         self.units: dict[str, str] = {}
         self.flights: list[str] = []
         self.unreadable: dict[str, str] = {}
-
-    @classmethod
-    def opened(cls, path: Path, _: Collection[str]) -> FileTables:
-        """Return the file; all its tables can be read. Raises LogFormatError or StorageError."""
-        return cls(path)
 
     def note(self, text: str) -> None:
         """Add a note, once however often a table is read."""
@@ -133,23 +131,38 @@ def check_size(path: Path, rows: int, columns: int) -> None:
         )
 
 
-class BoundedTables(FileTables):
-    """Tables that a library reads from a file in bounded memory, as far as they are wanted."""
+class HeldColumns(FileTables):
+    """One table, of whose columns all or those asked for are in memory."""
 
-    def __init__(self, path: Path, _: Collection[str]) -> None:
+    def __init__(self, path: Path, _: Collection[str] = ()) -> None:
+        """Open the file. Raises LogFormatError."""
         super().__init__(path)
+        self._columns: dict[str, Column] = {}
 
-    @classmethod
-    def opened(cls, path: Path, wanted: Collection[str]) -> BoundedTables:
-        """Read the file. Raises LogFormatError or StorageError."""
-        with bounded_reader(path.name):
-            return cls(path, wanted)
+    def columns(self, table: str) -> list[str]:
+        return list(self._columns)
+
+    def read(self, table: str, names: list[str]) -> Array:
+        found = self._held(names)
+        lengths = {name: len(one) for name, one in zip(names, found, strict=True)}
+        check_size(self.path, max(lengths.values()), len(names))
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise LogFormatError(f"{self.path.name}: columns of several lengths: {listed}")
+        return np.stack(found, axis=1, dtype=np.float64)
+
+    def remainders(self, table: str, name: str) -> Array | None:
+        return beyond_float(self._held([name])[0])
+
+    def _held(self, names: list[str]) -> list[Column]:
+        """Return columns as the file has them. Raises LogFormatError."""
+        return [self._columns[name] for name in names]
 
 
-class Hdf5Table(FileTables):
+class Hdf5Table(HeldColumns):
     """HDF5 file: every dataset is a column; one with K columns becomes NAME[0], NAME[1], …"""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, _: Collection[str] = ()) -> None:
         """Open the file. Raises LogFormatError."""
         import h5py
 
@@ -167,7 +180,8 @@ class Hdf5Table(FileTables):
                 if width > rows and "MATLAB_class" in found.attrs:  # which writes them turned
                     self._turned.add(name)
                     width = rows if rows > 1 else 0
-                self._widths[name] = width
+                if width < WIDEST:
+                    self._widths[name] = width
 
         with foreign_reader(path, "HDF5 file"), h5py.File(path) as file:
             file.visititems(note)
@@ -179,19 +193,7 @@ class Hdf5Table(FileTables):
             for one in ([f"{name}[{k}]" for k in range(width)] if width else [name])
         ]
 
-    def read(self, table: str, names: list[str]) -> Array:
-        found = self._columns(names)
-        lengths = {name: len(one) for name, one in zip(names, found, strict=True)}
-        if len(set(lengths.values())) > 1:
-            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise LogFormatError(f"{self.path.name}: columns of several lengths: {listed}")
-        return np.stack(found, axis=1, dtype=np.float64)
-
-    def remainders(self, table: str, name: str) -> Array | None:
-        return beyond_float(self._columns([name])[0])
-
-    def _columns(self, names: list[str]) -> list[Column]:
-        """Return columns as the file has them. Raises LogFormatError."""
+    def _held(self, names: list[str]) -> list[Column]:
         import h5py
 
         found = []
@@ -208,24 +210,21 @@ class Hdf5Table(FileTables):
         return found
 
 
-class NumpyTable(FileTables):
+class NumpyTable(HeldColumns):
     """Array (N, K) of a .npy file; columns by their number from 0, or by their names."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, _: Collection[str] = ()) -> None:
         """Open the file. Raises LogFormatError."""
         super().__init__(path)
-        try:
-            with foreign_reader(path, "NumPy file"):
+        with foreign_reader(path, "NumPy file"):
+            try:
                 found = np.load(path, mmap_mode="r", allow_pickle=False)
-        except MemoryError as error:  # of Python's parser: the file itself is mapped
-            why = "its head is nested too deep"
-            raise LogFormatError(f"{path.name} is not a complete NumPy file: {why}") from error
+            except MemoryError as error:  # of Python's parser: the file itself is mapped
+                raise ValueError("its head is nested too deep") from error
         if found.dtype.names:
             self._columns = {name: found[name] for name in found.dtype.names}
-        elif found.ndim == 2:
+        elif found.ndim == 2 and found.shape[1] < WIDEST:
             self._columns = {str(k): column for k, column in enumerate(found.T)}
-        else:
-            self._columns = {}
         for name, column in self._columns.items():
             if column.dtype.kind in "Mm":
                 self._columns[name] = column.astype(f"{column.dtype.kind}8[ns]").view(np.int64)
@@ -238,14 +237,3 @@ class NumpyTable(FileTables):
                 f"{path.name} has the shape {found.shape} of {found.dtype!s:.40}; rows of numbers "
                 "are needed"
             )
-
-    def columns(self, table: str) -> list[str]:
-        return list(self._columns)
-
-    def read(self, table: str, names: list[str]) -> Array:
-        columns = [self._columns[name] for name in names]
-        check_size(self.path, len(columns[0]), len(columns))
-        return np.stack(columns, axis=1, dtype=np.float64)
-
-    def remainders(self, table: str, name: str) -> Array | None:
-        return beyond_float(self._columns[name])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from extensions.importers.readers.tables import BoundedTables, beyond_float, foreign_reader
+from extensions.importers.readers.tables import FileTables, beyond_float, foreign_reader
 from quadrotor.errors import os_errors
 from quadrotor.records import Array
 
@@ -36,14 +36,14 @@ class _Watched(io.BufferedReader):
         return data
 
 
-class UlogTables(BoundedTables):
+class UlogTables(FileTables):
     """The topics `wanted` that the log has."""
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
         """Read the log. Raises LogFormatError or StorageError."""
         from pyulog import ULog
 
-        super().__init__(path, wanted)
+        super().__init__(path)
         topics = sorted({name.partition("#")[0] for name in wanted} | {DATED})
         # The library prints what it finds wrong; `torn` says it.
         with (

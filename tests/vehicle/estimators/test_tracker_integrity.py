@@ -85,6 +85,11 @@ def enlarged(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
     return 1.06 * position_w, quaternion_wb
 
 
+def enlarged_a_little(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
+    """Return the pose with positions that are 5 % too large."""
+    return 1.05 * position_w, quaternion_wb
+
+
 def on_its_back(position_w: Array, quaternion_wb: Array) -> tuple[Array, Array]:
     """Return the pose of a body whose markers were taken for those of one upside down."""
     return position_w, turned(quaternion_wb, (math.pi, 0.0, 0.0))
@@ -348,6 +353,22 @@ def test_positions_that_are_6_percent_too_large_are_told() -> None:
     assert all(moved.run(15.0, enlarged))
     assert "positions are" in moved.told
     assert "% too large by the accelerometer" in moved.told
+
+
+def test_positions_that_become_5_percent_too_large_are_told_within_8_s_until_they_are_not() -> None:
+    moved = Moved(0.8)
+    moved.run(20.0)
+    assert "positions are" not in moved.told
+    moved.run(8.0, enlarged_a_little)
+    assert "% too large by the accelerometer" in moved.told
+    moved.run(20.0, truth)
+    assert "the tracker's scale: no error any more" in moved.told
+
+
+def test_poses_that_scatter_in_a_hover_show_no_scale() -> None:
+    moved, chance = Moved(0.0), np.random.default_rng(7)
+    moved.run(60.0, lambda place, turn: (place + 0.004 * chance.standard_normal(3), turn))
+    assert "positions are" not in moved.told
 
 
 # ---------------------------------------------------------------------- whole flights

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from console.catalogue.catalogue import Catalogue
 from vehicle_link.messages import header, new
 
 
@@ -164,3 +167,54 @@ def test_the_pages_beside_the_console_have_both_controls(
     fresh.keyboard.press("e")
     until(lambda: actions(station) == ["land"])
     look_at(fresh).text("#emergency-state", "accepted, not yet shown")
+
+
+@pytest.fixture
+def timeless(serve: Any, tmp_path: Path, open_page: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield a page whose timers are stopped, and the station of a process of its own.
+
+    `window.drawn` receives the type of each event with the emergency's line right after it.
+    """
+    with serve(tmp_path, Catalogue(tmp_path)) as own:
+        page = open_page(own)
+        page.keyboard.press("Escape")  # the help of a first visit
+        page.wait_for_selector("#emergency-state")
+        page.evaluate(
+            """() => { for (let k = setInterval(() => {}); k > 0; k--) clearInterval(k);
+            const { dispatchEvent } = EventTarget.prototype;
+            window.drawn = [];
+            EventTarget.prototype.dispatchEvent = function watched(event) {
+              const answer = dispatchEvent.call(this, event);
+              const line = document.querySelector("#emergency-state").textContent;
+              if (["emergency", "summary"].includes(event.type))
+                window.drawn.push([event.type, event.detail.press?.phase ?? "", line]);
+              return answer; }; }"""
+        )
+        yield page, own.station
+
+
+def test_the_answer_is_drawn_with_its_event_and_waits_for_no_timer(
+    timeless: tuple[Any, Any], look_at: Any
+) -> None:
+    page, station = timeless
+    show(station, "armed")
+    page.click("#emergency-land")
+    look_at(page).text("#emergency-state", "accepted, not yet shown by the vehicle")
+    show(station, "emergency_land")
+    look_at(page).has_class("#emergency-state", "done")
+    drawn = page.evaluate("() => window.drawn.filter(([type]) => type === 'emergency')")
+    words = {"sent": "not acknowledged", "accepted": "not yet shown", "acknowledged": " after "}
+    assert {phase for _, phase, _ in drawn} == set(words)
+    assert [line for _, phase, line in drawn if words[phase] not in line] == []
+
+
+def test_a_landing_that_nobody_pressed_is_drawn_with_the_status_that_shows_it(
+    timeless: tuple[Any, Any], look_at: Any
+) -> None:
+    page, station = timeless
+    station.put(
+        "status",
+        new("quadlab_msgs/VehicleStatus", header=header(1), mode="emergency_land", airborne=True),
+    )
+    look_at(page).text("#emergency-state", "^landing under control; only Cut is obeyed$")
+    assert page.evaluate("() => window.drawn.filter(([type]) => type === 'emergency')") == []

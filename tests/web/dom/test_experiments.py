@@ -43,6 +43,7 @@ def section(
     monkeypatch.setattr(station, "told", {"phase": "idle"})
     monkeypatch.setattr(station, "fly", fly_and_tell)
     page.click("[data-tab=experiments]")
+    page.click("#experiment .card .head:has-text('Bearings')")
     page.wait_for_selector("#experiment .options input")
     until(lambda: page.is_enabled(START))  # earlier, a press has no effect
     return page
@@ -85,7 +86,7 @@ def test_a_hold_starts_the_experiment_with_its_options_and_a_click_does_not(
     assert (request.action, request.name) == ("start", "bearings")
     options = from_parameters(request.options)
     assert (options["duration"], options["manoeuvre"]) == (12.0, "figure_eight")
-    seen.text("#answer", "experiment: start: accepted")
+    seen.text("#answer", "^Experiment started$")
 
 
 def test_an_option_out_of_bounds_is_not_sent_and_a_refusal_shown(

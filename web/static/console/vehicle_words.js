@@ -126,7 +126,7 @@ export const maySwitchOff = (status) => Boolean(status?.armed) && nextStep(statu
 function health(problems) {
   if (!problems.length) return "no warnings";
   const more = problems.length - 1;
-  return `${problems[0]}${more ? ` and ${more} more` : ""}`;
+  return `${problems[0]}${more ? `, ${more} more warning${more > 1 ? "s" : ""}` : ""}`;
 }
 
 // "Figure 8, lap 2 of 3"; undefined of a trajectory that is not known.

@@ -27,17 +27,14 @@ export class Cards {
 
   card({ name, description, problem }) {
     const last = element("span", { className: "last" }),
+      said = problem || description,
       button = element(
         "button",
-        { className: "head", ariaExpanded: "false", onclick: () => this.open(name) },
+        { className: "head", ariaExpanded: "false", title: said, onclick: () => this.open(name) },
         element("b", {}, problem ? name : words(name)),
         last,
       );
-    const about = element(
-      "p",
-      { className: problem ? "about reason" : "about", title: problem || description },
-      problem || description,
-    );
+    const about = element("p", { className: problem ? "about reason" : "about" }, said);
     return { button, last, place: element("li", { className: "card" }, button, about) };
   }
 

@@ -109,7 +109,7 @@ export class ExperimentSection {
     hide(this.problem, true);
     const { chosen } = this.cards,
       typed = this.form.taken();
-    this.cards.show(this.known, this.running ? this.status.name : chosen || "bearings");
+    this.cards.show(this.known, this.running ? this.status.name : chosen);
     if (this.cards.chosen === chosen) this.form.put(typed);
   }
 
@@ -165,7 +165,6 @@ export class ExperimentSection {
 
   // A simulated series goes on by itself.
   ended(status) {
-    this.again = 0;
     if (!this.series.took(status)) return;
     const isSimulated = this.gains.value("simulator.battery_charge") !== undefined;
     if (isSimulated) this.timer = setTimeout(() => this.begin(), BETWEEN);
@@ -194,6 +193,7 @@ export class ExperimentSection {
     ]);
     if (key === this.drawn) return;
     this.drawn = key;
+    this.again = 0; // the cards, too
     this.showResult(isElsewhere ? null : status, runs);
   }
 

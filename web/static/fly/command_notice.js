@@ -14,7 +14,7 @@ const GOOD = 4000,
 const READ = 3000; // ms bad news stays at least
 const TICK = 100; // ms
 /** @type {Record<string, string>} */
-const DONE = { arm: "Armed", disarm: "Disarmed" }; // what has happened when the answer comes
+const DONE = { arm: "Armed", disarm: "Disarmed", "experiment: start": "Experiment started" }; // what has happened when the answer comes
 const NOBODY = 503,
   NO_ANSWER = 504; // statuses of the API
 

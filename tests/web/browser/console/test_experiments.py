@@ -50,6 +50,7 @@ def section(kept_page: Any, listing: None, flying: Any, until: Callable[..., Non
     """Return the page with its Experiments tab open."""
     page = kept_page
     page.click("[data-tab=experiments]")
+    page.click("#experiment .card .head:has-text('Bearings')")
     page.wait_for_selector("#experiment .options input")
     until(lambda: page.is_enabled(START))  # earlier, a press has no effect
     return page
@@ -148,6 +149,13 @@ def test_a_run_that_is_not_judged_says_so_everywhere_and_why(
     shown.goto(f"{site.base}/runs")
     shown.wait_for_selector("#list td.verdict[title='bearings: not judged'] .chip.not_judged")
     shown.close()
+
+
+def test_a_closed_card_opens_wherever_it_is_pressed(section: Any) -> None:
+    card = section.locator("#experiment .card:has-text('Look around')")
+    box = card.bounding_box()
+    card.click(position={"x": box["width"] / 2, "y": box["height"] - 6})
+    section.wait_for_selector("#experiment .card.open:has-text('Look around') .start")
 
 
 def test_from_the_printed_link_to_a_report_takes_six_clicks(

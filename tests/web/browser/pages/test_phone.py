@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 
 WIDTH, HEIGHT = 390, 800
+SMALL = ((320, 256), (360, 640))
+"""A window of 1280 x 1024 enlarged four times, and a small phone."""
 OPEN = "[role=tab][aria-selected=true]"
 
 
@@ -35,7 +37,8 @@ def out_of_sight(page: Any, *selectors: str) -> list[str]:
     page.evaluate("scrollTo(0, document.body.scrollHeight)")
     boxes = {one: page.locator(one).bounding_box() for one in selectors}
     page.evaluate("scrollTo(0, 0)")
-    return [one for one, b in boxes.items() if b["y"] < 0 or b["y"] + b["height"] > HEIGHT]
+    height = page.viewport_size["height"]
+    return [one for one, b in boxes.items() if b["y"] < 0 or b["y"] + b["height"] > height]
 
 
 @pytest.fixture
@@ -53,6 +56,26 @@ def test_every_tab_is_accessible_and_within_the_width(
     part = "body" if tab == "fly" else f"#tab-{tab}"
     assert axe_in_both_themes(console, part) + crooked(console) == []
     assert out_of_sight(console, "#disarm", "#emergency-land", "#cut") == []
+
+
+@pytest.mark.parametrize(("width", "height"), SMALL)
+def test_state_and_controls_stand_beside_each_other_in_a_small_window(
+    console: Any, crooked: Any, width: int, height: int
+) -> None:
+    console.set_viewport_size({"width": width, "height": height})
+    assert crooked(console) == []
+    assert out_of_sight(console, "#pill", "#primary", "#emergency-land", "#cut") == []
+    shown = ("#pill", "#battery", "#bell", "#disarm", "#primary", "#emergency-land", "#cut")
+    boxes = {one: console.locator(one).bounding_box() for one in shown}
+    assert all(b["x"] >= 0 and b["x"] + b["width"] <= width for b in boxes.values()), boxes
+    covered = [
+        (one, other)
+        for i, (one, a) in enumerate(boxes.items())
+        for other, b in list(boxes.items())[i + 1 :]
+        if min(a["x"] + a["width"], b["x"] + b["width"]) > max(a["x"], b["x"])
+        and min(a["y"] + a["height"], b["y"] + b["height"]) > max(a["y"], b["y"])
+    ]
+    assert covered == []
 
 
 def test_the_guide_fits_and_can_be_closed(console: Any, crooked: Any) -> None:
