@@ -138,9 +138,8 @@ class Job(Generic[T]):
             self.terminate()
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(patience)
-        self._process.kill()
+        self.abandon()
         self._process.wait()
-        self._close()
 
     def abandon(self) -> None:
         """Kill the process without waiting; Python reaps it when the next one is started."""
@@ -152,17 +151,19 @@ class Job(Generic[T]):
             if not data:
                 self._selector.unregister(stream)
                 stream.close()
-                return
             take(data)
 
     def _lines(self, data: bytes) -> None:
         *lines, self._partial = (self._partial + data).split(b"\n")
         for line in lines:
-            answer = json.loads(line)
-            if self._report is not None and "report" in answer:
-                self._report(answer["report"])
-            else:
-                self._answer = answer
+            answer: object = None
+            with suppress(ValueError, RecursionError):  # the function wrote past its own output
+                answer = json.loads(line)
+            match answer:
+                case {"report": value} if self._report is not None:
+                    self._report(value)
+                case dict():
+                    self._answer = answer
 
     def _keep_stderr(self, data: bytes) -> None:
         self._stderr = (self._stderr + data)[-STDERR_KEPT:]
@@ -227,10 +228,9 @@ def main(parent: int, niceness: int) -> None:
         print(json.dumps({kind: value}, default=dataclasses.asdict), file=answers, flush=True)
 
     function, arguments, reports = pickle.load(sys.stdin.buffer)
-    if reports:
-        arguments = (*arguments, lambda value: send("report", value))
+    reporter = [lambda value: send("report", value)] * reports
     try:
-        send("result", function(*arguments))
+        send("result", function(*arguments, *reporter))
     except errors.QuadlabError as error:
         known = next(one for one in type(error).__mro__ if one.__module__ == errors.__name__)
         send("error", (known.__name__, " ".join(str(error).split())))

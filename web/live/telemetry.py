@@ -19,6 +19,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Sequence
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -37,11 +38,16 @@ from web.signals.expression import is_expression
 
 RATE = 25.0  # Hz
 MOST_SIGNALS = 96  # state table, four charts and the Beacons tab together
+MOST_KEPT = 4 * MOST_SIGNALS
+"""Signals of pages, also of those that have gone, whose samples are kept; of these at most
+MOST_SIGNALS derived ones: a page can ask for others as often as it likes."""
 SLOW = 0.3
 """Seconds that a frame waits to be sent, above which a page is slow."""
 SLOWEST = 128
 REST = 0.01
-"""Seconds between two frames of what a page has missed, which leave the event loop to others."""
+"""Seconds before a frame of what a page has missed, which leave the event loop to others."""
+AT_ONCE, AT_LEAST = 32_768, 512
+"""Samples of all series in one frame, and those that each series counts at least."""
 QUICK = 50
 """Number of frames that were sent at once, after which a slow page gets finer series again."""
 
@@ -49,14 +55,14 @@ QUICK = 50
 class Series(msgspec.Struct, forbid_unknown_fields=True):
     """Signals at each sample of the first one, from `after` (s) on."""
 
-    signals: list[str]
+    signals: Annotated[list[str], msgspec.Meta(min_length=1)]
     after: float | None = None
 
 
 class Subscription(msgspec.Struct, forbid_unknown_fields=True):
     """Selection of a page; a derived signal's name is its expression (web.signals.expression)."""
 
-    id: int
+    id: Annotated[int, msgspec.Meta(ge=0, le=65535)]
     signals: list[str]
     series: list[Series] = []
     origin: float = 0.0
@@ -89,13 +95,8 @@ def parse_request(text: str) -> Subscription | Ping:
             expression_of(name)
     except OutOfBoundsError as error:
         raise ValueError(str(error)) from error
-    unknown = [name for name in names if name not in PLACES and not is_expression(name)]
-    if unknown:
+    if unknown := [name for name in names if name not in PLACES and not is_expression(name)]:
         raise ValueError(f"unknown signal {unknown[0]!r:.80}; /api/signals lists them")
-    if not all(one.signals for one in wanted.series):
-        raise ValueError("a series has at least one signal")
-    if not 0 <= wanted.id <= 0xFFFF:
-        raise ValueError(f"id {wanted.id}; allowed 0 to 65535")
     return wanted
 
 
@@ -123,13 +124,13 @@ class _Page:
         after: of each series, the time of the last sample that was sent.
         slowness: number of samples that become one.
         is_behind: whether there is more to send than the last frame had.
+        left: number of samples that the frame may still have.
     """
 
     def __init__(self, wanted: Subscription, slowness: int = 1) -> None:
         self.wanted, self.slowness, self.quick = wanted, slowness, 0
-        self.is_behind = False
+        self.origin, self.is_behind, self.left = wanted.origin, True, AT_ONCE
         self.topics = topics_of(wanted.names) if wanted.ages else []
-        self.origin = wanted.origin
         self.after = [-math.inf if one.after is None else one.after for one in wanted.series]
 
     def sent(self, seconds: float) -> None:
@@ -147,7 +148,7 @@ class TelemetryFeed:
 
     def __init__(self, live: Live, log: SignalLog, clock: Callable[[], float] = monotonic) -> None:
         self._live, self._log, self._clock = live, log, clock
-        self._tick = asyncio.Condition()
+        self._tick, self._turn = asyncio.Condition(), asyncio.Lock()
         self._pages: dict[WebSocket, _Page] = {}
         self._asked: dict[str, float] = {}  # s, when a page wanted each signal last
         self._made = Made()
@@ -179,31 +180,28 @@ class TelemetryFeed:
     def step(self) -> None:
         """Sort in what has arrived, and compute the next samples of derived signals."""
         now = self._clock()
-        self._asked.update(
-            dict.fromkeys(
-                (name for page in self._pages.values() for name in page.wanted.names), now
-            )
-        )
-        self._asked = {name: at for name, at in self._asked.items() if now - at <= KEPT}
+        for name in (name for page in self._pages.values() for name in page.wanted.names):
+            self._asked.pop(name, None)  # the newest last
+            self._asked[name] = now
+        newest = [*self._asked.items()][-MOST_KEPT:]
+        self._asked = {name: at for name, at in newest if now - at <= KEPT}
         self._made.clear()
         self._parts.clear()
         self._log.take()
-        self._log.keep([name for name in self._asked if is_expression(name)])
+        self._log.keep([*filter(is_expression, self._asked)][-MOST_SIGNALS:])
         self._log.advance()
 
     def frame(self, page: _Page) -> bytes:
         """Return what a page has to get now."""
-        log = self._log
-        origin = 1e-9 * log.origin_ns
+        origin = 1e-9 * self._log.origin_ns
         if page.origin != origin:
             page.origin, page.after = origin, [-math.inf] * len(page.after)
-        page.is_behind = False
-        parts = [self._part(page, place) for place in range(len(page.after))]
+        page.is_behind, page.left = False, AT_ONCE
+        parts = [part for at in range(len(page.after)) if (part := self._part(page, at))]
         ages = [self._live.age(topic) for topic in page.topics]
         values = [self._newest(name) for name in page.wanted.signals]
-        clock = origin, log.now
-        known = [part for part in parts if part]
-        return frames.frame(page.wanted.id, page.slowness, clock, ages, values, known)
+        clock = origin, self._log.now
+        return frames.frame(page.wanted.id, page.slowness, clock, ages, values, parts)
 
     def _newest(self, name: str) -> float:
         """Return the newest value of a signal; NaN while its topic is old."""
@@ -212,6 +210,9 @@ class TelemetryFeed:
 
     def _part(self, page: _Page, place: int) -> bytes:
         """Return the new samples of one series; empty without any."""
+        if page.left <= 0:
+            page.is_behind = True
+            return b""
         names = page.wanted.series[place].signals
         topic = self._log.log(topic_of(names[0]))
         if topic is None:
@@ -221,13 +222,13 @@ class TelemetryFeed:
         if count <= first:
             return b""
         first, last, of = frames.piece(first, count, page.slowness)
+        page.left -= max(AT_LEAST, last - first)
         page.after[place] = float(topic.time[last - 1])
         page.is_behind = page.is_behind or last < count
         key = (place, *names, first, last, of)
         if key not in self._parts:
             before = topic.time[first - 1 : first] if first else [math.nan]
-            times, made = topic.time, self._made
-            columns = [self._log.at(name, times, first, last, made) for name in names]
+            columns = [self._log.at(name, topic.time, first, last, self._made) for name in names]
             holes = {k - first: n for k, n in topic.missing(first, last).items()}
             times = np.concatenate([before, topic.time[first:last]])
             self._parts[key] = frames.series(place, of, *frames.joined(times, columns, of, holes))
@@ -249,11 +250,11 @@ class TelemetryFeed:
             loop = asyncio.get_running_loop()
             page = self._pages[socket]
             while True:
-                if page.is_behind:
-                    await asyncio.sleep(REST)
-                else:
+                if not page.is_behind:
                     async with self._tick:
                         await self._tick.wait()
+                async with self._turn:  # one page after the other, others' requests between them
+                    await asyncio.sleep(REST if page.is_behind else 0.0)
                 page = self._pages[socket]
                 frame, began = self.frame(page), loop.time()
                 await socket.send_bytes(frame)

@@ -21,6 +21,12 @@ from vehicle.laws.laws import Laws
 GOOD = """
 import numpy as np
 
+def pipes():
+    import os
+    names = {int(f): f"/proc/self/fd/{f}" for f in os.listdir("/proc/self/fd")}
+    there = {f: os.readlink(one) for f, one in names.items() if os.path.lexists(one)}
+    return [f for f, to in there.items() if f > 2 and to.startswith("pipe")]
+
 class law:
     def reset(self):
         self.integral = np.zeros(3)
@@ -62,6 +68,11 @@ AT_ONCE = {
     "crashes": (
         "if x.time > 0.041: import os, signal; os.kill(os.getpid(), signal.SIGSEGV)",
         "killed by SIGSEGV",
+    ),
+    "writes": (
+        "if x.time > 0.041: import os; [os.write(f, b'[' * 9000 + b'\\n1\\n') for f in pipes()];"
+        " os._exit(3)",
+        "its process ended with status 3",
     ),
     "wrong shape": ("if x.time > 0.041: torque = np.zeros(7)", "ValueError"),
 }

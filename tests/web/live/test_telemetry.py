@@ -22,7 +22,16 @@ from vehicle_link.lockstep import Page
 from vehicle_link.messages import new
 from web.latest import STALE, TICKS
 from web.live import events, frames
-from web.live.telemetry import MOST_SIGNALS, Ping, Series, Subscription, _Page, parse_request
+from web.live.telemetry import (
+    AT_ONCE,
+    MOST_KEPT,
+    MOST_SIGNALS,
+    Ping,
+    Series,
+    Subscription,
+    _Page,
+    parse_request,
+)
 from web.live.topic_logs import KEPT
 from web.signals import INDEX, SIGNALS, describe
 
@@ -252,6 +261,18 @@ def test_a_signal_that_the_vehicle_has_not_is_no_number() -> None:
     assert frame.ages == {"battery": math.inf, "pressure": math.inf}
 
 
+def test_a_frame_has_a_bounded_number_of_samples_of_all_series() -> None:
+    received, names = Received(), [[X]] * MOST_SIGNALS
+    received.ticks(ticks_of(6000))
+    looking, sent = page(*(Series(one) for one in names)), [0] * MOST_SIGNALS
+    while looking.is_behind:
+        series = read(received.feed.frame(looking), [], names).series
+        assert 0 < len(series) <= AT_ONCE // 6000 + 1
+        for place, part in series.items():
+            sent[place] += len(part.time)
+    assert sent == [6000] * MOST_SIGNALS
+
+
 def test_a_page_that_reads_slowly_gets_coarser_series_and_is_told() -> None:
     received, looking = Received(), page(Series([X]))
     received.ticks(flight(3000))
@@ -403,6 +424,49 @@ def test_nothing_waits_for_a_page_that_does_not_read(monkeypatch: pytest.MonkeyP
     ]
     assert parts[-1].time[-1] == received.times()[-1]
     assert sum(len(one.time) for one in parts) < 8000
+
+
+def test_a_page_that_asks_for_ever_other_signals_leaves_little_to_compute() -> None:
+    received = Received()
+    received.ticks(ticks_of(500))
+    for k in range(20):
+        names = [f"= {k}+{j}*{X}" for j in range(MOST_SIGNALS)]
+        received.feed._pages = {None: page(signals=names)}  # type: ignore[dict-item]
+        received.feed.step()
+    assert len(received.log._kept) == MOST_SIGNALS
+    assert received.log.formed(names[0]) == 500
+    assert received.log._kept.keys() == set(names)
+    assert len(received.feed._asked) == MOST_KEPT
+    received.feed._pages = {}
+    received.clock.now += KEPT + 1.0
+    received.feed.step()
+    assert not received.log._kept
+    assert not received.feed._asked
+
+
+def test_pages_that_missed_all_get_it_in_turns() -> None:
+    """Whatever else the event loop does comes between any two of their frames."""
+    received, asked = Received(), {"id": 1, "signals": [], "series": [{"signals": [X]}]}
+    received.ticks(ticks_of(500))
+
+    async def converse() -> list[int]:
+        pages = [Stalled(json.dumps(asked)) for _ in range(50)]
+        clock = asyncio.create_task(received.feed.run())
+        loops = [
+            asyncio.create_task(received.feed.serve(page))  # type: ignore[arg-type]
+            for page in pages
+        ]
+        begun = [0]
+        while begun[-1] < len(pages):
+            await asyncio.sleep(0.0)
+            begun.append(sum(bool(page.frames) for page in pages))
+        for page in pages:
+            page.leave()
+        await asyncio.wait_for(asyncio.gather(*loops), 10.0)
+        clock.cancel()
+        return begun
+
+    assert max(np.diff(asyncio.run(converse()))) == 1
 
 
 def test_a_page_can_time_its_own_link(site: Any, operator: httpx.Client) -> None:
