@@ -142,7 +142,8 @@ class AutomaticChanges:
         if not airborne and last.old:
             last.forget()
         before = watch.flags
-        watch.step(dt, flies and self.behaviors.name in _JUDGED)
+        judged = flies and self.behaviors.name in _JUDGED
+        watch.step(dt, self.navigation.source if judged else "")
         if not watch.flags & _OSCILLATING:
             self._restoring = {}
             return

@@ -208,7 +208,7 @@ class OscillationWatch:
         self.flags, self.cause = 0, ""
         self._state, self._reference, self._say = state, reference, say
         self._watch = direct(watch, state, reference, self.memory, 0.002)
-        self._is_judging = False
+        self._source = ""
         self._begin()
 
     @property
@@ -216,13 +216,15 @@ class OscillationWatch:
         """Return the frequency of the oscillation, Hz; 0 without one."""
         return float(self.memory["frequency"][0])
 
-    def step(self, dt: float, judges: bool) -> None:
-        """Judge one tick; `judges` is whether a reference is flown in the air."""
-        if not judges:
-            if self._is_judging:
-                self._begin()
+    def step(self, dt: float, source: str) -> None:
+        """Judge one tick; `source` is that of the estimate while a reference is flown in the air,
+        else empty. Another one has other noise, so that the flight then has no past.
+        """
+        if source != self._source:
+            self._begin()
+            self._source = source
+        if not source:
             return
-        self._is_judging = True
         found = self._watch(self._state, self._reference, self.memory, dt)
         if found != self._found:
             self._tell(found)
@@ -230,7 +232,7 @@ class OscillationWatch:
     def _begin(self) -> None:
         self.memory[:] = 0
         self.memory["channel"] = -1
-        self._is_judging, self._found, self.flags, self.cause = False, -1, 0, ""
+        self._found, self.flags, self.cause = -1, 0, ""
 
     def _tell(self, found: int) -> None:
         """Tell what has begun, or is over."""

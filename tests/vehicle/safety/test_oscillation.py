@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from quadrotor.records import new_reference, new_state
+from vehicle.estimators.estimator_runner import BEARINGS, POSES
 from vehicle.modes import Flag
 from vehicle.safety.oscillation import CHANNELS, OscillationWatch
 
@@ -25,7 +26,7 @@ class Flown:
         self.watch = OscillationWatch(
             self.state, self.reference, lambda text, _: self.said.append(text)
         )
-        self.time = 0.0
+        self.time, self.source = 0.0, POSES
 
     def fly(self, seconds: float, axis: int, signal: Signal) -> float:
         """Fly until the watch finds something; return when, inf if it does not."""
@@ -34,7 +35,7 @@ class Flown:
             self.time += DT
             name = "position_w" if axis < 3 else "angular_velocity_b"
             self.state[name][0, axis % 3] = signal(self.time)
-            self.watch.step(DT, True)
+            self.watch.step(DT, self.source)
             if self.watch.flags:
                 return self.time
         return math.inf
@@ -154,6 +155,17 @@ def test_noise_as_in_rough_air_is_none_however_long_it_lasts() -> None:
     assert Flown().fly(300.0, 0, gust) == math.inf
 
 
+@pytest.mark.parametrize(("source", "is_told"), [(POSES, True), (BEARINGS, False)])
+def test_an_estimate_of_another_source_swings_as_its_own_noise_does(
+    source: str, is_told: bool
+) -> None:
+    """Swings that are far above those on the tracker are usual on bearings."""
+    flown = Flown().settled()
+    flown.source = source
+    found = flown.fly(40.0, 0, lambda t: 0.035 * math.sin(5.0 * t))
+    assert (found < math.inf) == is_told
+
+
 def test_far_from_the_reference_is_told_with_its_distance() -> None:
     flown = Flown().settled()
     began = flown.time
@@ -169,5 +181,5 @@ def test_what_is_not_finite_is_passed_over_and_the_ground_is_not_judged() -> Non
     assert flown.fly(1.0, 0, lambda _: math.nan) == math.inf
     for k in range(5000):
         flown.state["position_w"][0, 0] = 0.1 * math.sin(0.01 * k)
-        flown.watch.step(DT, False)
+        flown.watch.step(DT, "")
     assert not flown.watch.flags
