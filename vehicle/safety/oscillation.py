@@ -208,8 +208,7 @@ class OscillationWatch:
         self.flags, self.cause = 0, ""
         self._state, self._reference, self._say = state, reference, say
         self._watch = direct(watch, state, reference, self.memory, 0.002)
-        self._source = ""
-        self._begin()
+        self._begin("")
 
     @property
     def frequency(self) -> float:
@@ -221,18 +220,17 @@ class OscillationWatch:
         else empty. Another one has other noise, so that the flight then has no past.
         """
         if source != self._source:
-            self._begin()
-            self._source = source
+            self._begin(source)
         if not source:
             return
         found = self._watch(self._state, self._reference, self.memory, dt)
         if found != self._found:
             self._tell(found)
 
-    def _begin(self) -> None:
+    def _begin(self, source: str) -> None:
         self.memory[:] = 0
         self.memory["channel"] = -1
-        self._found, self.flags, self.cause = -1, 0, ""
+        self._source, self._found, self.flags, self.cause = source, -1, 0, ""
 
     def _tell(self, found: int) -> None:
         """Tell what has begun, or is over."""
