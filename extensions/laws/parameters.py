@@ -78,7 +78,7 @@ class FlatnessIndiParameters(IndiParameters):
     """The filters of both incremental loops."""
 
     force_cutoff: float = parameter(
-        55.0, unit="rad/s", ge=2.0, le=100.0, step=1.0, flight_step=10.0
+        30.0, unit="rad/s", ge=2.0, le=100.0, step=1.0, flight_step=10.0
     )
     """of the second-order low pass of acceleration and thrust alike"""
 

@@ -129,7 +129,7 @@ class _Page:
 
     def __init__(self, wanted: Subscription, slowness: int = 1) -> None:
         self.wanted, self.slowness, self.quick = wanted, slowness, 0
-        self.origin, self.is_behind, self.left = wanted.origin, True, AT_ONCE
+        self.origin, self.is_behind, self.left = wanted.origin, False, AT_ONCE
         self.topics = topics_of(wanted.names) if wanted.ages else []
         self.after = [-math.inf if one.after is None else one.after for one in wanted.series]
 
