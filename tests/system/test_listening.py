@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 
 def sockets_of(process: int) -> set[str]:
     """Return the inodes of a process's sockets."""
-    folder = Path(f"/proc/{process}/fd")
-    links = (os.readlink(folder / name) for name in os.listdir(folder))
-    return {found[1] for link in links if (found := re.fullmatch(r"socket:\[(\d+)\]", link))}
+    folder, found = Path(f"/proc/{process}/fd"), set[str]()
+    for name in os.listdir(folder):
+        with suppress(FileNotFoundError):  # closed since it was listed
+            if socket := re.fullmatch(r"socket:\[(\d+)\]", os.readlink(folder / name)):
+                found.add(socket[1])
+    return found
 
 
 def test_every_socket_of_up_is_bound_to_this_computer(lab: Any) -> None:
