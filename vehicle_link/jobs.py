@@ -120,7 +120,7 @@ class Job(Generic[T]):
             pass
         if "error" in self._answer:
             kind, text = self._answer["error"]
-            raise cast(type[errors.QuadlabError], getattr(errors, kind))(text)
+            raise cast(type[errors.QuadlabError], getattr(errors, kind, errors.JobError))(text)
         if "result" not in self._answer:
             said = self._stderr.decode(errors="replace").strip().splitlines()
             why = f": {said[-1]}" if said else ""
@@ -228,7 +228,7 @@ def main(parent: int, niceness: int) -> None:
         print(json.dumps({kind: value}, default=dataclasses.asdict), file=answers, flush=True)
 
     function, arguments, reports = pickle.load(sys.stdin.buffer)
-    reporter = [lambda value: send("report", value)] * reports
+    reporter = [lambda value: send("report", value)] if reports else []
     try:
         send("result", function(*arguments, *reporter))
     except errors.QuadlabError as error:

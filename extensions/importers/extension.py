@@ -15,7 +15,9 @@ EXTENSION = Extension(
             examples={"quadlab log import FLIGHT.ulg": "import a flight that PX4 recorded"},
         ),
         Importer(
-            name="hdf5", starts=(b"\x89HDF", b"MATLAB 7.3"), target=".readers.tables:Hdf5Table"
+            name="hdf5",
+            starts=(b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),
+            target=".readers.tables:Hdf5Table",
         ),
         Importer(name="parquet", starts=(b"PAR1",), target=".readers.parquet:ParquetTable"),
         Importer(name="mat", starts=(b"MATLAB 5.0 MAT-file",), target=".readers.mat:MatTable"),
@@ -32,7 +34,9 @@ EXTENSION = Extension(
             name="dataflash", starts=(b"\xa3\x95",), target=".readers.dataflash:DataFlashTables"
         ),
         Importer(
-            name="rosbag", starts=(b"#ROSBAG V2", b"SQLite f"), target=".readers.ros_bags:BagTables"
+            name="rosbag",
+            starts=(b"#ROSBAG V2", b"SQLite format 3\0"),
+            target=".readers.ros_bags:BagTables",
         ),
     ),
     judged=(

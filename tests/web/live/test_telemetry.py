@@ -446,7 +446,7 @@ def test_a_page_that_asks_for_ever_other_signals_leaves_little_to_compute() -> N
 
 
 def test_pages_that_missed_all_get_it_in_turns() -> None:
-    """Whatever else the event loop does comes between any two of their frames."""
+    """Other work of the event loop comes between any two of their frames."""
     received, asked = Received(), {"id": 1, "signals": [], "series": [{"signals": [X]}]}
     received.ticks(ticks_of(500))
 
