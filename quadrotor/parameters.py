@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from quadrotor.errors import ReadOnlyError, UnknownParameterError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue, coerce
@@ -60,6 +60,16 @@ def parameter(
     extra["choices"] = list(choices)
     extra["flight_step"] = flight_step
     return Field(default, ge=ge, le=le, description=description, json_schema_extra=extra)
+
+
+def parameters_of(base: type[Section], name: str, fields: Mapping[str, object]) -> type[Section]:
+    """Return a model of further fields, made at run time of `field: (type, default)`.
+
+    Their docstrings are not looked for: Pydantic would compare all modules to find the source.
+    """
+    quick = {"use_attribute_docstrings": False}
+    made: type[Section] = create_model(name, __base__=base, __cls_kwargs__=quick, **fields)  # type: ignore[call-overload]
+    return made
 
 
 def section_of(kind: type[Section], prefix: str, values: Mapping[str, Any]) -> Section:

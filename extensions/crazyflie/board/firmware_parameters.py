@@ -8,11 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydantic import create_model
 
 from extensions.crazyflie.board.options import CrazyflieOptions
 from quadrotor.parameter_description import ParameterValue
-from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.parameters import Parameters, ParameterStore, parameter, parameters_of
 from vehicle.boards.offered import FIRMWARE
 
 NAMES = {
@@ -89,10 +88,9 @@ def describe(
             field = _field(form.format[-1], wanted.get(full, value))
             groups.setdefault(group, {})[name] = field
     for group, fields in groups.items():
-        made = create_model(group, __base__=Parameters, **fields)
+        made = parameters_of(Parameters, group, fields)
         groups[group] = made, made()
-    shown: Parameters = create_model("Firmware", __base__=Parameters, **groups)()
-    return shown
+    return parameters_of(Parameters, "Firmware", groups)()
 
 
 def _field(letter: str, value: float) -> tuple[type, Any]:
