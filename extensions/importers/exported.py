@@ -143,7 +143,7 @@ def _of_file(path: Path) -> TopicTable:
     return TopicTable(path.stem, type_name, columns, json.loads(told.get(RUN, b"{}")))
 
 
-def _kinds_of(path: Path) -> dict[str, Any]:
+def _kinds_of(path: Path) -> dict[str, object]:
     """Return the types of a CSV file's columns. Texts are told by the type of its messages; a
     number is not always an integer, only because those in the file are.
     """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
 
 import numpy as np
 
@@ -52,7 +51,7 @@ class ExternalEstimator(External):
         # Compiled here and not in the first tick, which would be seconds late.
         self._propagated(self._state, np.zeros(3), np.zeros(3), 0.0)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         """Return what only some estimators have, like `ignored`, of the built-in one."""
         if name.startswith("_"):
             raise AttributeError(name)

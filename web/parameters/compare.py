@@ -55,7 +55,7 @@ def differing(replica: PageParameters, values: Mapping[str, ParameterValue]) -> 
     return sum(replica.value(name) != value for name, value in values.items())
 
 
-def _shown(value: Any) -> Any:
+def _shown(value: object) -> object:
     if isinstance(value, bool | int) or (isinstance(value, float) and math.isfinite(value)):
         return value
     return str(value)[:MOST_SHOWN]  # text, date, list or nan

@@ -61,6 +61,6 @@ def add_setup(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
         return await found("page", again=False)
 
     @app.post("/api/setup/checks")
-    async def check_again(session: Operator) -> dict[str, Any]:
+    async def check_again(session: Operator) -> JsonObject:
         """Run the checks again; 409 while the vehicle is armed."""
         return await found(session.label, again=True)

@@ -93,7 +93,7 @@ def describe(
     return parameters_of(Parameters, "Firmware", groups)()
 
 
-def _field(letter: str, value: float) -> tuple[type, Any]:
+def _field(letter: str, value: float) -> tuple[type, object]:
     if letter in "fd":
         high = float(np.finfo(np.dtype(letter)).max)
         low, shown = -high, shortest(value)
