@@ -16,7 +16,7 @@ from quadrotor.parameters import Parameters, parameter, parameters_of
 
 
 class RecorderParameters(Parameters):
-    """The rules for when a run ends, and what the disk must keep free."""
+    """The rules for the end of a run, and the space that the disk must keep free."""
 
     after_disarm: float = parameter(1.0, unit="s", ge=0, le=60, step=0.5)
     """a run continues for this long after disarming"""

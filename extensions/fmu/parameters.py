@@ -71,7 +71,7 @@ def declared_by(path: Path) -> tuple[Parameters | None, dict[str, Tunable]]:
 
 
 def check_size(path: Path) -> None:
-    """Check what an FMU takes unpacked; zipfile writes no more than the sizes that are stated.
+    """Check the size of an unpacked FMU by its stated sizes, beyond which zipfile writes nothing.
 
     Raises UsageError.
     """

@@ -47,7 +47,7 @@ class TopicTable(NamedTuple):
 
 
 def is_exported(path: Path) -> bool:
-    """Return whether a file or folder is what `quadlab log export` writes."""
+    """Return whether a file or folder was written by `quadlab log export`."""
     if path.is_dir():
         return bool(_tables_in(path))
     return path.is_file() and _begins(path, MAT_HEAD) and _is_run_of_mat(path)

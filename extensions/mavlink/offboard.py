@@ -217,7 +217,7 @@ class Offboard:
                     raise
 
     def accepted(self) -> None:
-        """Follow the set-points from now on: the vehicle flies what is sent."""
+        """Follow the set-points from now on: the vehicle flies the motion that is sent."""
         self._accepted_ns = monotonic_ns()
 
     def left(self, who: str) -> None:

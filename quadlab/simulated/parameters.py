@@ -15,7 +15,7 @@ from vehicle.simulator.parameters import SimulatorParameters
 
 
 class FlightParameters(VehicleParameters):
-    """The vehicle's tree and, next to it, what only a simulated flight has."""
+    """The vehicle's parameters and, next to them, those that only a simulated flight has."""
 
     simulator: SimulatorParameters = SimulatorParameters()
     tracker: TrackerParameters = TrackerParameters()

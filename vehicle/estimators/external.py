@@ -30,7 +30,7 @@ FINITE = ("position_w", "velocity_w", "quaternion_wb", *BIASES)
 
 
 class ExternalEstimator(External):
-    """An `estimation.estimator.Estimator` whose state is what a plugin answers.
+    """An `estimation.estimator.Estimator` whose state is the answer of a plugin.
 
     In each tick the built-in estimator beneath is stepped, the answer to the last tick's input is
     read and carried on to this sample by the IMU, and the next input is sent. A missing answer is

@@ -90,7 +90,7 @@ class EventHub:
         return list(self._lines)
 
     def begin(self, lines: Iterable[Message]) -> None:
-        """Begin with what was said before this process."""
+        """Begin with the events from before this process."""
         self._lines.extend(sorted(lines, key=lambda line: float(line["stamp"])))
 
     def publish(self, message: Message) -> None:

@@ -16,7 +16,8 @@ MOST_SHOWN = 200  # characters of a value that is refused
 
 
 def compare(replica: PageParameters, values: Mapping[str, Any]) -> JsonObject:
-    """Return `lines` of what differs, in the order of the tree, and `same`, the number of the rest.
+    """Return the differences as `lines`, in the order of the tree, and `same`, the number of equal
+    parameters.
 
     Each line has name, unit, now, new, `reason` ("" or why it is refused) and `steps`, the number
     of changes it needs in flight. Raises LinkError before anything was read.

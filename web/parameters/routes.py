@@ -64,7 +64,7 @@ def _add_values(app: FastAPI, replica: PageParameters, gains: ParameterWriter) -
 
     @app.put("/api/parameters")
     async def change(body: ChangeBody, session: Operator) -> JsonObject:
-        """Change values, all or none, checked against their bounds; return those applied."""
+        """Change values, all or none, checked against their bounds; return the applied values."""
         applied, revision = await gains.change(body.values, session.label, walks=body.walks)
         return {
             "applied": applied,

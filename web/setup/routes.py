@@ -54,7 +54,7 @@ def add_setup(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
 
     @app.get("/api/setup/checks")
     async def checks() -> dict[str, Any]:
-        """Return the last results of station and vehicle, and those of the page now.
+        """Return the last results of station and vehicle, and the page's results now.
 
         `checked` is when the station and the vehicle were checked, in s, epoch; null = not yet.
         """

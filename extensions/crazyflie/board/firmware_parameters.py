@@ -46,7 +46,7 @@ class FirmwareParameters:
         return self._given | self._sent
 
     def changes(self) -> dict[str, float]:
-        """Return {name: value} of what has changed since this or `all` was called."""
+        """Return {name: value} of the changes since the last call of this method or of `all`."""
         found: dict[str, float] = {}
         if self._options.parameters != self._text:
             before = self._given
@@ -60,7 +60,7 @@ class FirmwareParameters:
         return self._sent.get(name) == self._known.get(name)
 
     def confirm(self, values: Mapping[str, float]) -> dict[str, ParameterValue]:
-        """Note what the Crazyflie has of the last changes.
+        """Note the values that the Crazyflie confirmed.
 
         Returns the values of the vehicle's parameters that must follow, by their full names.
         """
