@@ -50,8 +50,8 @@ _ROWS = (
     Row(
         name="calibrate",
         group=Group.FLY,
-        summary="Calibrate the vehicle of the running station; without a name, print what is in "
-        "force.",
+        summary="Calibrate the vehicle of the running station; without a name, print the "
+        "calibrations in force.",
         target=".calibrate:Calibrate",
         examples={
             "quadlab calibrate": "print the calibrations in force",
