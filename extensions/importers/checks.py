@@ -43,7 +43,7 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
     imu = raw.imu
     # In place, because a log may fill half of the memory that an import may take.
     force, turning = imu.specific_force, imu.angular_velocity
-    _multiply(force, _force_unit(imu, notes))
+    turn(force, _force_unit(imu, notes) * np.eye(3))
     up = _body(imu, force, notes)
     turn(force, up)
     turn(turning, up)
@@ -63,7 +63,7 @@ def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) 
         base_ns += epoch
     at = nanoseconds(imu.seconds, base_ns)
     made = {one.raw.name: one.track(base_ns) for one in found}
-    _multiply(turning, unit)
+    turn(turning, unit * np.eye(3))
     flight = ImportedFlight(vehicle, source, Imu(at, force, turning), notes=notes)
     flight.truth, flight.estimate = made.get("truth"), made.get("estimate")
     if flight.truth and not flight.truth.attitude_known:
@@ -168,11 +168,6 @@ def _usual_largest(values: Array) -> float:
     lengths = np.abs(values)
     release(values)
     return float(np.percentile(lengths, 99.9, overwrite_input=True))
-
-
-def _multiply(vectors: Array, by: float) -> None:
-    for some in blocks(vectors):
-        vectors[some] *= by
 
 
 def _rate_unit(imu: RawImu, turning: Array, scales: list[float], notes: list[str]) -> float:

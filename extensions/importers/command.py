@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -18,7 +18,6 @@ from quadlab.vehicle_names import check_name
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 if TYPE_CHECKING:
-    from console.catalogue.catalogue import Catalogue
     from extensions.importers.flight import ImportedFlight
     from extensions.importers.importing import ExportedRun, NewRun
 
@@ -125,17 +124,12 @@ class Import:
 
     def _restore(self, path: Path) -> int:
         """Add a run that was exported to the data folder."""
-        from console.catalogue.catalogue import Catalogue
         from extensions.importers.exported import read_exported
         from extensions.importers.importing import DEFAULT_VEHICLE, ExportedRun, shown
 
         tables, notes = read_exported(path)
         vehicle = self.name or tables[0].run.get("vehicle", DEFAULT_VEHICLE)
-        catalogue = Catalogue(open_data_folder(self.data))
-        try:
-            run = _entered(ExportedRun(tables, path, vehicle), vehicle, catalogue)
-        finally:
-            catalogue.close()
+        run = _entered(ExportedRun(tables, path, vehicle), vehicle, self.data)
         rows = sum(len(one.columns["time"]) for one in tables)
         print(f"{shown(path)} (exported by quadlab): {rows} messages of {len(tables)} topics")
         for note in notes:
@@ -185,16 +179,11 @@ class Import:
         self, flight: ImportedFlight, number: int | None, progress: Callable[[float], None]
     ) -> Path:
         """Add a flight to the data folder, and return its run."""
-        from console.catalogue.catalogue import Catalogue
         from extensions.importers.importing import NewRun
 
         flight.vehicle = self.name or flight.vehicle
-        catalogue = Catalogue(open_data_folder(self.data))
-        try:
-            new = NewRun(flight, self.file[0], self._source(number), progress)
-            return _entered(new, flight.vehicle, catalogue)
-        finally:
-            catalogue.close()
+        new = NewRun(flight, self.file[0], self._source(number), progress)
+        return _entered(new, flight.vehicle, self.data)
 
     def _tell(self, flight: ImportedFlight, run: Path, number: int | None) -> None:
         """Print what was imported and found."""
@@ -227,11 +216,12 @@ class Import:
         return 0
 
 
-def _entered(new: NewRun | ExportedRun, vehicle: str, catalogue: Catalogue) -> Path:
-    """Write a run into the catalogue's folder, and enter it."""
-    from console.catalogue.catalogue import run_name
+def _entered(new: NewRun | ExportedRun, vehicle: str, data: Folder) -> Path:
+    """Write a run into the data folder, and enter it in its catalogue."""
+    from console.catalogue.catalogue import Catalogue, run_name
     from console.runs.adoption import described
 
-    run = new.write(catalogue.folder, run_name(new.start, vehicle, catalogue.folder))
-    catalogue.add(described(run, None))
+    with closing(Catalogue(open_data_folder(data))) as catalogue:
+        run = new.write(catalogue.folder, run_name(new.start, vehicle, catalogue.folder))
+        catalogue.add(described(run, None))
     return run

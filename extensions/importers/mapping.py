@@ -268,7 +268,8 @@ def column_names(asked: Columns, known: list[str], count: int, where: str) -> li
         more = f" and {len(known) - 12} more" if len(known) > 12 else ""
         hint = did_you_mean(missing[0], known, cutoff=0.5)
         unnamed = f"its {len(known)} columns have no names (are there commas in numbers?); "
-        hint = hint or unnamed * (known[:1] == ["0"]) + f"there are {', '.join(known[:12])}{more}"
+        listed = ", ".join(known[:12]) or "none with numbers"
+        hint = hint or unnamed * (known[:1] == ["0"]) + f"there are {listed}{more}"
         raise LogFormatError(f"{where}: there is no column {missing[0]!r}; {hint}")
     if len(found) != count:
         raise LogFormatError(

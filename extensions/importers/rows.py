@@ -140,8 +140,9 @@ def keep(table: Array, rows: npt.NDArray[np.integer]) -> None:
 
 def nanoseconds(seconds: Array, base_ns: int) -> Stamps:
     """Return times in s since a base as stamps, (N,)."""
-    rounded = seconds * 1e9
-    found: Stamps = np.round(rounded, out=rounded).astype(np.int64)
+    found: Stamps = np.empty(len(seconds), np.int64)
+    for some in blocks(seconds):
+        found[some] = np.round(seconds[some] * 1e9)
     found += base_ns
     return found
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from extensions.importers.flight import ImportedFlight, Track
+from extensions.importers.flight import ImportedFlight
 from extensions.importers.rows import release
 from flight_log.attached import PARAMETERS
 from flight_log.provenance import provenance
@@ -21,8 +21,8 @@ from vehicle_link.topics.status import encode_batteries, encode_event
 from vehicle_link.topics.table import TOPICS
 from vehicle_link.topics.ticks import imu_messages, odometry_messages
 
-SLICE_NS = 10_000_000_000
-"""Duration, in ns, of flight that is encoded at once."""
+SLICE_NS = 3_000_000_000
+"""Duration, in ns, of flight that is encoded at once: of 1 kHz and two topics 20 MB."""
 POSE_NS = 7_500_000
 """Least time between tracker poses: motion capture may be faster than any tracker sends."""
 INFO = 20  # level of rcl_interfaces/Log
@@ -36,9 +36,9 @@ def write_run(
     attached = {PARAMETERS: json.dumps(flight.parameters).encode()} if flight.parameters else {}
     # A flight can be imported again, so long chunks are safe, as in simulated flights.
     with LogWriter(path, metadata, attached, chunk_age_ns=1_000_000_000) as writer:
-        starts = [flight.imu.stamps_ns[0], *(int(one.stamps_ns[0]) for one in _tracks(flight))]
-        ends = [flight.imu.stamps_ns[-1], *(int(one.stamps_ns[-1]) for one in _tracks(flight))]
-        first, end = int(min(starts)), int(max(ends)) + 1
+        tracks = [one for one in (flight.imu, flight.truth, flight.estimate) if one is not None]
+        first = min(int(one.stamps_ns[0]) for one in tracks)
+        end = max(int(one.stamps_ns[-1]) for one in tracks) + 1
         for start in range(first, end, SLICE_NS):
             if batches := list(_slice(flight, start, start + SLICE_NS)):
                 writer.write_batches(batches)
@@ -67,13 +67,11 @@ def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
             poses = np.zeros(len(rows), POSE_SAMPLE)
             poses["stamp_ns"] = flight.truth.stamps_ns[rows]
             poses["position_w"] = flight.truth.states["position_w"][rows]
-            if flight.truth.attitude_known:
-                poses["quaternion_wb"] = flight.truth.states["quaternion_wb"][rows]
-                made = pose_messages(poses)
-                yield _batch(flight, "tracker_pose", made, poses["stamp_ns"])
-            else:
-                made = position_messages(poses)
-                yield _batch(flight, "tracker_position", made, poses["stamp_ns"])
+            poses["quaternion_wb"] = flight.truth.states["quaternion_wb"][rows]
+            known = flight.truth.attitude_known
+            made = pose_messages(poses) if known else position_messages(poses)
+            topic = "tracker_pose" if known else "tracker_position"
+            yield _batch(flight, topic, made, poses["stamp_ns"])
     if flight.sweeps is not None:
         sweeps = flight.sweeps[_rows(flight.sweeps["stamp_ns"], start, end)]
         for count in np.unique(sweeps["count"]):
@@ -93,10 +91,6 @@ def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
             payload = encode_event(stamp, level, text, f"{name}.vehicle")
             raw = np.frombuffer(payload, f"V{len(payload)}")
             yield _batch(flight, "events", raw, np.array([stamp]))
-
-
-def _tracks(flight: ImportedFlight) -> list[Track]:
-    return [one for one in (flight.truth, flight.estimate) if one is not None]
 
 
 def _rows(stamps: Stamps, start: int, end: int) -> npt.NDArray[np.intp]:

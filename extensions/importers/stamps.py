@@ -21,8 +21,10 @@ from quadrotor.records import Array
 
 COUNTER_BITS = (16, 24, 31, 32)
 """Sizes of the counters of time that embedded computers have."""
-AT_WRAP = 50.0
-"""Largest step over the end of a counter, in median steps: a few rows may be missing there."""
+AT_WRAP, OF_PERIOD = 50.0, 0.1
+"""Largest step over the end of a counter, in median steps, as a few rows may be missing there, and
+in its period: slow rows that go back are as likely those of a restart.
+"""
 LAST_DATE = 2.0**32
 """s since 1970: February 2106. Later stamps are in another unit."""
 EARLIEST = -86400.0
@@ -109,7 +111,7 @@ def continued(stamps: Array, rows: Rows, where: str) -> tuple[Array, list[str]]:
         over = stamps[back + 1] - stamps[back] + period
         least = -period / 2.0 if stamps.min() < 0.0 else 0.0  # of a signed counter
         inside = least <= stamps.min() and stamps.max() < least + period
-        fitting = back[(over > 0.0) & (over <= AT_WRAP * median)]
+        fitting = back[(over > 0.0) & (over <= min(AT_WRAP * median, OF_PERIOD * period))]
         if inside and len(fitting) > len(wraps):
             wraps, counter = fitting, (bits, period)
     if not len(wraps):

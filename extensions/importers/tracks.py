@@ -96,6 +96,7 @@ class Checked:
         more; `base_ns` is when the IMU began.
         """
         raw, count = self.raw, len(self.raw.seconds)
+        stamps = nanoseconds(self._clock.at, base_ns)
         turn(raw.position, self._unit * self._world)
         if raw.velocity is None:
             velocity = derivative(raw.seconds, raw.position)
@@ -113,7 +114,6 @@ class Checked:
             for some in blocks(turned):
                 turned[some] = product_of(quaternion_of(self._world), turned[some])
             states["angular_velocity_b"] = rates_of(raw.seconds, turned)
-        stamps = nanoseconds(self._clock.at, base_ns)
         return Track(raw.name, stamps, states, attitude_known)
 
     def _attitudes(self, rows: slice) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,8 @@ COARSEST = 0.004
 """Largest step, in s, of averaged samples: within it a vehicle turns about one axis."""
 WINDOW = 0.03
 """Time, in s, to either side over which a derivative is taken; at least three samples."""
+MARGIN = 4096
+"""Rows beside a block that its values depend on, at most: WINDOW at 100 kHz."""
 
 
 def averaged(seconds: Array, rate: Array) -> tuple[Array, Array]:
@@ -63,24 +66,34 @@ def derivative(seconds: Array, values: Array) -> Array:
     """Return the derivative of columns from cubics fitted to the neighbours, (N, K)."""
     step = max(float(np.median(np.diff(seconds))), 1e-3)
     half = max(3, round(WINDOW / step))
-    grid = np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
     weights = np.linalg.pinv(np.vander(np.arange(-half, half + 1) * step, 4, increasing=True))[1]
-    found = np.empty(values.shape)
-    for k, column in enumerate(values.T):  # one at a time: a flight may have millions of rows
-        even = np.interp(grid, seconds, column)
-        even = np.pad(even, half, mode="reflect", reflect_type="odd")
-        slopes = np.convolve(even, weights[::-1], mode="valid")
-        found[:, k] = np.interp(seconds, grid, slopes)
-    return found
+
+    def slopes(at: Array, some: Array) -> Array:
+        grid = np.arange(at[0], at[-1] + 0.5 * step, step)
+        even = np.stack([np.interp(grid, at, column) for column in some.T])
+        even = np.pad(even, ((0, 0), (half, half)), mode="reflect", reflect_type="odd")
+        found = [np.convolve(row, weights[::-1], mode="valid") for row in even]
+        return np.stack([np.interp(at, grid, row) for row in found], axis=1)
+
+    return _in_blocks(slopes, seconds, values, values.shape[1])
 
 
 def rates_of(seconds: Array, quaternions: Array) -> Array:
-    """Return the angular velocity (rad/s, body axes) of attitudes, (N, 3), some at a time."""
-    found = np.empty((len(seconds), 3))
+    """Return the angular velocity (rad/s, body axes) of attitudes, (N, 3)."""
+    return _in_blocks(angular_velocity, seconds, quaternions, 3)
+
+
+def _in_blocks(
+    made: Callable[[Array, Array], Array], seconds: Array, values: Array, width: int
+) -> Array:
+    """Return (N, width) what is made of each block of rows with those beside it: a flight may have
+    millions.
+    """
+    found = np.empty((len(seconds), width))
     for some in blocks(found):
-        near = slice(max(some.start - 1, 0), some.stop + 1)
-        rates = angular_velocity(seconds[near], quaternions[near])
-        found[some] = rates[some.start - near.start :][: some.stop - some.start]
+        near = slice(max(some.start - MARGIN, 0), some.stop + MARGIN)
+        block = made(seconds[near], values[near])
+        found[some] = block[some.start - near.start :][: some.stop - some.start]
     return found
 
 

@@ -88,7 +88,7 @@ class BlackboxTables(FileTables):
                 f"log {table or 1} has {len(rows)} frames, at least {FEWEST} are needed; "
                 f"{self._listed}"
             )
-        if force and not any(rows[:, k].any() for k in force):
+        if force and len(rows) and not any(rows[:, k].any() for k in force):
             raise self._without_accelerometer("its values are all 0")
         if "time" in names and self.epoch_ns is None and len(rows):
             self.epoch_ns = _epoch(log.header, int(rows[0, names.index("time")]))

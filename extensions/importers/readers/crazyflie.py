@@ -19,6 +19,7 @@ from zlib import crc32
 import numpy as np
 
 from extensions.importers.readers.tables import FileTables
+from extensions.importers.rows import blocks
 from flight_log.blocks import field_at
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Array
@@ -78,10 +79,11 @@ class CrazyflieTables(FileTables):
         assert fields is not None
         data = np.frombuffer(self._data, np.uint8)
         found = np.empty((len(places), len(names)))
-        for k, name in enumerate(names):
-            kind, offset = fields[name][:2]
-            found[:, k] = field_at(data, places, offset, kind.str)
-        self._data.madvise(MADV_DONTNEED)  # pages of the file that were read count as memory
+        for some in blocks(found):
+            for k, name in enumerate(names):
+                kind, offset = fields[name][:2]
+                found[some, k] = field_at(data, places[some], offset, kind.str)
+            self._data.madvise(MADV_DONTNEED)  # pages of the file that were read count as memory
         if TIME in names:
             found[:, names.index(TIME)] *= self._unit
         return found

@@ -36,6 +36,7 @@ INSTEAD = (
     (b"version https://git-lfs.", "the place of a file in Git LFS: fetch it by `git lfs pull`"),
     ((b"<!DOCTYPE", b"<!doctype", b"<html"), "a page of the web, perhaps of a failed download"),
     (b"%PDF-", "a document"),
+    ((b"{", b"["), "JSON: write it as CSV or Parquet, pandas does with read_json"),
 )
 """Beginnings of files that people take for a log, and what to try."""
 SHOWN = 6
@@ -97,7 +98,7 @@ def _folder_error(path: Path) -> LogFormatError:
     named = bags or files
     more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
     listed = f"; it has {', '.join(named[:SHOWN])}{more}" if named else ", and it has none"
-    return LogFormatError(f"{path} is a folder: give one file of it{listed}")
+    return LogFormatError(f"{path} is a folder: give one file of it, or those of a flight{listed}")
 
 
 @contextmanager

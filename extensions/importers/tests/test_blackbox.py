@@ -209,6 +209,13 @@ def test_a_log_without_an_accelerometer_says_so(tmp_path: Path, data: bytes, wor
     assert "\n" not in str(refused.value)
 
 
+def test_a_log_without_frames_is_not_said_to_lack_an_accelerometer(tmp_path: Path) -> None:
+    path = tmp_path / "flight.bbl"
+    path.write_bytes(flight_log([]))
+    with pytest.raises(LogFormatError, match="0 rows; at least 50 are needed"):
+        read_flight(path)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -20,42 +20,56 @@ from quadrotor.errors import LogFormatError
 from vehicle_link.messages import encode, header, new
 
 START = 1_769_851_842_123_456_789
+HOUR = 3_600_000_000_000
+BOOT = 60_000_000_000
+"""ns since 1970 on a computer whose clock has no battery."""
+Message = tuple[str, str, int, int, dict[str, Any]]
+"""Topic, type, stamp and time of reception in ns, and fields."""
 NUMBERS = some.floats(-1e6, 1e6, width=32)
 WORDS = some.text(some.characters(codec="utf-8", exclude_categories=("C", "Z")), max_size=6)
 UNITS = some.tuples(NUMBERS, NUMBERS, NUMBERS)
 
 
 @some.composite
-def runs(draw: some.DrawFn) -> list[tuple[str, str, int, dict[str, Any]]]:
-    """Return messages of a random run: topic, type, stamp in ns, and fields."""
-    found = []
-    stamp = START
+def runs(draw: some.DrawFn) -> list[Message]:
+    """Return messages of a random run, in which the clocks of both sides may be set."""
+    found: list[Message] = []
+    received, set_by = draw(some.sampled_from([START, BOOT])), 0
     for _ in range(draw(some.integers(1, 12))):
-        stamp += draw(some.integers(1, 30_000_000_000))
-        kind = draw(some.sampled_from(["state", "bearings", "status", "battery"]))
+        received += draw(some.integers(1, 30_000_000_000))
+        received += draw(some.sampled_from([0, START])) if received < START else 0
+        set_by = draw(some.sampled_from([set_by, set_by, HOUR, 2 * HOUR]))
+        times = received + set_by, received
+        kind = draw(some.sampled_from(["state", "bearings", "status", "battery", "events"]))
         if kind == "state":
             pose = {"pose": {"position": draw(UNITS)}}
             fields: dict[str, Any] = {"pose": pose, "child_frame_id": draw(WORDS)}
-            found.append((kind, "nav_msgs/Odometry", stamp, fields))
+            found.append((kind, "nav_msgs/Odometry", *times, fields))
         elif kind == "bearings":
             seen = draw(some.lists(UNITS, max_size=3))
             ids = [draw(some.integers(0, 255)) for _ in seen]
             fields = {"sigma": draw(NUMBERS), "beacon_ids": ids, "bearings": seen}
-            found.append((kind, "quadlab_msgs/BearingArray", stamp, fields))
+            found.append((kind, "quadlab_msgs/BearingArray", *times, fields))
         elif kind == "status":
             fields = {"mode": draw(WORDS)}
-            found.append((kind, "quadlab_msgs/VehicleStatus", stamp, fields))
+            found.append((kind, "quadlab_msgs/VehicleStatus", *times, fields))
+        elif kind == "events":
+            level = draw(some.sampled_from([10, 20, 30, 40, 50]))
+            fields = {"level": level, "name": "q.vehicle", "msg": draw(WORDS)}
+            found.append((kind, "rcl_interfaces/Log", *times, fields))
         else:
             fields = {"voltage": draw(NUMBERS), "present": draw(some.booleans())}
-            found.append((kind, "sensor_msgs/BatteryState", stamp, fields))
+            found.append((kind, "sensor_msgs/BatteryState", *times, fields))
     return found
 
 
-def write_log(path: Path, messages: list[tuple[str, str, int, dict[str, Any]]]) -> Path:
+def write_log(path: Path, messages: list[Message]) -> Path:
     with LogWriter(path, {"vehicle": "q", "experiment": "hover"}, {}) as writer:
-        for topic, kind, stamp, fields in messages:
-            payload = encode(new(kind, header=header(stamp), **fields))
-            writer.write(f"/q/{topic}", kind, payload, stamp + 5, stamp)
+        for topic, kind, stamp, received, fields in messages:
+            at = header(stamp)
+            head = {"stamp": at.stamp} if kind == "rcl_interfaces/Log" else {"header": at}
+            payload = encode(new(kind, **head, **fields))
+            writer.write(f"/q/{topic}", kind, payload, received, stamp)
     return path
 
 
@@ -85,9 +99,7 @@ def there_and_back(folder: Path, log: Path, kind: str) -> Path:
 
 @settings(max_examples=12, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(runs())
-def test_an_exported_run_comes_back_as_the_same_run(
-    messages: list[tuple[str, str, int, dict[str, Any]]],
-) -> None:
+def test_an_exported_run_comes_back_as_the_same_run(messages: list[Message]) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log = write_log(folder / "run.mcap", messages)
@@ -101,6 +113,7 @@ def test_messages_come_back_byte_by_byte(tmp_path: Path) -> None:
         (
             "bearings",
             "quadlab_msgs/BearingArray",
+            START + k,
             START + k,
             {"bearings": [(k, 0.0, 1.0)] * (k % 3)},
         )
@@ -124,7 +137,7 @@ def test_a_folder_of_an_export_is_imported_by_the_command(
     fields = {"voltage": 14.8, "present": True}
     log = write_log(
         tmp_path / "run.mcap",
-        [("battery", "sensor_msgs/BatteryState", START + k, fields) for k in range(5)],
+        [("battery", "sensor_msgs/BatteryState", START + k, START + k, fields) for k in range(5)],
     )
     export(log, tmp_path / "out", "parquet")
     (tmp_path / "out/strange.csv").write_text("a,b\n1,2\n")

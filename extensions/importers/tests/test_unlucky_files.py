@@ -339,8 +339,9 @@ def test_a_refusal_says_what_is_wrong(tmp_path: Path, text: str, unit: str, word
         (gzip.compress(gzip.compress(b"t,a\n", mtime=0), mtime=0), "unpack it"),
         (b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
         (b"<!DOCTYPE html><html>", "a page of the web"),
+        (b'{"t": 0.1}\n{"t": 0.2}\n', "JSON: write it as CSV"),
     ],
-    ids=["zip", "gzip", "lfs", "html"],
+    ids=["zip", "gzip", "lfs", "html", "json"],
 )
 def test_what_people_take_for_a_log_is_named(tmp_path: Path, data: bytes, words: str) -> None:
     with pytest.raises(LogFormatError, match=words):
@@ -500,6 +501,13 @@ def test_a_step_back_is_a_counter_only_where_it_has_all_values() -> None:
         found, notes = continued(wrapped, rows, "f")
         assert np.diff(found).tolist() == [10.0] * 299
         assert len(notes) == 1
+
+
+def test_slow_rows_of_a_restarted_vehicle_are_no_counter() -> None:
+    seconds = np.tile(50.0 + np.arange(8.0), 2)  # a battery at 1 Hz; 24 bits of us are 16.8 s
+    found, notes = continued(seconds % 16.0, np.arange(1, 17), "f")
+    assert notes == []
+    assert found.tolist() == (seconds % 16.0).tolist()
 
 
 def test_a_counter_is_continued_beside_a_real_step_back() -> None:
