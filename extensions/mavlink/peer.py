@@ -25,7 +25,7 @@ GONE = 5.0
 """Seconds of silence after which a ground station has left."""
 SAID_AGAIN = 60.0
 """Seconds after which the same complaint about a ground station is printed again."""
-SAID_MOST = 100
+SAID_MOST = 20
 TENS_OF_MICROSECONDS, SIGNING_EPOCH = 100_000, 1_420_070_400  # 1 January 2015
 
 Address = tuple[str, int]
@@ -137,10 +137,9 @@ class Peer:
         return list(messages)
 
     def is_new(self, kind: str, now: float) -> bool:
-        """Return whether a complaint of this kind was not said within the last minute."""
-        is_new = now - self._said.get(kind, -SAID_AGAIN) >= SAID_AGAIN
+        """Return whether neither a complaint of this kind was said within a minute nor too many."""
+        self._said = {one: at for one, at in self._said.items() if now - at < SAID_AGAIN}
+        is_new = kind not in self._said and len(self._said) < SAID_MOST
         if is_new:
-            if len(self._said) >= SAID_MOST:
-                self._said.clear()
             self._said[kind] = now
         return is_new
