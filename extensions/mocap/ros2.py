@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from console.trackers.source import Body, Connection, Frame
-from quadrotor.errors import UsageError
+from quadrotor.errors import LinkError, MeasurementError, UsageError
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.topics.measurements import decode_pose
 from vehicle_link.transport.node import Node
@@ -39,10 +39,13 @@ class Ros2Source:
             self._node.subscribe(name, TYPE, partial(self._put, name))
 
     def frames(self) -> Iterator[Frame]:
-        """Yield one frame of one body per message. Raises LinkError, MeasurementError."""
+        """Yield one frame of one body per message. Raises MeasurementError."""
         while item := self._items.get():
             name, payload, received_ns = item
-            sample = decode_pose(payload)[0]
+            try:
+                sample = decode_pose(payload)[0]
+            except LinkError as error:  # of another type: the next may be a pose
+                raise MeasurementError(f"{name}: {error}") from None
             body = Body(name, sample["position_w"].copy(), sample["quaternion_wb"].copy())
             yield Frame(int(sample["stamp_ns"]) or None, received_ns, (body,))
 

@@ -16,6 +16,7 @@ import pytest
 
 from console.trackers.process import GAP, OTHERS, STATUS_PERIOD
 from extensions.mocap.ros2 import Ros2Source
+from quadrotor.errors import MeasurementError
 from quadrotor.records import beacon_ids_of, pose_sample
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, wait_for
@@ -297,7 +298,10 @@ def test_poses_of_a_ros_2_node_are_frames_of_their_topic(bench: Bench) -> None:
     poses = node.publisher("cf7/pose", "geometry_msgs/PoseStamped")
     assert poses.wait(10)
     sample = pose_sample(5_000_000_123, PLACE, (0.6, 0.0, 0.0, 0.8))
+    poses.put(b"of another type")
     poses.put(pose_messages(sample).tobytes())
+    with pytest.raises(MeasurementError, match="^/mocap/cf7/pose: "):  # not one that closes it
+        next(source.frames())
     frame = next(source.frames())
     source.close()
     node.close()
