@@ -21,7 +21,6 @@ from vehicle_link.transport.publisher import Received
 if TYPE_CHECKING:
     from vehicle_link.transport.loopback import Session
 KEPT = 64
-TYPE = "geometry_msgs/PoseStamped"
 
 
 class Ros2Source:
@@ -36,7 +35,7 @@ class Ros2Source:
         self._node = Node(session, "", "quadlab_tracker")
         self._items: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(KEPT)
         for name in names:
-            self._node.subscribe(name, TYPE, partial(self._put, name))
+            self._node.subscribe(name, "geometry_msgs/PoseStamped", partial(self._put, name))
 
     def frames(self) -> Iterator[Frame]:
         """Yield one frame of one body per message. Raises MeasurementError."""

@@ -300,7 +300,7 @@ def test_poses_of_a_ros_2_node_are_frames_of_their_topic(bench: Bench) -> None:
     sample = pose_sample(5_000_000_123, PLACE, (0.6, 0.0, 0.0, 0.8))
     poses.put(b"of another type")
     poses.put(pose_messages(sample).tobytes())
-    with pytest.raises(MeasurementError, match="^/mocap/cf7/pose: "):  # not one that closes it
+    with pytest.raises(MeasurementError, match=r"^/mocap/cf7/pose: "):  # not one that closes it
         next(source.frames())
     frame = next(source.frames())
     source.close()
