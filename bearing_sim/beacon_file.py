@@ -34,7 +34,7 @@ def load_beacons(path: str | Path) -> Beacons:
 
 
 def read_beacons(data: bytes, name: str | Path) -> Beacons:
-    """Return the beacons in the bytes of such a file; `name` is used in error messages.
+    """Return the beacons from the bytes of a beacon file; `name` is used in error messages.
 
     Raises MeasurementError and DegenerateGeometryError as `load_beacons` does.
     """

@@ -87,7 +87,7 @@ class Calibrations:
             self._records, self._problem, self._due = None, LOST, 0.0
 
     def changed(self) -> None:
-        """Mark what was read as outdated."""
+        """Mark the calibrations that were read as outdated."""
         with self._lock:
             self._due = 0.0
 

@@ -7,7 +7,7 @@ of the message.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -136,7 +136,7 @@ def _table(topic: Topic, start_ns: int) -> Any:
     return pa.Table.from_arrays(list(columns.values()), schema=pa.schema(fields))
 
 
-def _short_names(topics: Sequence[str] | dict[str, Any]) -> dict[str, str]:
+def _short_names(topics: Iterable[str]) -> dict[str, str]:
     """Return the last part of each topic's name, or the whole name when two would be equal."""
     short = {topic: topic.strip("/").split("/", 1)[-1].replace("/", "_") for topic in topics}
     names = list(short.values())

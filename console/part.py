@@ -34,7 +34,7 @@ class PartContext:
 
 
 class Part:
-    """A part of the station; it overrides the methods of what it uses.
+    """A part of the station; it overrides the methods that it needs.
 
     They are called by threads of the station that must not wait: each may cost microseconds.
     """

@@ -399,7 +399,7 @@ class StationParts:
 
     # ------------------------------------------------------------------ between the parts
     def serve(self) -> None:
-        """Offer the station's services, and connect what one part tells another."""
+        """Offer the station's services, and connect the parts that inform each other."""
         self.store.subscribe(self.outbox.parameter_changed)
         self.store.consult(self.layout.before_change)
         self.vehicle_parameters.subscribe(self.history_writer.compare)

@@ -108,7 +108,8 @@ def observe_one(
     dt: float,
     out: Item,
 ) -> None:
-    """Run one step for one vehicle: write what the law has to subtract into `out`.
+    """Run one step for one vehicle: write the force and torque that the law has to subtract into
+    `out`.
 
     Args:
         actuators: the commands over the last dt (s).

@@ -105,7 +105,7 @@ def fed_forward(
 
 @compiled(inner=True)
 def hand_over(memory: Item, gains: Item, model: Item) -> None:
-    """Transfer what the observer starts or stops subtracting from or to the integrals."""
+    """Move what the observer begins or ends subtracting from or to the integrals."""
     d, mass, J = memory.disturbance, model.mass, model.inertia_b
     if d.force_begun > 0.0 or d.torque_begun > 0.0:
         for i in range(3):

@@ -21,13 +21,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import create_model
 
 from control.parameters import CONTROL, GEOMETRIC, NEAR_HOVERING, NONE, ControlParameters
 from quadrotor.errors import UsageError
 from quadrotor.extension import Law
 from quadrotor.extensions import Offered, Registry, registry
-from quadrotor.parameters import Parameters, offer_choices
+from quadrotor.parameters import Parameters, offer_choices, parameters_of
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
 
@@ -112,7 +111,7 @@ def _tree(found: Registry) -> type[ControlParameters]:
         if law.offer.parameters:
             kind = law.load(law.offer.parameters)
             fields[name] = (kind, kind())
-    return create_model("ExtendedControlParameters", __base__=ControlParameters, **fields)
+    return parameters_of(ControlParameters, "ExtendedControlParameters", fields)
 
 
 def offer(others: Sequence[str]) -> None:

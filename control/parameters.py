@@ -80,7 +80,7 @@ class AttitudeGains(Parameters):
 
 
 class ControlLimits(Parameters):
-    """The limits of what the laws may ask for."""
+    """The limits of tilt, integrals and yaw torque."""
 
     tilt_max: float = parameter(45.0, unit="°", ge=5.0, le=70.0, step=1.0, flight_step=15.0)
     """largest tilt of the desired force"""

@@ -25,7 +25,7 @@ registered: dict[str, Callable[[EstimationParameters], Any]] = {}
 
 
 def offered() -> dict[str, Offered[Estimator]]:
-    """Return the built-in estimators and those of extensions, by name."""
+    """Return the names of the built-in estimators and of those from extensions."""
     found = {
         name: Offered(Estimator(name=name, target=target), __package__)
         for name, target in BUILT_IN.items()

@@ -166,8 +166,8 @@ def estimation_record(parameters: EstimationParameters) -> Record:
 
 
 def noise_record(parameters: EstimationParameters) -> Record:
-    """Return what the error-state filter assumes, as one ERROR_STATE_NOISE record, shape (1,), in
-    SI units.
+    """Return the noise that the error-state filter assumes, as one ERROR_STATE_NOISE record, shape
+    (1,), in SI units.
     """
     out = np.zeros(1, ERROR_STATE_NOISE)
     own = ErrorStateParameters.model_fields

@@ -71,7 +71,7 @@ def logged_value(value: Any) -> ParameterValue:
     return found
 
 
-def _plain(values: Any) -> dict[str, ParameterValue]:
+def _plain(values: object) -> dict[str, ParameterValue]:
     if not isinstance(values, Mapping):
         return {}
     return {str(k): v for k, v in values.items() if isinstance(v, bool | int | float | str)}

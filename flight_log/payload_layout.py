@@ -146,7 +146,9 @@ class SchemaLayouts:
         sound.add(name)
 
     def of(self, payload: bytes) -> PayloadLayout:
-        """Return the layout of a payload. Raises LogFormatError when it is no such message."""
+        """Return the layout of a payload. Raises LogFormatError when the payload does not fit its
+        type.
+        """
         if self._head and (len(payload) < self._head or payload[1] != 1):
             raise LogFormatError(f"{self._name}: only little-endian CDR is read")
         walk = _Walk(payload, self._head, self._types, self._stamps)

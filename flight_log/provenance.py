@@ -17,8 +17,8 @@ REVISION = "revision.json"
 
 @cache
 def provenance() -> dict[str, str]:
-    """Return what recorded this run, found once for each process (git takes 10 ms); values are
-    text, as MCAP metadata must be.
+    """Return the software and computer that recorded this run, found once for each process (git
+    takes 10 ms); values are text, as MCAP metadata must be.
     """
     return {
         **revision(),
@@ -28,8 +28,8 @@ def provenance() -> dict[str, str]:
 
 
 def revision() -> dict[str, str]:
-    """Return the revision of the sources, and whether they were changed since: what git does not
-    tell is unknown.
+    """Return the revision of the sources, and whether they were changed since; "unknown" where git
+    gives no answer.
     """
     if PREFIX:
         recorded: dict[str, str] = json.loads((ROOT / REVISION).read_text())

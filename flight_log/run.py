@@ -126,7 +126,7 @@ class Series:
         return rows if self._order is None else rows[self._order]
 
     def table(self, names: Sequence[str], start: float, end: float) -> Times:
-        """Return (M, len(names)) for start <= t <= end, NaN where the log has no such number."""
+        """Return (M, len(names)) for start <= t <= end; NaN for a number that is not in the log."""
         inside = (self.time >= start) & (self.time <= end)
         columns = [self.values(name)[inside].astype(np.float64) for name in names]
         return np.stack(columns, axis=1)

@@ -113,7 +113,9 @@ class Laboratory:
         self._thread.start()
 
     def close(self) -> None:
-        """Sign off; what was started continues, and control becomes free after some seconds."""
+        """Sign off; running behaviours and experiments continue, and control becomes free after
+        some seconds.
+        """
         self._closing.set()
         if self._presence is not None:
             self._presence.close()

@@ -7,12 +7,12 @@ begin with a letter: none of theirs does.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 
 
-def optional(metavar: str | None = None, name: str | None = None) -> Any:
+def optional(metavar: str | None = None, name: str | None = None) -> object:
     """Return the settings of an option whose default is not shown."""
     return tyro.conf.arg(metavar=metavar, name=name, help_behavior_hint="")
 

@@ -72,8 +72,8 @@ def offer_plugins(data: Path) -> None:
 
 
 def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
-    """Check the control laws, the behavior and the sensors of one's own, named in these parameters
-    against those of the data folder.
+    """Check that the user's own control laws, behavior and sensors that these parameters name exist
+    in the data folder.
 
     Raises RefusedError when one is not available.
     """

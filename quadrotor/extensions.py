@@ -208,6 +208,6 @@ def _installed() -> Iterator[tuple[str, str, Callable[[], object]]]:
 
 
 def tell_problems() -> None:
-    """Print on stderr what was left out of the extensions."""
+    """Print on stderr which extensions were left out, and why."""
     for line in registry().problems:
         print(f"quadlab: {line}", file=sys.stderr)

@@ -4,8 +4,8 @@ from enum import IntEnum
 
 
 class MotorState(IntEnum):
-    """The state of the motors as a board reports it; the numbers are also those of Id.MOTOR_STATE
-    on the serial line.
+    """The state of the motors as a board reports it; the numbers equal those of Id.MOTOR_STATE on
+    the serial line.
     """
 
     INIT = 0

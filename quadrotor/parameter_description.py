@@ -12,7 +12,7 @@ ParameterValue = bool | int | float | str
 
 @dataclass(frozen=True, slots=True)
 class ParameterDescription:
-    """The description of a parameter: what a client needs to display and edit it."""
+    """The description of a parameter: all that a client needs to display and edit it."""
 
     name: str
     type: str  # "bool", "int", "float" or "str"

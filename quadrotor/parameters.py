@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from quadrotor.errors import ReadOnlyError, UnknownParameterError
 from quadrotor.parameter_description import ParameterDescription, ParameterValue, coerce
@@ -57,12 +57,17 @@ def parameter(
         flight_step: largest change in flight, for a float that acts on the motors at once.
     """
     extra: dict[str, Any] = {"unit": unit, "step": step, "read_only": read_only}
-    extra["choices"] = list(choices)
-    extra["flight_step"] = flight_step
+    extra |= {"choices": list(choices), "flight_step": flight_step}
     return Field(default, ge=ge, le=le, description=description, json_schema_extra=extra)
 
 
-def section_of(kind: type[Section], prefix: str, values: Mapping[str, Any]) -> Section:
+def parameters_of(base: type[Section], name: str, fields: Mapping[str, object]) -> type[Section]:
+    """Return a model with further fields, `{name: (type, default)}`, that have no docstrings."""
+    quick = {"use_attribute_docstrings": False}  # else Pydantic asks each loaded module for them
+    return create_model(name, __base__=base, __cls_kwargs__=quick, **fields)  # type: ignore[call-overload, no-any-return]
+
+
+def section_of(kind: type[Section], prefix: str, values: Mapping[str, object]) -> Section:
     """Return a component with those of these values whose names are `prefix` and a field."""
     known = {name: values[prefix + name] for name in kind.model_fields if prefix + name in values}
     return kind().model_copy(update=known)
@@ -203,11 +208,8 @@ def _describe(
         raise TypeError(f"{name} was not made with quadrotor.parameters.parameter")
     if not field.description:
         raise TypeError(f"{name} has no description: write a docstring below it")
-    bounds: dict[str, float] = {}
-    for constraint in field.metadata:
-        for key in ("ge", "le"):
-            if hasattr(constraint, key):
-                bounds[key] = float(getattr(constraint, key))
+    given = ((key, getattr(one, key, None)) for one in field.metadata for key in ("ge", "le"))
+    bounds = {key: float(limit) for key, limit in given if limit is not None}
     kind = field.annotation.__name__ if field.annotation else "str"
     step, flight_step = extra.get("step"), extra.get("flight_step")
     if flight_step is not None and kind != "float":

@@ -122,9 +122,7 @@ def time_ns() -> int:
 
 
 def wall_time() -> float:
-    """Return the computer's epoch time in s, for what people read in lists; stamps are of
-    `time_ns`.
-    """
+    """Return the computer's epoch time in s, for lists that people read; stamps use `time_ns`."""
     return host_time_ns() * 1e-9
 
 

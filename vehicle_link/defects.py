@@ -36,7 +36,7 @@ class _Output(io.FileIO):
 
 
 def outlast_readers() -> None:
-    """Let what is printed be lost, and end nothing, once its terminal or reader is gone."""
+    """Discard printed text, and end nothing, once the terminal or reader is gone."""
     for name in ("stdout", "stderr"):
         raw: io.RawIOBase = _Output(getattr(sys, name).fileno(), "w", closefd=False)
         file = io.BufferedWriter(raw)

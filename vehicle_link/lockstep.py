@@ -164,7 +164,7 @@ class ProcessProgress:
         self._words[TRUTH] = stamp_ns - self._epoch_ns
 
     def station_received(self, stamp_ns: int) -> None:
-        """Note that comms has passed on what the station sent up to this time (epoch)."""
+        """Note that comms has passed on all that the station sent up to this time (epoch)."""
         self._words[STATION] = stamp_ns - self._epoch_ns
 
     def vehicle_received(self, stamp_ns: int) -> None:
@@ -173,7 +173,7 @@ class ProcessProgress:
 
 
 def words_of(page: memoryview, name: str) -> memoryview | None:
-    """Return a vehicle's words; None when the page has no such vehicle."""
+    """Return the words of a vehicle; None when the page has no such vehicle."""
     count = page[clock.VEHICLES]
     names = clock.HEADER + WORDS * count
     for number in range(count):

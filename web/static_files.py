@@ -280,7 +280,7 @@ FILES = CachedFiles(STATIC)
 
 @cache
 def files_with(panels: tuple[Panel, ...], documents: tuple[Document, ...] = ()) -> CachedFiles:
-    """Return the page's files with those of extensions, which all vehicles share."""
+    """Return the page's files and those of extensions, which all vehicles share."""
     return CachedFiles(STATIC, panels, documents) if panels or documents else FILES
 
 

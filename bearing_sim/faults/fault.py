@@ -269,7 +269,9 @@ class Faults:
 
 
 def moved(parameters: Any, active: Sequence[Active]) -> Any:
-    """Return the parameters with those moved that these faults move: itself if there is none."""
+    """Return a copy of the parameters with the changes of the active faults; the same object if
+    there are none.
+    """
     movers = [one for one in active if isinstance(one.fault, Moved)]
     if not movers:
         return parameters

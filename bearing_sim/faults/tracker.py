@@ -107,7 +107,7 @@ class Scale(TrackerFault):
 
 
 class Handedness(TrackerFault):
-    """The world is mirrored along an axis: poses are those of left-handed axes."""
+    """The world is mirrored along an axis: poses are given in left-handed axes."""
 
     name = "tracker.handedness"
     source = "M R M with a reflection M; definition"
@@ -124,7 +124,9 @@ class Handedness(TrackerFault):
 
 
 class Axes(TrackerFault):
-    """The axes are others than the agreed ones: y up, or turned by a quarter about the vertical."""
+    """The axes differ from the agreed ones: y points up, or they are turned by 90° about the
+    vertical.
+    """
 
     name = "tracker.axes"
     source = "conventions of motion capture systems; definition"
@@ -146,7 +148,7 @@ class Axes(TrackerFault):
 
 
 class SwappedBodies(TrackerFault):
-    """The poses are those of another body, which rests level at a place, and carry this one's
+    """The poses belong to another body, which lies level at a fixed place, but carry this body's
     name.
     """
 

@@ -31,8 +31,8 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """Result of writing notes. `replaced` is what someone else wrote in the meantime, which the
-    writer had not seen.
+    """Result of writing notes. `replaced` is the text of another person that the writer had not
+    seen.
     """
 
     note: Note

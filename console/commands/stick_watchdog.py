@@ -37,7 +37,7 @@ class StickWatchdog:
     def feed(
         self, axes: tuple[float, float, float, float], enabled: bool, now: float, timeout: float
     ) -> StickOrder:
-        """Handle one message of the page's sticks; return what to forward for it."""
+        """Handle one message of the page's sticks; return the message to forward to the vehicle."""
         if self._held_at is not None and now - self._held_at > timeout:
             self._drop()
         if not enabled:

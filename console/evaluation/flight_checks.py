@@ -55,8 +55,8 @@ _MOTION = (*POSITION, *ATTITUDE, *VELOCITY_B)
 
 
 def flight_checks(log: Path) -> dict[str, float]:
-    """Return the figures that the log shows, by name; none for a log without a flight: what is done
-    with a vehicle by hand is not judged.
+    """Return the figures of the flight in a log by name; none if the vehicle never flew: movements
+    by hand are not judged.
 
     The motion is the truth, or the vehicle's estimate where there is none. Raises LogFormatError or
     StorageError.

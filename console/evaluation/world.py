@@ -39,7 +39,7 @@ class World:
     lasts: float = 0.0
 
     def widened(self, limits: Mapping[str, float]) -> dict[str, float]:
-        """Return limits of a flight with what the gusts cost added to them."""
+        """Return the limits of a flight, widened by the errors that gusts cause."""
         chance = 1.0 + DEVIATIONS * 0.5 * math.sqrt(self.lasts / JUDGED)
         costs = {
             "position_rms_m": chance * self.displacement,

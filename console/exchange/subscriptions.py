@@ -58,7 +58,7 @@ class Subscriptions:
         self.send_heartbeat = self._lane.send_heartbeat
 
     def begin(self) -> None:
-        """Receive messages from now on; those of the lane arrived before, too."""
+        """Receive messages from now on, and deliver earlier messages of the lane."""
         for name, callback in self._callbacks.items():
             self._node.subscribe(
                 name,

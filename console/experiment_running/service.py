@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from console.experiment_running.file_check import Described, described
 from console.experiments.catalogue import experiments, find
 from console.experiments.client import Experiment
 from console.experiments.user_file import errors_with_line
 from quadrotor.errors import UsageError
+from quadrotor.json_object import JsonObject
 from quadrotor.parameters import ParameterStore
 from vehicle_link.messages import new
 from vehicle_link.messages.records import ExperimentRequest, Message
@@ -69,7 +70,7 @@ class ExperimentService:
             )
         return new(ANSWER, accepted=True)
 
-    def _prepared(self, name: str, options: dict[str, Any]) -> Experiment:
+    def _prepared(self, name: str, options: JsonObject) -> Experiment:
         """Return the experiment with these options. Raises QuadlabError with the reason."""
         own = None if name in experiments() else self._files.find(name)
         experiment = own or find(name, self._vehicle)

@@ -78,7 +78,9 @@ class _Progress:
 
 
 class Accelerometer:
-    """Guides through poses; judged on residuals and on what the poses determine."""
+    """Guides a person through poses; judged on the residuals and on how well the poses determine
+    the result.
+    """
 
     name = "accelerometer"
 

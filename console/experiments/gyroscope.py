@@ -33,7 +33,7 @@ class GyroscopeOptions(Parameters):
 
 
 class Gyroscope:
-    """Measures the gyroscope's bias at rest, then checks what is left."""
+    """Measures the gyroscope's bias at rest, then checks the remaining bias."""
 
     name = "gyroscope"
 

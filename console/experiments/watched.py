@@ -8,7 +8,7 @@ problem in words, or an empty text.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 from console.experiments.client import Client, Experiment, VehicleView
 from console.experiments.manoeuvres import LANDING, brake, wait_ready
@@ -64,7 +64,7 @@ class Watched:
     def __init__(self, client: Client, abort: Callable[[VehicleView], str]) -> None:
         self._client, self._abort = client, abort
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         return getattr(self._client, name)
 
     def wait_until(

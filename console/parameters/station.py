@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from pydantic import Field, create_model
+from pydantic import Field
 
 from bearing_sim.emulator import BearingParameters
 from bearing_sim.tracker import TrackerParameters
@@ -12,11 +12,11 @@ from console.parameters.preflight import PreflightParameters
 from quadrotor.errors import UsageError
 from quadrotor.extension import StationPart
 from quadrotor.extensions import registry
-from quadrotor.parameters import Parameters, parameter
+from quadrotor.parameters import Parameters, parameter, parameters_of
 
 
 class RecorderParameters(Parameters):
-    """The rules for when a run ends, and what the disk must keep free."""
+    """The rules for the end of a run, and the space that the disk must keep free."""
 
     after_disarm: float = parameter(1.0, unit="s", ge=0, le=60, step=0.5)
     """a run continues for this long after disarming"""
@@ -57,9 +57,7 @@ def station_parameters() -> StationParameters:
             with suppress(UsageError):  # told by the station, which makes the part
                 kind = offered.load(offered.offer.parameters)
                 added[name] = kind, kind()
-    kind = create_model("StationParameters", __base__=StationParameters, **added)  # type: ignore[call-overload]
-    made: StationParameters = kind()
-    return made
+    return parameters_of(StationParameters, "StationParameters", added)()
 
 
 class StationTree(Parameters):

@@ -20,7 +20,7 @@ RATE_WINDOW = 3.0
 
 
 class ChangedError(QuadlabError):
-    """The received bytes are not, or no longer, those of the file of that name on board."""
+    """The received bytes do not belong to the file of that name on board, or no longer do."""
 
 
 class TransferRate:
@@ -59,7 +59,7 @@ class Fetcher:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def fetch(self, part: PartFile) -> None:
-        """Fetch what `part` lacks; received pieces stay, whatever is raised.
+        """Fetch the missing pieces of `part`; received pieces stay, even when an error is raised.
 
         Raises ChangedError, LinkError, RefusedError, StorageError.
         """

@@ -98,7 +98,7 @@ class BehaviorMachine:
 
     @property
     def progress(self) -> float:
-        """Return the completed share of the behavior, 0..1; 0 for those without an end."""
+        """Return the completed share of the behavior, 0..1; 0 for a behavior without an end."""
         return self._behavior.progress
 
     def set_parameters(self, parameters: BehaviorParameters) -> None:

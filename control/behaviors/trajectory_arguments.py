@@ -19,7 +19,7 @@ class WhichTrajectory(Parameters):
 
 
 class PeriodArguments(WhichTrajectory):
-    """The arguments of what is flown in laps."""
+    """Arguments of a trajectory that is flown in laps."""
 
     period: float = parameter(8.0, unit="s", ge=2.0, le=60.0, step=0.5)
     """figure_eight, figure_eight_lap, circle, helix: time of one lap"""
@@ -74,7 +74,7 @@ class HelixArguments(CircleArguments):
 
 
 class PaceArguments(WhichTrajectory):
-    """Bounds of what is flown as fast as they allow."""
+    """Bounds of a trajectory that is flown as fast as they allow."""
 
     speed: float = parameter(0.8, unit="m/s", ge=0.05, le=5.0, step=0.05)
     """line, waypoints: largest speed; behavior.fly_to_speed if left out"""

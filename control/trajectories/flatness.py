@@ -16,7 +16,8 @@ from quadrotor.vehicle_model import GRAVITY
 
 @compiled(inner=True)
 def wrench_of_reference(reference: Item, model: Item) -> tuple[Axes, Vector, Vector, Quaternion]:
-    """Return what one REFERENCE record requires of a vehicle with this MODEL record.
+    """Return the force and torque that one REFERENCE record requires of a vehicle with this MODEL
+    record.
 
     Returns the columns of R_wb, the body rate (rad/s) and its derivative in body axes, and the
     wrench: thrust (N) and torques (N m) about body axes. Not finite in free fall, r'' = -g z_W.

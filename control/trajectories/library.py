@@ -39,8 +39,8 @@ GROUP = "quadlab.trajectories"
 
 
 def files_of(folder: Path) -> list[tuple[str, Path]]:
-    """Return name (without ending) and path of the .csv and .py files whose name starts with a
-    letter or digit, but not of those of subfolders. Raises StorageError.
+    """Return name (without ending) and path of the .csv and .py files whose names start with a
+    letter or digit; subfolders are not searched. Raises StorageError.
     """
     with os_errors(lambda why: f"the trajectory folder {folder} cannot be read: {why}"):
         files = sorted(p for p in folder.iterdir() if p.suffix.lower() in LOADERS)

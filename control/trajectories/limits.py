@@ -48,7 +48,7 @@ WALLS = 6
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """The largest and least values allowed, SI; omitted ones have no limit.
+    """The smallest and largest allowed values, SI; a value that is omitted has no limit.
 
     Args:
         thrust_low, thrust_high: N per motor; leave a margin to the motors' own limits for the

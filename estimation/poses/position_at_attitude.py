@@ -95,8 +95,8 @@ def position_at_attitude(
 
 @compiled(inner=True)
 def position_covariance(beacons_w: Array, position_w: Array, sigma: float, out: Array) -> bool:
-    """Write the covariance (3, 3) m^2, world axes, of such a position into `out`: sigma^2 (J^T
-    J)^-1.
+    """Write the covariance (3, 3) m^2, world axes, of a position at a known attitude into `out`:
+    sigma^2 (J^T J)^-1.
 
     Args:
         beacons_w: (N, 3) m.

@@ -110,7 +110,9 @@ def contradicts(m: Item) -> bool:
 
 @compiled(inner=True)
 def strongest(m: Item) -> float:
-    """Return the largest evidence against the tracker, without what the witnesses dismiss."""
+    """Return the strongest evidence against the tracker, without the faults that the witnesses rule
+    out.
+    """
     e = m.evidence
     of_turn = max(e[TURN], e[TILT])
     if not contradicts(m):

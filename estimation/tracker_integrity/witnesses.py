@@ -51,7 +51,7 @@ LARGEST, LARGEST_AGREEMENT = 20.0, 3.0
 
 @compiled(inner=True)
 def vote(m: Item, since: float, t: Vector, g: Vector, driven: Vector, height: float) -> None:
-    """Add what the witnesses say about one pose.
+    """Add the votes of the witnesses on one pose.
 
     Args:
         t, g, driven, height: displacements (m) by the tracker, the accelerometer, the motors, and

@@ -89,7 +89,7 @@ def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) 
 def track(
     t: Item, p: Item, stamp_ns: int, random: Any, drawn: Any, memory: Item, gains: Item, out: Item
 ) -> None:
-    """Measure a pose of a PLANT record when one is due; pass those that arrived to the filter.
+    """Measure a pose of a PLANT record when one is due; pass the poses that arrived to the filter.
 
     Args:
         t: TRACKER.

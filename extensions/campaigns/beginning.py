@@ -29,7 +29,9 @@ PROTOCOL = 1
 
 @cache
 def software() -> dict[str, str]:
-    """Return what the rows of a plan depend on beside it: quadlab, by a hash of its sources."""
+    """Return the software that the rows depend on besides the plan: quadlab, by a hash of its
+    sources.
+    """
     made = hashlib.sha256()
     for folder in [ROOT] if PREFIX else [ROOT / name for name in (*PACKAGES, "quadlab")]:
         for one in sorted(folder.rglob("*.py")):
@@ -74,7 +76,9 @@ def write_record(path: Path, record: Mapping[str, object]) -> None:
 
 
 def read_record(path: Path) -> JsonObject:
-    """Return what a campaign was begun with. Raises StorageError for a folder without one."""
+    """Return the record that was written at the beginning of a campaign. Raises StorageError for a
+    folder without one.
+    """
     with os_errors(lambda why: f"{path} is no campaign ({why}: {RECORD}); give its folder"):
         data = (path / RECORD).read_bytes()
     try:

@@ -30,7 +30,7 @@ def check_name(name: str) -> None:
 
 
 def with_cases(plan: Plan) -> dict[str, Factor]:
-    """Return the factors of a plan, among them those of its cases. Raises ValueError."""
+    """Return the factors of a plan, including the factors of its cases. Raises ValueError."""
     found: dict[str, Factor] = {}
     varied = {*plan.factors, *(plan.search.parameters if plan.search else ())}
     for name, cases in plan.cases.items():

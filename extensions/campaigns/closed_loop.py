@@ -81,7 +81,7 @@ class ClosedLoop:
 
 
 def check_compiled(settings: Settings) -> None:
-    """Check what the compiled flight does not have. Raises UsageError."""
+    """Check that the plan uses nothing that the compiled flight lacks. Raises UsageError."""
     plan = settings.file.plan
     lacking = {
         "board": plan.board != "mikrokopter",

@@ -77,7 +77,7 @@ class Outcome:
 
 
 def fly_task(task: Task) -> list[Outcome]:
-    """Fly; what goes wrong in a flight is its outcome.
+    """Fly; an error in a flight becomes its outcome.
 
     Raises StorageError when the computer has no disk, memory or files left: that would be a row
     that depends on the computer, so the flight has none yet.

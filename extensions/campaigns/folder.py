@@ -194,7 +194,7 @@ class CampaignFolder:
         return min(self.flights, self.read_files(rows))
 
     def read_files(self, reading: Callable[[list[Path]], T]) -> T:
-        """Return what a function makes of the files of rows at one moment. Raises StorageError."""
+        """Return the result of a function of the present files of rows. Raises StorageError."""
         with os_errors(lambda why: f"the rows of {self.path} cannot be read ({why})"):
             return self._files.read(reading)
 
@@ -280,7 +280,7 @@ class CampaignFolder:
         return True
 
     def mend(self) -> None:
-        """Finish what a killed run has left halfway; only for the owner of the folder."""
+        """Complete or remove what a killed run left unfinished; only for the folder's owner."""
         with os_errors(lambda why: f"{self.path} cannot be written ({why})"):
             self._files.mend()
 

@@ -44,7 +44,7 @@ class RowFiles:
         return sorted(self.place.glob("*.parquet"))
 
     def read(self, reading: Callable[[list[Path]], T]) -> T:
-        """Return what a function makes of the files.
+        """Call a function with the files, and return its result.
 
         It is called again if they were joined in the meantime: what it has then found may be of
         files that are gone, or of the same rows in two files.
@@ -91,7 +91,7 @@ class RowFiles:
         shutil.rmtree(self._old)
 
     def mend(self) -> None:
-        """Remove, or complete, what a run that was killed has left. Raises OSError."""
+        """Complete or remove the unfinished files of a killed run. Raises OSError."""
         if self._old.exists() and not self.place.exists():
             (self.new if self.new.exists() else self._old).rename(self.place)
         for one in (self.new, self._old):

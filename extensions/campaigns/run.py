@@ -87,7 +87,7 @@ def checked(path: Path) -> tuple[PlanFile, Settings]:
 
 
 def told(settings: Settings, processes: int) -> list[str]:
-    """Return what a plan flies, and how long that may take."""
+    """Return a text with the flights of a plan and their expected duration."""
     plan, cells = settings.file.plan, settings.cells
     lines = [
         f"{cells.flights} flights of {plan.experiment}: {cells.number} cells ({plan.design}), "
@@ -124,7 +124,7 @@ def duration(seconds: float) -> str:
 
 
 def fly(folder: CampaignFolder, engine: Engine) -> int:
-    """Fly what has no row yet; return the exit status.
+    """Fly all flights that have no row yet; return the exit status.
 
     It is 1 when a flight raised an error, was too long or killed its workers, as these have no
     figures. Raises QuadlabError; the rows so far are kept, also at Ctrl-C and SIGTERM.

@@ -92,7 +92,8 @@ class FileColumns:
 
 
 def figures(parts: Sequence[Path], factors: Sequence[str], where: Path) -> pa.Table | FileColumns:
-    """Return the rows without what depends on the computer, each flight once, in their order.
+    """Return the rows in their order, each flight once, without the columns that depend on the
+    computer.
 
     A finished campaign is one file in this order, of which no more than the columns in use are in
     memory. Raises StorageError if there are none, or if they cannot be read.
@@ -123,7 +124,7 @@ def numbers(table: pa.Table, name: str) -> npt.NDArray[Any]:
 
 
 def as_numbers(column: pa.ChunkedArray | pa.Array) -> npt.NDArray[Any]:
-    """Return numbers of Arrow, NaN for those missing.
+    """Return an Arrow column as numbers; NaN for missing values.
 
     Arrow's own `to_numpy`, and Python scalars in its functions, import pandas where it is
     installed, which takes a second and 50 MB.

@@ -63,7 +63,7 @@ class ComparisonFeed(Part):
         self._parameters, self._publish, self._say = parameters, publish, say
         self._needs_results = needs_results
         self._check_due = self._needed_until = -LINGER
-        self._queue: deque[tuple[Any, ...]] = deque(maxlen=HELD)
+        self._queue: deque[tuple[object, ...]] = deque(maxlen=HELD)
         self._has_telemetry = False
         self._child: Job[None] | None = None
         self._orders: IO[bytes] = io.BytesIO()
@@ -182,7 +182,7 @@ def make(context: PartContext) -> ComparisonFeed:
     return ComparisonFeed(context.parameters, context.publish, context.say, needed)
 
 
-def compare(orders: int, report: Callable[[Any], None]) -> None:
+def compare(orders: int, report: Callable[[object], None]) -> None:
     """Compare estimators until the orders end; this is the process.
 
     Orders are pickled batches of the station's messages; reports are results, ten a second, lines

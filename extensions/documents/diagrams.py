@@ -70,7 +70,7 @@ class Chart:
 
 
 def read(text: str) -> Chart:
-    """Read a flow chart. Raises ValueError for a line that is none of those understood."""
+    """Read a flow chart. Raises ValueError for a line that is not understood."""
     chart, lane = Chart(), ""
     for number, line in enumerate(filter(None, map(str.strip, text.splitlines()))):
         if number == 0 and line == "flowchart LR":

@@ -47,7 +47,7 @@ CENTRE = 0.005
 
 
 def motion(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find what the residuals of poses against IMU and motors show."""
+    """Find the causes that the residuals of poses against IMU and motors show."""
     found = [one for one in windows(topics, parameters, spans) if one.imu.rms < STEADY]
     if not found:
         return

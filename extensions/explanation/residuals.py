@@ -85,7 +85,7 @@ def windows(topics: Topics, parameters: Parameters, spans: Spans) -> list[Window
 
 
 def motion_of(topics: Topics, parameters: Parameters) -> Motion | None:
-    """Return what poses, IMU and motors say about the motion; None without poses or IMU."""
+    """Return the motion according to poses, IMU and motors; None without poses or IMU."""
     if not has(topics, "tracker_pose", *TRACKED, *TRACKED_ATTITUDE):
         return None
     return Motion(topics, parameters) if has(topics, "imu", *FORCE, *RATE) else None

@@ -43,7 +43,7 @@ MOUNT = ("bearings.mount_roll", "bearings.mount_pitch", "bearings.mount_yaw")
 
 
 class Sightings(NamedTuple):
-    """Bearings and what was expected of them; NaN where a beacon was not seen.
+    """Measured and expected bearings; NaN where a beacon was not seen.
 
     Attributes:
         time: in s, (N,).
@@ -60,7 +60,7 @@ class Sightings(NamedTuple):
 
 
 def sightings(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find what the bearings' residuals against the poses show."""
+    """Find the causes that the residuals of bearings against the poses show."""
     found = _compared(topics, parameters, spans)
     if found is None:
         return

@@ -12,10 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from pydantic import create_model
-
 from quadrotor.errors import UsageError
-from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.parameters import Parameters, ParameterStore, parameter, parameters_of
 
 DESCRIPTION, LARGEST = "modelDescription.xml", 1 << 24
 """File in the archive, and its largest size in bytes."""
@@ -64,7 +62,7 @@ def declared_by(path: Path) -> tuple[Parameters | None, dict[str, Tunable]]:
             made = parameter(start, description=text, unit=told.get("unit", ""), **limits)
             fields[field] = (TYPES[kind], made)
             places[field] = Tunable(reference, kind)
-        own = create_model("FmuParameters", __base__=Parameters, **fields)() if fields else None
+        own = parameters_of(Parameters, "FmuParameters", fields)() if fields else None
         if own is not None:
             ParameterStore(own)
     except UNREADABLE as error:
@@ -73,7 +71,7 @@ def declared_by(path: Path) -> tuple[Parameters | None, dict[str, Tunable]]:
 
 
 def check_size(path: Path) -> None:
-    """Check what an FMU takes unpacked; zipfile writes no more than the sizes that are stated.
+    """Check the size of an unpacked FMU by its stated sizes, beyond which zipfile writes nothing.
 
     Raises UsageError.
     """

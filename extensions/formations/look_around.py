@@ -34,7 +34,7 @@ SPEEDS = "behavior.joy_speed_xy", "behavior.joy_speed_xy", "behavior.joy_speed_z
 
 
 class LookAroundOptions(BearingsOptions):
-    """Options: those of the experiment `bearings`, and the path."""
+    """Options: those of the experiment `bearings`, and the shape of the path."""
 
     path: str = parameter("look_around", choices=("look_around", "straight"))
     """planned for the most information; or straight, to and fro along x, for comparison"""
@@ -93,7 +93,7 @@ class LookAroundExperiment(BearingsExperiment):
 
 
 class Planned:
-    """A path that is planned anew from what has been seen along the one that was flown."""
+    """A path that is planned again and again from the bearings seen along the path flown so far."""
 
     def __init__(self, room: Room, layout: str) -> None:
         self._sights = Sights(parse_layout(layout).positions_w)

@@ -11,6 +11,7 @@ import uuid
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import RefusedError
+from quadrotor.json_object import JsonObject
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.topics.table import SERVICES
 from web.access.roles import Role, Session
@@ -37,7 +38,7 @@ async def call(context: VehicleContext, session: Session, service: str, payload:
     return encode(answer)
 
 
-def _refusal(session: Session, service: str, fields: dict[str, Any]) -> str:
+def _refusal(session: Session, service: str, fields: JsonObject) -> str:
     """Return why this person may not call the service; "" if they may."""
     least = Role.OPERATOR
     if service == "emergency" and fields["action"] == "land":

@@ -43,8 +43,8 @@ EXTENSION = Extension(
             name="identify",
             target=".residual.command:Identify",
             group=Group.RECORDED,
-            summary="Fit drag by axis, its height and the loss of thrust to what the model leaves "
-            "unexplained in recorded flights.",
+            summary="Fit drag by axis, its height and the loss of thrust to the forces that "
+            "the model does not explain in recorded flights.",
             examples={"quadlab identify residual LOG LOG": "propose values, judged by each flight"},
         ),
     ),

@@ -47,7 +47,7 @@ class TopicTable(NamedTuple):
 
 
 def is_exported(path: Path) -> bool:
-    """Return whether a file or folder is what `quadlab log export` writes."""
+    """Return whether a file or folder was written by `quadlab log export`."""
     if path.is_dir():
         return bool(_tables_in(path))
     return path.is_file() and _begins(path, MAT_HEAD) and _is_run_of_mat(path)
@@ -143,7 +143,7 @@ def _of_file(path: Path) -> TopicTable:
     return TopicTable(path.stem, type_name, columns, json.loads(told.get(RUN, b"{}")))
 
 
-def _kinds_of(path: Path) -> dict[str, Any]:
+def _kinds_of(path: Path) -> dict[str, object]:
     """Return the types of a CSV file's columns. Texts are told by the type of its messages; a
     number is not always an integer, only because those in the file are.
     """

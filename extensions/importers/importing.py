@@ -135,14 +135,17 @@ def _of_flight(path: Path, mapping: Mapping, flight: int) -> tuple[Mapping, int 
 
 
 def shown(path: Path) -> str:
-    """Return a file's name as one line; what cannot be in it becomes a replacement character."""
+    """Return a file's name as one line; characters that a line cannot hold become a replacement
+    character.
+    """
     name = os.fsencode(path.name).decode(errors="replace")
     return "".join(one if one.isprintable() else "\ufffd" for one in name)
 
 
 def source_named(path: Path, mapping: str | None, *choices: str | int | None) -> str:
-    """Return what tells a flight from others: its file and mapping as they are, and what else was
-    chosen. Raises StorageError.
+    """Return the identity of a flight: names, sizes and dates of its files, and all choices.
+
+    Raises StorageError.
     """
     files = [path, *([Path(mapping)] if mapping and Path(mapping).is_file() else [])]
     with os_errors(lambda why: f"cannot read {path}: {why}"):

@@ -25,7 +25,7 @@ FULL_TURN = 6.3  # rad; larger angles are in degrees
 
 
 def propose(path: Path, target: Path) -> list[str]:
-    """Write a proposed mapping into a new file, and return what was found, a line each.
+    """Write a proposed mapping into a new file, and return the findings, a line each.
 
     Raises LogFormatError with what the file has if no IMU is found, StorageError, or UsageError if
     the file is there already.

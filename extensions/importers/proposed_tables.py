@@ -36,7 +36,7 @@ BATTERY = (2.5, 70.0)  # V
 
 @dataclass
 class Table:
-    """The numbers of a table and what they were found to be."""
+    """The numbers of a table and the quantities that were recognised in them."""
 
     name: str
     columns: dict[str, Array]  # (N,)
@@ -48,7 +48,7 @@ class Table:
 
 
 def read_table(source: Source, name: str) -> Table | None:
-    """Return the columns of a table that has enough rows; those of one name twice are left out."""
+    """Return the columns of a table that has enough rows, without those whose names occur twice."""
     known = source.columns(name)
     names = [one for one in known if known.count(one) == 1][:MOST_COLUMNS]
     with np.errstate(invalid="ignore"):
@@ -71,7 +71,7 @@ def _columns(source: Source, table: str, names: list[str]) -> dict[str, Array]:
 
 
 def find(table: Table) -> None:
-    """Find what the columns of a table are."""
+    """Find the quantities of the columns of a table."""
     _find_time(table)
     if not table.time:
         return

@@ -63,7 +63,9 @@ class Spilled:
 
 
 def release(*tables: Array) -> None:
-    """Leave to the file what a table in a file has in memory; other tables stay as they are."""
+    """Free the memory of a table that can be read from its file again; other tables stay as they
+    are.
+    """
     for one in tables:
         owner: object = one
         while isinstance(owner, np.ndarray):
@@ -73,7 +75,7 @@ def release(*tables: Array) -> None:
 
 
 def blocks(table: Array) -> Iterator[slice]:
-    """Yield the places of blocks of a table's rows; what was read of each is released."""
+    """Yield the places of blocks of a table's rows, and free each block's memory afterwards."""
     for start in range(0, len(table), BLOCK):
         yield slice(start, start + BLOCK)
         release(table)

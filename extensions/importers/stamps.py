@@ -125,7 +125,7 @@ def continued(stamps: Array, rows: Rows, where: str) -> tuple[Array, list[str]]:
 
 
 def without_strays(stamps: Array, rows: Rows, where: str) -> tuple[Mask, list[str]]:
-    """Return which stamps go on from those before, (N,), and a note about others.
+    """Return which stamps continue the series, (N,), and a note about the others.
 
     A stray stamp is away from those around it, which go on without it. More than a few of them are
     left for the judgement of all.

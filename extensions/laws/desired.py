@@ -61,7 +61,7 @@ FOLLOWING = 0.5
 
 @compiled(inner=True)
 def follow(integral: Array, flown: Vector, without: Vector, gain: Vector, share: float) -> None:
-    """Move an integral towards the one with which the law would command what is flown.
+    """Move an integral towards the value with which the law would command the present motion.
 
     So nothing jumps when the law takes over.
 

@@ -45,7 +45,8 @@ MEMORY = np.dtype(
 
 @compiled(inner=True)
 def cancelled(m: Item, s: Item, model: Item) -> Vector:
-    """Write what is taken off force and torque; return the second derivative of the force.
+    """Write the disturbance that is subtracted from force and torque; return the second derivative
+    of the force.
 
     It is over the mass, m/s^4. A force at its bound has no rate.
     """

@@ -43,7 +43,9 @@ class PidCascadeParameters(Parameters):
 
 
 class GeometricL1Parameters(Parameters):
-    """The adaptation, and what is taken off the commands of the geometric law."""
+    """The adaptation law, and the disturbance that is subtracted from the commands of the geometric
+    law.
+    """
 
     force_pole: float = parameter(1.0, unit="1/s", ge=0.1, le=50.0, step=0.1, flight_step=10.0)
     """decay of the state predictor's velocity error"""

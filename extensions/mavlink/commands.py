@@ -98,7 +98,7 @@ def behavior(name: str, **arguments: object) -> Wanted:
 
 
 def of_mode(main: int, sub: int) -> Wanted:
-    """Return what a mode starts. Raises RefusedError for a mode that cannot be chosen."""
+    """Return the behavior that a mode starts. Raises RefusedError for an unavailable mode."""
     match main, sub:
         case 6, _:
             return "external", {}

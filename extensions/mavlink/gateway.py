@@ -215,7 +215,7 @@ class Gateway:
     def _fly_offboard(self, peer: Peer, then: Answered) -> None:
         """Send references, then ask for the behavior that flies them."""
 
-        def answered(_: Any, reason: str) -> None:
+        def answered(_: object, reason: str) -> None:
             if reason:
                 self._offboard.end()
             else:

@@ -252,6 +252,6 @@ class Link:
             yield peer, message
 
     def complain(self, peer: Peer, kind: str, line: str) -> None:
-        """Print a line about a ground station, those of one kind once a minute."""
+        """Print a line about a ground station; lines of one kind are printed once a minute."""
         if peer.is_new(kind, time.monotonic()):
             self._say(line)

@@ -54,7 +54,7 @@ class MissionFlight:
         self._start(begun)
 
     def tick(self, now: float) -> None:
-        """Look at what the vehicle does, and start the next step when one has ended."""
+        """Look at the vehicle's state, and start the next step when a step has ended."""
         if self.is_over or not self._is_asked:
             return
         if self._accepted is None:

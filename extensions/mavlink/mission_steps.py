@@ -35,7 +35,9 @@ class Step:
 
 
 def steps_of(items: Sequence[MAVLink_message], origin: Origin) -> list[Step]:
-    """Return what MISSION_ITEM_INT messages ask for. Raises RefusedError for what is not flown."""
+    """Return the steps of MISSION_ITEM_INT messages. Raises RefusedError for items that cannot be
+    flown.
+    """
     steps: list[Step] = []
     words: list[str] = []
     points: dict[int, Vector] = {}

@@ -217,7 +217,7 @@ class Offboard:
                     raise
 
     def accepted(self) -> None:
-        """Follow the set-points from now on: the vehicle flies what is sent."""
+        """Follow the set-points from now on: the vehicle flies the motion that is sent."""
         self._accepted_ns = monotonic_ns()
 
     def left(self, who: str) -> None:
@@ -230,7 +230,7 @@ class Offboard:
         if self._running is not None and self._running is not threading.current_thread():
             self._running.join(1.0)
 
-    def _run(self, who: str, parameters: Mapping[str, Any], stop: threading.Event) -> None:
+    def _run(self, who: str, parameters: Mapping[str, object], stop: threading.Event) -> None:
         follower, last_ns, has_begun = None, 0, False
         while not stop.wait(PERIOD):
             now_ns = monotonic_ns()

@@ -51,7 +51,7 @@ class Operator:
             self.start(then, lambda client: client.ask(service, **fields))
             return
 
-        def repeated(client: StationClient) -> Any:
+        def repeated(client: StationClient) -> object:
             for _ in range(EMERGENCY_TRIES - 1):
                 try:
                     return client.ask(service, **fields)
@@ -89,7 +89,7 @@ class Operator:
         if done.exception() is not None:
             self._results.put(done.result)
 
-    def _give(self, then: Then, answer: Any, reason: str) -> None:
+    def _give(self, then: Then, answer: object, reason: str) -> None:
         self._waiting -= 1
         then(answer, reason)
 

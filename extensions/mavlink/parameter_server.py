@@ -40,7 +40,7 @@ class ParameterServer:
         self.values: dict[str, ParameterValue] = {}
 
     def load(self, descriptions: list[ParameterDescription], values: dict[str, Any]) -> list[str]:
-        """Load what the vehicle has; return a line about each parameter that is left out."""
+        """Load the vehicle's parameters; return a line about each parameter that is left out."""
         known: dict[str, ParameterDescription] = {}
         left_out = []
         for one in filter(has_short_name, descriptions):

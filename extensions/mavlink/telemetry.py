@@ -75,7 +75,7 @@ class Telemetry:
         self._makers[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION] = self._version
 
     def send_due(self, peer: Peer, now: float) -> None:
-        """Send a ground station what is due; a heartbeat also when it changes.
+        """Send a ground station the messages that are due; a heartbeat also when it changes.
 
         Args:
             now: s of a steady clock.

@@ -96,7 +96,7 @@ class Run:
 
     @property
     def measurements(self) -> str:
-        """Return what it is given, for the table."""
+        """Return the kinds of measurement of an estimator, for the table."""
         kinds = ("poses", "bearings") if self.source == "both" else (self.source,)
         return " + ".join(
             f"{'emulated' if kind in self.emulated else 'recorded'} {kind}" for kind in kinds

@@ -82,7 +82,7 @@ class _Sheet:
         self._clips: dict[str, Path] = {}
 
     def draw(self, root: ElementTree.Element) -> None:
-        """Draw all elements, each above those before it."""
+        """Draw all elements, each above the elements before it."""
         from matplotlib.transforms import Affine2D
 
         self._draw(root, Affine2D())

@@ -119,7 +119,7 @@ class StepTestStore:
             raise StorageError(f"the samples of test {name} cannot be read: {error}") from error
 
     def delete(self, name: str) -> None:
-        """Move a test to the deleted ones. Raises StorageError."""
+        """Move a test to the folder of deleted tests. Raises StorageError."""
         with self._lock:
             self._move(name, self._folder, self._folder / DELETED)
             self._prune(self._folder / DELETED)

@@ -23,7 +23,9 @@ CALIBRATION = f"{', '.join(_CALIBRATIONS)}, or one from your own file"
 
 @dataclass
 class Calibrate:
-    """Calibrate the vehicle of the running station; without a name, print what is in force."""
+    """Calibrate the vehicle of the running station; without a name, print the calibrations in
+    force.
+    """
 
     calibration: Annotated[
         str | None,

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -134,7 +134,7 @@ class Fly:
         return STATUS[done.verdict]
 
 
-def _together_json(experiment: str, done: FlownTogether, files: Sequence[Path]) -> dict[str, Any]:
+def _together_json(experiment: str, done: FlownTogether, files: Sequence[Path]) -> JsonObject:
     flown = {"flown_s": done.flown, "wall_s": done.wall, "processor_s": done.processor}
     return {
         "experiment": experiment,

@@ -50,8 +50,8 @@ _ROWS = (
     Row(
         name="calibrate",
         group=Group.FLY,
-        summary="Calibrate the vehicle of the running station; without a name, print what is in "
-        "force.",
+        summary="Calibrate the vehicle of the running station; without a name, print the "
+        "calibrations in force.",
         target=".calibrate:Calibrate",
         examples={
             "quadlab calibrate": "print the calibrations in force",
@@ -256,7 +256,7 @@ def _listed() -> Iterator[str]:
 
 
 def examples_of(command: str) -> str:
-    """Return what `quadlab COMMAND --help` prints below the options."""
+    """Return the examples that `quadlab COMMAND --help` prints below the options."""
     rows = [one.offer for name, one in commands().items() if name == command]
     rows += [one.offer for name, one in registry().offers(Row).items() if _is_of(name, command)]
     shown = {words: what for row in rows for words, what in row.examples.items()}

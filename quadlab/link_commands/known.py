@@ -61,7 +61,7 @@ class List:
 
 @dataclass
 class Forget:
-    """Remove a vehicle from the known ones. Its certificate stays valid until it expires."""
+    """Remove a vehicle from the known vehicles. Its certificate stays valid until it expires."""
 
     name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
     """name of the vehicle"""

@@ -62,7 +62,7 @@ class Arrival(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change of a parameter in flight, after this sample; those of one revision are
+    """A change of a parameter in flight, after this sample; changes of one revision are
     simultaneous.
     """
 

@@ -148,7 +148,7 @@ def alone(experiment: Experiment) -> None:
 
 @lru_cache(maxsize=1)
 def load_kernels() -> BackgroundParts:
-    """Load or compile everything that is needed, so that the figures are those of flying alone.
+    """Load or compile everything that is needed, so that measured times contain the flight alone.
 
     A copy of a process that has loaded it has it, too. What still compiles is returned: it has to
     stay referred to, as a copy must not close its files.

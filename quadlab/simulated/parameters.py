@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import create_model
-
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.faults import bearings, tracker
 from bearing_sim.tracker import TrackerParameters
-from quadrotor.parameters import Parameters
+from quadrotor.parameters import Parameters, parameters_of
 from vehicle.parameters import VehicleParameters
 from vehicle.simulator.faults import table
 from vehicle.simulator.parameters import SimulatorParameters
 
 
 class FlightParameters(VehicleParameters):
-    """The vehicle's tree and, next to it, what only a simulated flight has."""
+    """The vehicle's parameters and, next to them, those that only a simulated flight has."""
 
     simulator: SimulatorParameters = SimulatorParameters()
     tracker: TrackerParameters = TrackerParameters()
@@ -39,7 +37,7 @@ def with_groups(
     """
     there = {name: of for name, of in groups.items() if of is not None}
     fields: dict[str, Any] = {name: (type(of), of) for name, of in there.items()}
-    tree = create_model("ChosenParameters", __base__=type(parameters), **fields)
+    tree = parameters_of(type(parameters), "ChosenParameters", fields)
     values: dict[str, Any] = dict(parameters) | there
     chosen: FlightParameters = tree.model_construct(**values)
     return chosen

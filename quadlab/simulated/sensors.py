@@ -43,7 +43,7 @@ class Sensor(Source[Measured], Protocol[Measured]):
         ...
 
     def said(self) -> list[str]:
-        """Return lines about what was wrong since the last call."""
+        """Return lines about the problems since the last call."""
         ...
 
 

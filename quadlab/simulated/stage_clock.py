@@ -20,7 +20,7 @@ class StageClock:
         self._ticks = 0
 
     def begin(self) -> Callable[[str], None]:
-        """Begin a tick; return what to call with the name of each stage when it has ended.
+        """Begin a tick; return a function to call with the name of each stage when it has ended.
 
         The time between two ticks belongs to no stage.
         """

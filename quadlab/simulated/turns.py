@@ -37,7 +37,7 @@ class Turns(Generic[T]):
         self.wall = self.processor = 0.0
 
     def run(self) -> list[T]:
-        """Run all flights; return what they return. Raises what they raise."""
+        """Run all flights in turns, and return their results. Raises a flight's first error."""
         found: dict[int, T] = {}
 
         def fly(index: int, flight: Callable[[], T]) -> None:

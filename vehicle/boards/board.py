@@ -131,13 +131,13 @@ class Board(Protocol):
         ...
 
     def service(self, now_s: float) -> None:
-        """Send what is due, including retries; `now_s` is from any monotonic clock."""
+        """Send all messages that are due, also retries; `now_s` is from any monotonic clock."""
         ...
 
 
 @runtime_checkable
 class TellsLink(Protocol):
-    """A board that counts what its link does."""
+    """A board that counts the messages of its link."""
 
     @property
     def link(self) -> LinkCounts:

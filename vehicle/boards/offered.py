@@ -5,9 +5,7 @@ from __future__ import annotations
 from copy import copy
 from typing import Any
 
-from pydantic import create_model
-
-from quadrotor.parameters import Parameters
+from quadrotor.parameters import Parameters, parameters_of
 
 FIRMWARE = "board.firmware."
 """Prefix of parameters that a board alone knows, once it has been checked."""
@@ -38,7 +36,7 @@ def _fixed(options: Parameters) -> Parameters:
         kept, extra = copy(field), field.json_schema_extra
         kept.json_schema_extra = (extra if isinstance(extra, dict) else {}) | {"read_only": True}
         fields[name] = (field.annotation, kept)
-    made: Parameters = create_model("FixedOptions", __base__=Parameters, **fields)()
+    made = parameters_of(Parameters, "FixedOptions", fields)()
     for name in fields:
         setattr(made, name, getattr(options, name))
     return made

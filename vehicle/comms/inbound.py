@@ -189,7 +189,7 @@ class Inbound:
         return self._station.current(monotonic_ns()) or 0
 
     def handle(self, topic: str, payload: bytes, source: bytes = b"") -> None:
-        """Handle one message of a topic of `handlers`; unusable ones are reported.
+        """Handle one message of a topic of `handlers`; unusable messages are reported.
 
         Args:
             source: the publisher's GID; empty when it is known to be the holder's.

@@ -157,7 +157,7 @@ class Publisher:
                 self._send(topic, encode(last, self._vehicle)[0], newest)
 
     def answered(self) -> None:
-        """Publish a status with the next ticks, for whoever waits to see what a command did."""
+        """Publish a status with the next ticks, for clients that wait for a command's effect."""
         self._status_key = ()
 
     @property

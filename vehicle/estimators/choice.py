@@ -79,7 +79,7 @@ class EstimatorSet:
         return (self.active, *self.in_parallel())
 
     def everything(self) -> list[Estimator]:
-        """Return the estimators, that in use first, and those beneath plugins."""
+        """Return all estimators, the one in use first, and those beneath plugins."""
         beneath = [one.built_in for one in self.all() if one.built_in is not None]
         return [one.estimator for one in (*self.all(), *beneath)]
 
@@ -99,7 +99,7 @@ class EstimatorSet:
         }
 
     def rearranged(self, choice: Choice, make: Callable[[str, str], Runner]) -> EstimatorSet:
-        """Return the estimators of a choice; those without a place in it are dropped.
+        """Return the estimators of a choice; estimators without a place in it are dropped.
 
         Args:
             make: makes an estimator of this name on this source.

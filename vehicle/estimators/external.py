@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,7 @@ FINITE = ("position_w", "velocity_w", "quaternion_wb", *BIASES)
 
 
 class ExternalEstimator(External):
-    """An `estimation.estimator.Estimator` whose state is what a plugin answers.
+    """An `estimation.estimator.Estimator` whose state is the answer of a plugin.
 
     In each tick the built-in estimator beneath is stepped, the answer to the last tick's input is
     read and carried on to this sample by the IMU, and the next input is sent. A missing answer is
@@ -52,7 +51,7 @@ class ExternalEstimator(External):
         # Compiled here and not in the first tick, which would be seconds late.
         self._propagated(self._state, np.zeros(3), np.zeros(3), 0.0)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         """Return what only some estimators have, like `ignored`, of the built-in one."""
         if name.startswith("_"):
             raise AttributeError(name)

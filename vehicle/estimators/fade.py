@@ -29,7 +29,7 @@ class Fade:
         self.on = size < self.LARGEST  # NaN is not
 
     def step(self, dt: float, state: Record) -> None:
-        """Add to the STATE (1,) in use what is left after dt (s)."""
+        """Add the rest of the jump to the STATE (1,) in use, dt (s) after the last call."""
         self._offsets *= np.exp(-dt / self.TIME)
         state["position_w"][0] += self._offsets[0]
         state["velocity_w"][0] += self._offsets[1]

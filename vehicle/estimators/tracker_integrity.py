@@ -109,8 +109,8 @@ class TrackerIntegrity:
         self._memory[...] = begun
 
     def note(self, imu: Record, actuators: Record, model: Record, pressure: float) -> None:
-        """Store what the witnesses of a tick say: IMU_SAMPLE, ACTUATORS of the last tick, MODEL,
-        (1,) each, and the pressure (Pa).
+        """Store the evidence of a tick: IMU_SAMPLE, ACTUATORS of the last tick, MODEL, (1,) each,
+        and the pressure (Pa).
         """
         self._note(self._memory, imu, actuators, model, pressure)
 

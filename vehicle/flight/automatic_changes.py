@@ -51,7 +51,7 @@ STEP_NS = 50_000_000
 
 @dataclass(kw_only=True, eq=False)
 class AutomaticChanges:
-    """The six checks of one tick, each right after what it judges."""
+    """The six checks of one tick, each directly behind the step that it judges."""
 
     tick: TickRecord
     outbox: Outbox

@@ -78,7 +78,9 @@ class ModeMachine:
         return self.tick.state if self.navigation.has_pose else None
 
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None:
-        """Store the microcontroller's report on its ports and on what prevents a motor start."""
+        """Store the microcontroller's report on its ports and on the conditions that prevent a
+        motor start.
+        """
         self.lost_ports, self.obstacle = lost_ports, obstacle
 
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO, *kinds: EventKind) -> None:

@@ -57,7 +57,7 @@ class Bench:
 
     @property
     def references(self) -> tuple[int, int, int, int]:
-        """Return the references of all motors: those not on the bench are 0."""
+        """Return the references of all motors; 0 for motors that are not on the bench."""
         one, two, three, four = (self.reference if self.motor == k else 0 for k in range(1, 5))
         return one, two, three, four
 

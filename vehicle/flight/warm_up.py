@@ -75,8 +75,8 @@ class _Hop:
 
 @cache
 def warm_up() -> list[str]:
-    """Fly the hop, once in a process; return what was refused, as what follows it would compile in
-    flight.
+    """Fly the hop, once in a process; return the refusals, because code behind a refusal would be
+    compiled in flight.
     """
     hop = _Hop()
     stack = hop.stack

@@ -23,7 +23,7 @@ class _Here(NoLink):
 
 
 class CompiledController(ExternalLaw):
-    """A `control.controller.Controller` that flies what a compiled law answers in the same tick.
+    """A `control.controller.Controller` that flies the answer of a compiled law in the same tick.
 
     Args:
         control: with the parameters of the law; the constructor compiles it.

@@ -78,7 +78,7 @@ LONGEST_NS = 1_000_000_000
 
 
 class Message(NamedTuple):
-    """A message of a topic other than those of every tick."""
+    """A message of a topic that is not written in every tick."""
 
     topic: str  # without namespace
     type_name: str

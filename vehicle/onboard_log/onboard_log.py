@@ -86,7 +86,7 @@ class OnboardLog:
         self._thread = threading.Thread(target=self._run, name="onboard log", daemon=True)
 
     def start(self) -> None:
-        """Start writing, including what is buffered; further calls have no effect.
+        """Start writing, including the buffered messages; further calls have no effect.
 
         Call it once `attachments` can return flight's parameters.
         """
@@ -115,7 +115,7 @@ class OnboardLog:
         return list(self._files)
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """Write what is buffered and close the file."""
+        """Write the buffered messages and close the file."""
         self.start()
         self._closed.set()
         self._thread.join(timeout_s)

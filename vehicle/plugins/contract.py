@@ -102,5 +102,5 @@ def names_of(field: Field) -> list[str]:
 
 
 def as_attributes(x: Record) -> Any:
-    """Return a record (1,) as what a plugin receives: fields as attributes."""
+    """Return a record (1,) in the form that a plugin receives: fields as attributes."""
     return x.view(np.recarray)[0]

@@ -15,11 +15,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from pydantic import create_model
-
 from quadrotor.errors import StorageError, UsageError
 from quadrotor.packaged_files import packaged_files
-from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.parameters import Parameters, ParameterStore, parameter, parameters_of
 from quadrotor.python_file import call_user_code, read_source
 from vehicle.plugins.contract import KINDS
 from vehicle.plugins.formats import endings, format_of
@@ -51,7 +49,7 @@ def offer(folder: Path | None) -> list[str]:
             continue
         if own is not None and name.isidentifier():
             found.setdefault(name, (type(own), own))
-    _offered = create_model("PluginParameters", __base__=Parameters, **found)()
+    _offered = parameters_of(Parameters, "PluginParameters", found)()
     return refused
 
 
@@ -91,7 +89,7 @@ def _model(path: Path, node: ast.ClassDef) -> Parameters:
                 keywords.setdefault("description", str(after.value.value))
             default = parameter(*map(ast.literal_eval, one.value.args), **keywords)
             fields[ast.unparse(one.target)] = (TYPES[ast.unparse(one.annotation)], default)
-        made: Parameters = create_model(node.name, __base__=Parameters, **fields)()
+        made = parameters_of(Parameters, node.name, fields)()
         ParameterStore(made)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise UsageError(

@@ -57,7 +57,7 @@ class External:
         return self.is_ready
 
     def news(self, flying: bool) -> list[str]:
-        """Return lines about what has just happened: it was loaded, it landed."""
+        """Return lines about recent events: it was loaded, it landed."""
         self.becomes_ready()
         kind = self._contract.kind
         lines = [f"{kind} {self.name} is ready"] if self.is_ready > self._is_told else []

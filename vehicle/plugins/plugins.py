@@ -61,7 +61,7 @@ class Plugins:
             return NoLink(str(error))
 
     def sources(self) -> dict[str, list[str]]:
-        """Return what `vehicle.plugins.host.load` takes, by the name of the plugin."""
+        """Return the sources that `vehicle.plugins.host.load` takes, by the name of the plugin."""
         found: dict[str, list[str]] = {}
         folder, contract = self.folder, self._contract
         for path in sorted(folder.iterdir()) if folder is not None and folder.is_dir() else ():

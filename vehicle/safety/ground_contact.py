@@ -71,7 +71,7 @@ class GroundContact:
         self._lift_per_newton = learnt + (ratio - learnt) * dt / min(LEARN, self._flown)
 
     def refute(self) -> None:
-        """Learn that what looked like the ground was the air, which carries more than before."""
+        """Learn that the presumed ground was air, which carries more than before."""
         if self._thrust > 0.0:
             self._lift_per_newton = self._lift / self._thrust
         self._flown = min(self._flown, LEAST + LEAST)

@@ -105,7 +105,7 @@ class Unloading:
         self._thrust_lift += min(1.0, dt / LAG) * (thrust_lift - self._thrust_lift)
 
     def step(self, dt: float) -> Verdict:
-        """Take more thrust away, and judge what the samples have shown."""
+        """Reduce the thrust further, and judge the samples so far."""
         if not self.is_running:
             self._began_at = self._thrust_lift
         self.share = min(MOST, self.share + RAMP * dt)

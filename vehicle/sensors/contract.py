@@ -73,8 +73,9 @@ class Sensor(Protocol):
         ...
 
     def step(self, x: Input) -> Reading | Sequence[Reading] | None:
-        """Return what was measured since the last step; None, or no reading, when nothing was. It
-        must not wait."""
+        """Return the measurements since the last step; None, or no reading, when there are none. It
+        must not wait.
+        """
         ...
 
 

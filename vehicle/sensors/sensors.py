@@ -18,7 +18,7 @@ PARAMETER = "estimation.sensors"
 
 
 class OwnSensors:
-    """The plugins of a folder and of packages, and the processes of those that are chosen.
+    """The sensor plugins of a folder and of packages, and the processes of the chosen ones.
 
     Args:
         folder: of files NAME.py; may be missing.
@@ -59,7 +59,7 @@ class OwnSensors:
             )
 
     def configure(self, chosen: str) -> None:
-        """Start the processes of these, unless they run; end those of others."""
+        """Start the processes of these sensors, unless they run; end all other processes."""
         wanted = _names_of(chosen)
         running = {one.name: one for one in self.externals}
         if list(running) == wanted:

@@ -100,7 +100,7 @@ def runner(
 
 
 def compile_periods(world: World, dt: float, fine: bool) -> None:
-    """Compile what `run` calls, on copies of the world.
+    """Compile the functions that `run` calls, on copies of the world.
 
     Args:
         fine: whether for a board with finer sensors than the paper's.

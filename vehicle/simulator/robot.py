@@ -61,7 +61,7 @@ def pace_of(count: int) -> Pace:
 
 
 class Served(Protocol):
-    """Tracking systems, which measure the vehicles and serve what they have measured."""
+    """Tracking systems, which measure the vehicles and serve their measurements."""
 
     def offer(self, vehicle: str, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         """Measure this true pose: (3,) m, (4,) unit; it is copied."""

@@ -205,7 +205,9 @@ class SimulatedVehicle:
         self._count += samples * self._periods
 
     def warm_up(self) -> None:
-        """Compile what `step` calls, so that the first call is fast; changes no state."""
+        """Compile the functions that `step` calls, so that the first call is fast; changes no
+        state.
+        """
         world = self._plant.copy(), self._sensors, np.zeros_like(self._noise.block)
         compile_periods(world, self._period, isinstance(self.firmware, BoardFirmware))
         world[0]["rotor_speeds"] = 1.0

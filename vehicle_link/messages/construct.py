@@ -20,7 +20,7 @@ _NOT_GIVEN: Any = object()
 _BYTES = {"byte": "uint8", "char": "uint8"}  # both are octets on the wire
 
 
-def _new_message(type_name: str, **fields: Any) -> Message:
+def _new_message(type_name: str, **fields: object) -> Message:
     return _new(stored_name(type_name), fields)
 
 

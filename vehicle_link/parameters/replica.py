@@ -20,7 +20,7 @@ MISSED = 0.5
 
 
 class Snapshot(NamedTuple):
-    """A snapshot as it was applied, and what the replica held before."""
+    """An applied snapshot, and the previous contents of the replica."""
 
     before: dict[str, ParameterValue]
     values: dict[str, ParameterValue]
@@ -117,7 +117,8 @@ class ParameterReplica:
     def apply(
         self, values: Mapping[str, ParameterValue], revision: int, instance: int | None = None
     ) -> dict[str, ParameterValue]:
-        """Apply values of a change, or of the answer to one; return those that are new.
+        """Apply the values of a change, or of the answer to a change; return the values that are
+        new.
 
         Args:
             revision: of their authority; values that are newer than that stay.

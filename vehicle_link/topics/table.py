@@ -42,7 +42,7 @@ class Topic:
 
     @property
     def express(self) -> bool:
-        """Return whether it is sent at once instead of batched with what follows."""
+        """Return whether the message is sent at once instead of batched with later messages."""
         return self.priority == "real_time"
 
     @property

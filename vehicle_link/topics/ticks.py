@@ -43,7 +43,7 @@ def body_frame(vehicle: str) -> str:
     return f"{vehicle}/body"
 
 
-def odometry_messages(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) -> Records:
+def odometry_messages(stamps_ns: object, states: Record, vehicle: str = VEHICLE) -> Records:
     """Encode nav_msgs/Odometry of STATE records with their stamps, shape (N,)."""
     odometry = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle))
     out = odometry.new(len(states))

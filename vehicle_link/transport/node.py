@@ -78,7 +78,7 @@ class Node:
         self.full_name = full_name(self.namespace, name)
         self.domain = domain
         self._identity = NodeIdentity(zid, next(self._ids), self.namespace, name, domain)
-        self._entities: list[Any] = []
+        self._entities: list[object] = []
         self._pool = ThreadPoolExecutor(MAX_THREADS, thread_name_prefix=self.full_name)
         self._is_closing = False
         self._declare_token(self._identity.token)
@@ -163,7 +163,7 @@ class Node:
             except Exception:
                 log.exception("a message of %s could not be handled", topic)
 
-        subscriber: Any
+        subscriber: object
         if newest and frequent:
             subscriber = self.session.declare_subscriber(key, RingChannel(newest))
             threading.Thread(

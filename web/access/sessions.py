@@ -122,7 +122,7 @@ class Sessions:
         ]
 
     def write_seen(self) -> None:
-        """Store when each session was last seen, and delete those that are too old."""
+        """Store when each session was last seen, and delete sessions that are too old."""
         seen, self._seen = self._seen, {}
         oldest = int(self._clock()) - SESSION_AGE
         with self._database.session() as transaction:

@@ -73,7 +73,9 @@ class ControlBody(CommandBody):
 
 
 def add_control(app: FastAPI, station: Station) -> None:
-    """Add POST /api/control. The station refuses, with the reason, what this person may not do."""
+    """Add POST /api/control. The station refuses, with the reason, orders that this person may not
+    give.
+    """
 
     @app.post("/api/control")
     async def control(body: ControlBody, session: Operator) -> dict[str, bool]:

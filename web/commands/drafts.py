@@ -92,7 +92,7 @@ class Drafts:
         self._tell()
 
     def summary(self) -> dict[str, Any] | None:
-        """Return the draft and what was found of it, None without one.
+        """Return the draft with its findings, None without a draft.
 
         `checked` is whether `refusal`, `duration` (s) and `speed` (m/s) are of these points; `away`
         is the distance (m) from the vehicle's hover to the first point. Of a volume or box,

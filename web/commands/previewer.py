@@ -36,7 +36,7 @@ class Previewer:
         self._orders = -1
         self._answer: Any = None
 
-    async def preview(self, *given: Any) -> Preview:
+    async def preview(self, *given: object) -> Preview:
         """Return `control.behaviors.preview.preview(*given)`. Raises also JobError."""
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._thread, self.compute, *given)
@@ -93,7 +93,7 @@ class Previewer:
             return False
         return not self._job.poll()
 
-    def _take(self, answer: Any) -> None:
+    def _take(self, answer: object) -> None:
         self._answer = answer
 
 

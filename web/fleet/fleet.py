@@ -80,7 +80,7 @@ class Fleet:
         return list(await asyncio.gather(*landings))
 
     async def run(self) -> None:
-        """Subscribe to what is shown of each vehicle, and to no more."""
+        """Subscribe to the shown topics of each vehicle, and to no others."""
         loop = asyncio.get_running_loop()
         while True:
             for one in self._vehicles:

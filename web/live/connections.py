@@ -25,9 +25,9 @@ class BoundedListener(socket.socket):
 
     def __init__(self, listening: socket.socket) -> None:
         super().__init__(fileno=listening.detach())
-        self._unserved: dict[Any, socket.socket] = {}
+        self._unserved: dict[object, socket.socket] = {}
 
-    def accept(self) -> tuple[socket.socket, Any]:
+    def accept(self) -> tuple[socket.socket, object]:
         accepted, address = super().accept()
         open_ones = {at: one for at, one in self._unserved.items() if one.fileno() >= 0}
         self._unserved = open_ones | {address: accepted}
@@ -37,7 +37,7 @@ class BoundedListener(socket.socket):
                 self._unserved.pop(oldest).shutdown(socket.SHUT_RDWR)
         return accepted, address
 
-    def serve(self, address: Any) -> None:
+    def serve(self, address: object) -> None:
         """Count the connection from this address as one that is served."""
         self._unserved.pop(address, None)
 

@@ -16,7 +16,7 @@ GONE = (WebSocketDisconnect, WebSocketDisconnected, OSError)
 _encode = msgspec.json.Encoder().encode
 
 
-async def send_json(socket: WebSocket, message: Any) -> None:
+async def send_json(socket: WebSocket, message: object) -> None:
     await socket.send_text(_encode(message).decode())
 
 

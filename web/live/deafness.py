@@ -23,7 +23,7 @@ ASKING = 0.5
 
 
 class Deafness:
-    """Watch over what this process hears.
+    """Watch over the messages that this process should hear.
 
     Args:
         lives: the newest messages of each vehicle.

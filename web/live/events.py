@@ -90,7 +90,7 @@ class EventHub:
         return list(self._lines)
 
     def begin(self, lines: Iterable[Message]) -> None:
-        """Begin with what was said before this process."""
+        """Begin with the events from before this process."""
         self._lines.extend(sorted(lines, key=lambda line: float(line["stamp"])))
 
     def publish(self, message: Message) -> None:
@@ -256,7 +256,7 @@ def _fields(message: records.Message | None, others: Collection[str] = ()) -> Me
     return {name: _number(getattr(message, name)) for name in names}
 
 
-def _number(value: Any) -> Any:
+def _number(value: object) -> object:
     """Return a value for JSON, which has no NaN and no numpy arrays, with six digits."""
     if isinstance(value, float):
         return significant(value)

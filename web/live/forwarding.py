@@ -36,7 +36,7 @@ class ForwardingClient(Protocol):
         """Queue a message, which may be of another client's topic."""
 
     def wake(self) -> None:
-        """Send what was queued."""
+        """Send the queued messages."""
 
     def changed(self, values: dict[str, ParameterValue]) -> None:
         """Handle new values of parameters."""

@@ -50,7 +50,7 @@ class Piece(NamedTuple):
 
 
 def piece(first: int, count: int, slowness: int) -> Piece:
-    """Return what to send next of `count` samples to a page that has those before `first`.
+    """Return the next of `count` samples to send to a page that has the samples before `first`.
 
     What it has missed long ago is sent coarser, and so is everything to a slow page.
     """

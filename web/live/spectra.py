@@ -14,6 +14,7 @@ from fastapi import FastAPI, Query
 from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram_of
 from quadrotor.constants import MOTORS
 from quadrotor.errors import MeasurementError, OutOfBoundsError
+from quadrotor.json_object import JsonObject
 from vehicle_link.topics.ticks import TICK_TOPICS
 from web.live.signal_log import SignalLog
 from web.live.telemetry import topic_of
@@ -106,6 +107,6 @@ def add_spectra(app: FastAPI, log: SignalLog) -> None:
         return await asyncio.to_thread(spectra, recent(log, list(dict.fromkeys(signal))))
 
     @app.get("/api/spectrogram")
-    async def spectrogram(signal: str) -> dict[str, Any]:
+    async def spectrogram(signal: str) -> JsonObject:
         """Return density over time and frequency of the last 5 s of a signal, and the rotors'."""
         return await asyncio.to_thread(live_spectrogram, recent(log, [signal]))

@@ -51,7 +51,7 @@ Described = tuple[list[ParameterDescription], dict[str, ParameterValue]]
 
 
 class Reactions(NamedTuple):
-    """The functions that are called, on Zenoh's threads, with what arrives from the station.
+    """The functions that are called, on Zenoh's threads, with messages from the station.
 
     Attributes:
         changed: called with each change of a parameter.
@@ -209,7 +209,7 @@ class Station:
         return now
 
     def publish_presence(self, labels: Iterable[str]) -> None:
-        """Publish the labels of those who have a page open."""
+        """Publish the labels of the people who have a page open."""
         self.publish("presence", encode(new("quadlab_msgs/Presence", names=list(labels))))
 
     def publish(self, topic: str, payload: bytes, stamp_ns: int | None = None) -> None:

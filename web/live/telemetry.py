@@ -160,8 +160,8 @@ class TelemetryFeed:
 
     @property
     def topics(self) -> frozenset[str]:
-        """Return the topics from which the signals of pages are computed, also of those that have
-        been away for less than KEPT: they get what they missed.
+        """Return the topics from which the signals of pages are computed, including pages that have
+        been away for less than KEPT: they get the samples that they missed.
         """
         derived = set(filter(is_expression, self._asked))
         inputs = {one for name in derived for one in expression_of(name).inputs}
@@ -178,7 +178,7 @@ class TelemetryFeed:
                 self._tick.notify_all()
 
     def step(self) -> None:
-        """Sort in what has arrived, and compute the next samples of derived signals."""
+        """Sort in newly arrived messages, and compute the next samples of derived signals."""
         now = self._clock()
         for name in (name for page in self._pages.values() for name in page.wanted.names):
             self._asked.pop(name, None)  # the newest last

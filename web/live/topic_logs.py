@@ -52,7 +52,7 @@ class TickLog:
         self.dropped = 0
 
     def extend(self, stamps_ns: Stamps, samples: Samples) -> None:
-        """Add those ticks that are newer than all before; they are in order."""
+        """Add the ticks that are newer than all before; they are in order."""
         self._read.clear()
         if len(self._stamps):
             fresh = stamps_ns > self._stamps.rows[-1]

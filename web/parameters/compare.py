@@ -16,7 +16,8 @@ MOST_SHOWN = 200  # characters of a value that is refused
 
 
 def compare(replica: PageParameters, values: Mapping[str, Any]) -> JsonObject:
-    """Return `lines` of what differs, in the order of the tree, and `same`, the number of the rest.
+    """Return the differences as `lines`, in the order of the tree, and `same`, the number of equal
+    parameters.
 
     Each line has name, unit, now, new, `reason` ("" or why it is refused) and `steps`, the number
     of changes it needs in flight. Raises LinkError before anything was read.
@@ -55,7 +56,7 @@ def differing(replica: PageParameters, values: Mapping[str, ParameterValue]) -> 
     return sum(replica.value(name) != value for name, value in values.items())
 
 
-def _shown(value: Any) -> Any:
+def _shown(value: object) -> object:
     if isinstance(value, bool | int) or (isinstance(value, float) and math.isfinite(value)):
         return value
     return str(value)[:MOST_SHOWN]  # text, date, list or nan

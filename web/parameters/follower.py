@@ -15,6 +15,7 @@ from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import FieldOfView
 from quadrotor.errors import QuadlabError
+from quadrotor.json_object import JsonObject
 from vehicle_link.messages.records import VehicleStatus
 from vehicle_link.parameters.change import SIMULATOR, STATION, VEHICLE, authority_of
 from web.latest import Live
@@ -44,7 +45,7 @@ class ParameterFollower:
         self._live = live
         self._scene = scene
         self._namespace = namespace
-        self._shown: dict[str, Any] = {}
+        self._shown: JsonObject = {}
         self._surprises = 0  # checks in a row in which the simulator's presence was unexpected
 
     async def run(self) -> None:
@@ -119,7 +120,7 @@ def bearing_values(value: Callable[[str], Any]) -> dict[str, Any]:
     return {name: one for name, one in named if one is not None}
 
 
-def show_bearings(scene: BeaconScene, values: dict[str, Any]) -> None:
+def show_bearings(scene: BeaconScene, values: JsonObject) -> None:
     """Show the beacons of these parameters; those of another version change nothing."""
     with contextlib.suppress(QuadlabError, ValueError):
         sensor = BearingParameters.model_validate(values)

@@ -55,7 +55,7 @@ class PageParameters(ParameterReplica):
         return snapshot
 
     def confirm(self, values: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
-        """Apply the values of an answer, and publish those that are new to every page."""
+        """Apply the values of an answer, and publish the new ones to every page."""
         before = {name: self.value(name) for name in values}
         self._publish_news(self.apply(values, revision), before, requester, revision)
 

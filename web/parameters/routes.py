@@ -6,7 +6,7 @@ Every change of a value uses the gain path, so that station and vehicle check it
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import FastAPI, HTTPException, Query, Request
 from fastapi.concurrency import run_in_threadpool
@@ -64,7 +64,7 @@ def _add_values(app: FastAPI, replica: PageParameters, gains: ParameterWriter) -
 
     @app.put("/api/parameters")
     async def change(body: ChangeBody, session: Operator) -> JsonObject:
-        """Change values, all or none, checked against their bounds; return those applied."""
+        """Change values, all or none, checked against their bounds; return the applied values."""
         applied, revision = await gains.change(body.values, session.label, walks=body.walks)
         return {
             "applied": applied,
@@ -109,7 +109,7 @@ def _add_history(app: FastAPI, replica: PageParameters, history: ParameterHistor
         """Return the changes that undo those made since before the present or last flight."""
         last = await run_in_threadpool(history.flight)
         if last is None:
-            nothing: dict[str, Any] = {"run": None, "start": None, "is_over": True, "values": {}}
+            nothing: JsonObject = {"run": None, "start": None, "is_over": True, "values": {}}
             return {**nothing, **compare(replica, {})}
         # Not the beacons: real ones have not moved.
         values = {name: value for name, value in last.values.items() if name not in PLACES}

@@ -42,7 +42,7 @@ def step_towards(replica: PageParameters, name: str, value: ParameterValue) -> P
 async def walk(
     replica: PageParameters, call: Call, values: Values, requester: str, pause: float
 ) -> tuple[dict[str, ParameterValue], int]:
-    """Change values step by step; return what was applied in the end, and its revision.
+    """Change values step by step; return the values applied in the end, and their revision.
 
     When a step is refused, the steps before are undone in reverse order.
 

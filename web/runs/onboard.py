@@ -57,7 +57,7 @@ def add_onboard(app: FastAPI, parts: VehicleContext) -> None:
 
     @app.post("/api/onboard/{name}/cancel")
     async def cancel(name: Name, session: Operator) -> dict[str, bool]:
-        """Cancel a transfer, and discard what was received."""
+        """Cancel a transfer, and discard the received bytes."""
         return await _transfer("cancel", name, session.label)
 
     @app.post("/api/runs/{run_id}/backfill")

@@ -60,7 +60,9 @@ def add_trash(app: FastAPI, parts: VehicleContext) -> None:
 
     @app.post("/api/trash")
     def delete(body: RunsBody, session: Operator) -> JsonObject:
-        """Move runs to the trash; `refused`: id → reason, of those that were not moved."""
+        """Move runs to the trash; `refused` maps the id of each run that was not moved to the
+        reason.
+        """
         return _each(body.runs, lambda run_id: delete_run(catalogue, run_id, session.label))
 
     @app.post("/api/trash/restore")

@@ -54,13 +54,13 @@ def add_setup(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
 
     @app.get("/api/setup/checks")
     async def checks() -> dict[str, Any]:
-        """Return the last results of station and vehicle, and those of the page now.
+        """Return the last results of station and vehicle, and the page's results now.
 
         `checked` is when the station and the vehicle were checked, in s, epoch; null = not yet.
         """
         return await found("page", again=False)
 
     @app.post("/api/setup/checks")
-    async def check_again(session: Operator) -> dict[str, Any]:
+    async def check_again(session: Operator) -> JsonObject:
         """Run the checks again; 409 while the vehicle is armed."""
         return await found(session.label, again=True)

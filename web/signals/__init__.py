@@ -69,7 +69,7 @@ def topics_for(wanted: Set[str]) -> frozenset[str]:
 
 
 def describe() -> dict[str, object]:
-    """Return what the page needs to list and label the signals."""
+    """Return the names, units and groups that the page needs to list the signals."""
     return {
         "signals": [asdict(signal) for signal in SIGNALS],
         "named": NAMED,

@@ -64,17 +64,17 @@ def _remembering(make: Callable[[], Callable[[Array, Array], Array]], unit: str,
     return Node(start, unit)
 
 
-def _same(function: Callable[..., Any]) -> Callable[..., Node]:
+def _same(function: Callable[..., object]) -> Callable[..., Node]:
     return lambda *of: applied(
         function, next((one.unit for one in of if one.unit), of[0].unit), *of
     )
 
 
-def _plain(function: Callable[..., Any], unit: str = "") -> Callable[..., Node]:
+def _plain(function: Callable[..., object], unit: str = "") -> Callable[..., Node]:
     return lambda *of: applied(function, None if of[0].unit is None else unit, *of)
 
 
-def _norm(*values: Array) -> Any:
+def _norm(*values: Array) -> object:
     return np.sqrt(sum(value * value for value in values))
 
 

@@ -50,7 +50,7 @@ class Source:
 
     @property
     def named_columns(self) -> tuple[str, ...]:
-        """Return the columns; those of a member with its name before them."""
+        """Return the columns; the columns of a member carry its name in front."""
         before = f"{self.member}/" if self.member else ""
         return tuple(before + one for one in self.columns)
 

@@ -24,7 +24,7 @@ class BoxesView:
         self._nodes: list[tuple[BoxHandle, LabelHandle]] = []
 
     def set_boxes(self, boxes: KeepOut) -> None:
-        """Draw these boxes in place of those before."""
+        """Draw these boxes in place of the previous ones."""
         if boxes == self._boxes:
             return
         self._boxes = boxes

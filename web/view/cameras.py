@@ -24,7 +24,7 @@ STILL = 0.002  # m
 
 
 class Cameras:
-    """Cameras by the name of the page's view; those that nobody chose are free."""
+    """Cameras by the name of the page's view; cameras that nobody chose are free."""
 
     def __init__(self, server: ViewServer) -> None:
         self._server = server

@@ -80,7 +80,7 @@ class _Once:
     def __init__(self, window: Window) -> None:
         self._window = window
 
-    async def window_generator(self, *_: Any, **__: Any) -> AsyncGenerator[Window]:
+    async def window_generator(self, *_: object, **__: object) -> AsyncGenerator[Window]:
         yield self._window
 
     async def send(self, frame: bytes) -> None:

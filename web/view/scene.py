@@ -94,7 +94,7 @@ class Scene:
         server.viser.initial_camera.look_at = (0.0, 0.0, 0.8)
 
     def show(self, options: ViewOptions) -> None:
-        """Change what is drawn; a path with other colours starts anew."""
+        """Change the drawn objects; a path with other colours starts anew."""
         if options.color != self.options.color:
             self._flown.clear()
         self.options = options

@@ -75,7 +75,7 @@ class ViewServer:
         return found
 
     def offer(self, names: Iterable[str], take: Callable[[Drag], None]) -> None:
-        """Let operators drag these nodes, in place of those that the same receiver had before."""
+        """Let operators drag these nodes, in place of the receiver's previous nodes."""
         kept = {name: taker for name, taker in self.draggable.items() if taker != take}
         self.draggable = kept | dict.fromkeys(names, take)
 

@@ -16,7 +16,9 @@ from viser.infra._async_message_buffer import AsyncMessageBuffer
 
 
 def make_writes_safe() -> None:
-    """Give every viser server that is created in this process from now on such buffers."""
+    """Give every viser server that this process creates from now on buffers that are safe for
+    writing.
+    """
     module: Any = _infra
     module.AsyncMessageBuffer = SafeBuffer
 

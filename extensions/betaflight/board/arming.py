@@ -40,7 +40,7 @@ JUST_SWITCHED_ON = 1 << [name for name, _ in REASONS].index("BOOTGRACE")
 
 
 def why_not_armed(flags: int, count: int = len(REASONS)) -> str:
-    """Return what blocks arming, "" for 0.
+    """Return the reasons that block arming as text, "" for 0.
 
     Args:
         count: number of reasons in this firmware version. ARM_SWITCH is always the last of them; it

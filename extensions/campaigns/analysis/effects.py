@@ -33,7 +33,7 @@ def main_effect(cells: Cells, table: pa.Table, metric: str, factor: str) -> Fact
 
 
 def numeric(table: pa.Table, names: Sequence[str]) -> list[str]:
-    """Return those of the columns that are numbers."""
+    """Return the names of the columns that hold numbers."""
     import pyarrow as pa
 
     kinds = (pa.types.is_floating, pa.types.is_integer)

@@ -21,8 +21,8 @@ class StoppedBySignal(SystemExit):
 
 @contextmanager
 def kept_when_stopped(folder: Path) -> Iterator[None]:
-    """Raise StoppedBySignal at the first of SIGNALS; the next ones have no effect, so that rows are
-    written and workers are ended in peace.
+    """Raise StoppedBySignal at the first of SIGNALS and ignore later ones, so that rows are written
+    and workers end in order.
 
     A signal that is ignored, as SIGHUP below nohup, stays so. Only for the main thread.
     """

@@ -102,7 +102,7 @@ def keep(own: Path, logs: Sequence[Value]) -> None:
 
 
 def with_later(kept: Sequence[str], now: Sequence[Value]) -> list[str]:
-    """Return the logs of a campaign, followed by those that are not among them yet."""
+    """Return the logs of a campaign, followed by logs that were added since."""
     known = set(kept)
     return [*kept, *(str(one) for one in now if one not in known)]
 
@@ -140,7 +140,7 @@ def _door(kind: str) -> Callable[..., dict[str, float]]:
 
 
 def read(plan: Plan, log: Path, words: Sequence[str]) -> Figures:
-    """Return what a log shows. Raises QuadlabError.
+    """Return the figures of a log. Raises QuadlabError.
 
     A replay passes if the plan has limits for it, which are applied later. An explanation passes if
     nothing is found; else the heaviest finding is the reason, and each kind has its weight.

@@ -40,7 +40,7 @@ def keep_trials(
     *,
     is_over: bool = False,
 ) -> None:
-    """Add proposed trials to those known, and keep all.
+    """Add proposed trials to the known trials, and store all of them.
 
     Raises UsageError when they differ from those kept before, StorageError.
     """

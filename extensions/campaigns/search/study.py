@@ -63,7 +63,7 @@ def new_study(search: Search, seed: int, first: Mapping[str, Value] | None) -> S
 
 
 def distributions(search: Search) -> dict[str, BaseDistribution]:
-    """Return what the sampler may propose."""
+    """Return the values that the sampler may propose, as distributions by parameter."""
     from optuna.distributions import CategoricalDistribution, FloatDistribution
 
     return {

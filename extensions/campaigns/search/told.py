@@ -58,7 +58,7 @@ class SearchOutcome:
 
 
 def outcome(folder: CampaignFolder, table: pa.Table | None) -> SearchOutcome:
-    """Return what the rows of a search tell, if it has any."""
+    """Return the outcome of a search, as far as its rows tell."""
     search, cells = folder.plan.plan.search, folder.cells
     assert search is not None
     rows = {} if table is None else search_rows(table, search)
@@ -81,7 +81,7 @@ def outcome(folder: CampaignFolder, table: pa.Table | None) -> SearchOutcome:
 
 
 def search_rows(table: pa.Table, search: Search) -> dict[int, Row]:
-    """Return what a search reads of the rows, by the index of their flight."""
+    """Return the columns of the rows that a search needs, by the index of their flight."""
     passed = is_verdict(table, "passed")
     values = np.full((table.num_rows, len(search.metrics)), np.nan)
     for k, name in enumerate(search.metrics):
@@ -103,7 +103,7 @@ def none_feasible(found: SearchOutcome) -> str:
 
 
 def told_plan(search: Search) -> list[str]:
-    """Return what a search does, as lines of text."""
+    """Return a description of a search, as lines of text."""
     lines = [
         f"  search by {search.sampler}: {search.trials} trials, {search.together} at once; "
         f"{search.aggregate} {', '.join(search.aims)} as small as can be"

@@ -272,7 +272,7 @@ class CrazyflieBoard:
         """Do nothing: the times are fixed in the firmware."""
 
     def service(self, now_s: float) -> None:
-        """Send what is due: requests, arming, and set-points that no command makes.
+        """Send the messages that are due: requests, arming, and set-points that no command makes.
 
         A command is not repeated: without new ones, its own watchdog is what helps.
         """

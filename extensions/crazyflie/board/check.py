@@ -21,7 +21,7 @@ POLL_S = 0.001
 
 
 def check_board(port: Port, options: Parameters | None, say: Callable[[str], None]) -> list[str]:
-    """Report what is there, and what must change.
+    """Report the hardware and firmware that was found, and the settings that must change.
 
     Returns what prevents a flight. Other values of its parameters do not: they are set at each
     start. Those that the options name are in `options.firmware` from then on. Raises LinkError when

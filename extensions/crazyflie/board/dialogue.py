@@ -106,7 +106,7 @@ def introduce(
 def set_parameters(
     found: Found, wanted: Mapping[str, float], named: Iterable[str] = (), *, write: bool = True
 ) -> Dialogue:
-    """Set those of these parameters that are different, and read them back.
+    """Set the parameters that differ from the given values, and read them back.
 
     Raises LinkError for a name or a value that the board does not have.
     """
@@ -156,7 +156,7 @@ def read_contents(port: CrtpPort) -> Generator[Request, bytes, Contents]:
 
 
 def find(contents: Contents, name: str, what: str) -> Entry:
-    """Return the entry of this name. Raises LinkError that suggests similar ones."""
+    """Return the entry of a name. Raises LinkError that suggests similar names."""
     is_log = what != "parameter"
     others = {n: one for n, one in contents.items() if is_log or not one.kind & READ_ONLY}
     if name in others:

@@ -8,11 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydantic import create_model
 
 from extensions.crazyflie.board.options import CrazyflieOptions
 from quadrotor.parameter_description import ParameterValue
-from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.parameters import Parameters, ParameterStore, parameter, parameters_of
 from vehicle.boards.offered import FIRMWARE
 
 NAMES = {
@@ -47,7 +46,7 @@ class FirmwareParameters:
         return self._given | self._sent
 
     def changes(self) -> dict[str, float]:
-        """Return {name: value} of what has changed since this or `all` was called."""
+        """Return {name: value} of the changes since the last call of this method or of `all`."""
         found: dict[str, float] = {}
         if self._options.parameters != self._text:
             before = self._given
@@ -61,7 +60,7 @@ class FirmwareParameters:
         return self._sent.get(name) == self._known.get(name)
 
     def confirm(self, values: Mapping[str, float]) -> dict[str, ParameterValue]:
-        """Note what the Crazyflie has of the last changes.
+        """Note the values that the Crazyflie confirmed.
 
         Returns the values of the vehicle's parameters that must follow, by their full names.
         """
@@ -89,13 +88,12 @@ def describe(
             field = _field(form.format[-1], wanted.get(full, value))
             groups.setdefault(group, {})[name] = field
     for group, fields in groups.items():
-        made = create_model(group, __base__=Parameters, **fields)
+        made = parameters_of(Parameters, group, fields)
         groups[group] = made, made()
-    shown: Parameters = create_model("Firmware", __base__=Parameters, **groups)()
-    return shown
+    return parameters_of(Parameters, "Firmware", groups)()
 
 
-def _field(letter: str, value: float) -> tuple[type, Any]:
+def _field(letter: str, value: float) -> tuple[type, object]:
     if letter in "fd":
         high = float(np.finfo(np.dtype(letter)).max)
         low, shown = -high, shortest(value)

@@ -53,7 +53,7 @@ class CrazyflieOptions(Parameters):
 
     @property
     def wanted(self) -> dict[str, float]:
-        """Return {name: value} of those of `parameters` with a value. Raises OutOfBoundsError."""
+        """Return {name: value} of the `parameters` that have a value. Raises OutOfBoundsError."""
         return {name: value for name, value in self.named.items() if value is not None}
 
 

@@ -234,7 +234,7 @@ class Formations:
 
 
 def situation_of(context: VehicleContext) -> Situation:
-    """Return what is known of a vehicle now."""
+    """Return the present state of a vehicle, as far as it is known."""
     live, value = context.live, context.replica.value
     state, status = live.current("state"), live.current("status")
     truth = live.current("truth")

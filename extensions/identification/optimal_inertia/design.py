@@ -92,7 +92,7 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Doublets about one axis, and what the model says of them.
+    """Doublets about one axis, with the figures that the model predicts.
 
     Attributes:
         amplitude: m or rad. duration: s of a level. information: rad²/s³.

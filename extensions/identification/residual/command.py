@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass
 class Identify:
-    """Fit drag by axis, its height and the loss of thrust to what the model leaves unexplained in
-    recorded flights.
+    """Fit drag by axis, its height and the loss of thrust to the forces that the model does not
+    explain in recorded flights.
 
     The residual is the force and torque that the rotors' model does not explain; the height is over
     the centre of mass. Each value is judged by flights that its fit has not seen.

@@ -37,7 +37,7 @@ def told(report: Report) -> Iterator[None]:
 
 @contextmanager
 def part(begin: float, end: float) -> Iterator[None]:
-    """Take what is told inside for that of a part, from `begin` to `end` of the whole."""
+    """Report the progress made inside as a part, from `begin` to `end`, of the whole."""
     whole = _report.get()
     with told(lambda share: whole(begin + (end - begin) * share)):
         yield

@@ -56,7 +56,9 @@ class Head(NamedTuple):
 
     @property
     def names(self) -> list[list[str]]:
-        """Return the lines that have as many cells as a row, without what frames them."""
+        """Return the lines that have as many cells as a row, without lines above and below the
+        table.
+        """
         framed = [one for one in self.rows if len(one) == self.width + 1]
         inside = [one[:-1] if one[0] else one[1:] for one in framed if not (one[0] and one[-1])]
         return [one for one in self.rows if len(one) == self.width] or inside

@@ -66,7 +66,7 @@ class OutsideCameras:
         return shown
 
     def said(self) -> list[str]:
-        """Return what was wrong since the last call, as the tracker's process says it."""
+        """Return the problems since the last call, in the words of the tracker's process."""
         lines, self._lines = self._lines, []
         return lines
 

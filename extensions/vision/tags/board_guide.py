@@ -141,7 +141,7 @@ class BoardGuide:
 
     @property
     def goal(self) -> Goal | None:
-        """Return what is to be shown next; None when there is enough."""
+        """Return the next view of the board that is needed; None when there are enough views."""
         missing = next((one for one in GOALS if not self._has(one)), None)
         if len(self.views) >= MOST_VIEWS:
             return None

@@ -99,7 +99,8 @@ def poses_of(points_b: Array, pixels: Array, lens: Intrinsics) -> list[TagPose]:
 
 
 def likeliest(poses: list[TagPose], R_cb: Array) -> TagPose:
-    """Return the pose nearest in attitude to R_cb (3, 3), of those as good as the first.
+    """Return the pose nearest in attitude to R_cb (3, 3), among the poses that fit as well as the
+    first.
 
     Args:
         poses: from `poses_of`, not empty.

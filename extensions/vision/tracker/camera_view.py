@@ -45,7 +45,7 @@ class CameraView:
     def add(
         self, taken_ns: int, grey: Picture, tags: Tags, used: Collection[int], residual: float
     ) -> None:
-        """Handle a picture, and what was found in it.
+        """Handle a picture, and the tags found in it.
 
         Args:
             taken_ns: its time on the host's steady clock.

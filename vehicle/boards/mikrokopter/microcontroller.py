@@ -201,7 +201,7 @@ class Microcontroller:
         self._motors.put(set_value(Id.EMERGENCY_TIMEOUT, milliseconds))
 
     def service(self, now_s: float) -> None:
-        """Send what is due, including retries; `now_s` is from any monotonic clock."""
+        """Send all messages that are due, also retries; `now_s` is from any monotonic clock."""
         for frame in self._handshake.service(now_s, self._command):
             self._ports.write(frame)
         for request in self._motors.open:

@@ -49,7 +49,7 @@ class ActingFaults:
         position_w: npt.NDArray[np.float64],
         has_read: bool,
     ) -> Truth | None:
-        """Return what is true now, None if that is what it was at the last call.
+        """Return the present truth, None if it has not changed since the last call.
 
         Args:
             position_w: of the vehicle, (3,) m.

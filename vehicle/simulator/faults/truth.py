@@ -54,7 +54,9 @@ class Truth:
     load: tuple[float, float] = (0.0, 0.0)
 
     def write(self, plant: Record, sensors: Record) -> None:
-        """Write what is no parameter into a PLANT and a SENSORS record of these parameters."""
+        """Write the effects that are no parameters into a PLANT and a SENSORS record of these
+        parameters.
+        """
         for name, matrix in (("accelerometer", self.accelerometer), ("gyroscope", self.gyroscope)):
             sensors[f"{name}_matrix"] = matrix @ sensors[f"{name}_matrix"][0]
         sensors["accelerometer_range"] = self.accelerometer_range
@@ -89,7 +91,7 @@ class Truth:
 
 
 class VehicleFault(Fault):
-    """Base of the faults that change what is true of the simulated vehicle."""
+    """Base of the faults that change the simulated vehicle itself."""
 
     def act(self, truth: Truth, moment: Moment, memory: Memory) -> None:
         """Change the truth of this moment."""
