@@ -28,14 +28,15 @@ import msgspec
 from quadrotor import errors
 from quadrotor.checkout import PREFIX, ROOT, RUN_MODULE
 
-NICENESS = 15
-"""Niceness of a job that no flight waits for."""
-IDLE = 19
+NICENESS, IDLE = 15, 19
+"""Nicenesses of a job that no flight waits for, and of one that nobody does."""
 POLL = 0.1
 """Seconds between two calls of `check`."""
-STDERR_KEPT = 4096
-"""Number of bytes of a job's output that are kept."""
+PIECE, PIECES, STDERR_KEPT = 1 << 16, 4, 4096
+"""Bytes of a job's output that are read at once, how often in one call of `poll` (more than a pipe
+holds), and bytes that are kept."""
 PR_SET_PDEATHSIG = 1
+SIGNALS = {one.value: one.name for one in signal.Signals}
 
 T = TypeVar("T")
 
@@ -50,6 +51,7 @@ class Job(Generic[T]):
         report: called with each value that the function reports; the function then gets, as its
             last argument, the callable with which it reports.
         keep: file descriptors that the process inherits, under the same numbers.
+        longest: bytes of a report, or of the result; longer ones are lost.
 
     Raises JobError when it cannot be started.
     """
@@ -61,8 +63,9 @@ class Job(Generic[T]):
         niceness: int = NICENESS,
         report: Callable[[Any], None] | None = None,
         keep: Sequence[int] = (),
+        longest: int = 1 << 30,
     ) -> None:
-        self._function, self._report = function, report
+        self._function, self._report, self._longest = function, report, longest
         self._stderr = self._partial = b""
         self._answer: dict[str, Any] = {}
         try:
@@ -87,17 +90,13 @@ class Job(Generic[T]):
         except OSError as error:
             raise errors.JobError(f"cannot be started: {error}") from error
         self._selector = selectors.DefaultSelector()
-        self._ended = os.pidfd_open(process.pid)
+        self._ended, self.pid = os.pidfd_open(process.pid), process.pid
         self._selector.register(self._ended, selectors.EVENT_READ)
         for stream in (process.stdout, process.stderr):
             os.set_blocking(cast(IO[bytes], stream).fileno(), False)
             self._selector.register(cast(IO[bytes], stream), selectors.EVENT_READ)
         with suppress(BrokenPipeError), cast(IO[bytes], process.stdin) as stdin:
             stdin.write(order)
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid
 
     def poll(self, timeout: float = 0.0) -> bool:
         """Receive output for up to `timeout` (s); return whether the job has ended."""
@@ -118,15 +117,15 @@ class Job(Generic[T]):
         """
         while not self.poll(POLL):
             pass
-        if "error" in self._answer:
-            kind, text = self._answer["error"]
-            raise cast(type[errors.QuadlabError], getattr(errors, kind, errors.JobError))(text)
-        if "result" not in self._answer:
-            said = self._stderr.decode(errors="replace").strip().splitlines()
-            why = f": {said[-1]}" if said else ""
-            raise errors.JobError(f"its process {how_it_ended(self._process.returncode)}{why}")
-        kind = get_type_hints(self._function)["return"]
-        return cast(T, msgspec.convert(self._answer["result"], kind))
+        match self._answer:  # which a plugin may have forged
+            case {"error": [str(name), str(text)]}:
+                raise getattr(errors, name * name.endswith("Error"), errors.JobError)(text)
+            case {"result": value}:
+                with suppress(msgspec.ValidationError):
+                    return cast(T, msgspec.convert(value, get_type_hints(self._function)["return"]))
+        said = self._stderr.decode(errors="replace").strip().splitlines()
+        why = f": {said[-1]}" if said else ""
+        raise errors.JobError(f"its process {how_it_ended(self._process.returncode)}{why}")
 
     def terminate(self) -> None:
         """Ask the process to end, by SIGTERM."""
@@ -147,14 +146,16 @@ class Job(Generic[T]):
         self._close()
 
     def _receive(self, stream: IO[bytes], take: Callable[[bytes], None]) -> None:
-        while not stream.closed and (data := stream.read(65536)) is not None:
+        for _ in range(PIECES):  # what writes without an end must not keep the caller
+            if stream.closed or (data := stream.read(PIECE)) is None:
+                break
             if not data:
                 self._selector.unregister(stream)
                 stream.close()
             take(data)
 
     def _lines(self, data: bytes) -> None:
-        *lines, self._partial = (self._partial + data).split(b"\n")
+        *lines, self._partial = (self._partial[-self._longest :] + data).split(b"\n")
         for line in lines:
             answer: object = None
             with suppress(ValueError, RecursionError):  # the function wrote past its own output
@@ -204,7 +205,7 @@ def run(
 def how_it_ended(code: int) -> str:
     """Return how a process ended, by its return code, as words to follow its name."""
     if code < 0:
-        return f"was killed by {signal.Signals(-code).name}"
+        return f"was killed by {SIGNALS.get(-code, f'signal {-code}')}"
     return f"ended with status {code}"
 
 
@@ -228,9 +229,8 @@ def main(parent: int, niceness: int) -> None:
         print(json.dumps({kind: value}, default=dataclasses.asdict), file=answers, flush=True)
 
     function, arguments, reports = pickle.load(sys.stdin.buffer)
-    reporter = [lambda value: send("report", value)] if reports else []
     try:
-        send("result", function(*arguments, *reporter))
+        send("result", function(*arguments, *[lambda value: send("report", value)][:reports]))
     except errors.QuadlabError as error:
         known = next(one for one in type(error).__mro__ if one.__module__ == errors.__name__)
         send("error", (known.__name__, " ".join(str(error).split())))

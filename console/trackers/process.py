@@ -38,15 +38,13 @@ STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
 """Seconds without a body, or without frames, until it is reported."""
-FIRST_FRAME = 5.0
-"""Seconds from the start that a system has for its first frame: some connect slowly."""
-RECENT = 1.0
-"""Seconds over which rates are counted."""
-KEPT = 64
-LATENCIES, STEP = 32, 0.001
-"""Bars of the histogram of latency, and their width in s."""
-LISTED_MAX = 8
-"""Maximum number of bodies listed in a line."""
+FIRST_FRAME, RECENT = 5.0, 1.0
+"""Seconds from the start that a system has for its first frame (some connect slowly), and seconds
+over which rates are counted."""
+KEPT, LATENCIES, STEP = 64, 32, 0.001
+"""Frames that wait, bars of the histogram of latency, and their width in s."""
+LISTED_MAX, OTHERS = 8, 64
+"""Maximum number of bodies listed in a line, and of bodies beside the vehicles' that are noted."""
 
 
 _FIGURES = re.compile(r"[\d.]+")
@@ -144,13 +142,16 @@ class Tracker:
 
     def _handle_frame(self, frame: Frame, taken_ns: int | None, now: float) -> None:
         """Publish what may be flown on of a frame; `taken_ns` is from `_taken_ns`."""
-        bodies = [to_world(body, self._unit, self._up) for body in frame.bodies]
+        ours = {one.body for one in self._vehicles}
+        first = sorted(frame.bodies, key=lambda body: body.name not in ours)[: OTHERS + len(ours)]
+        bodies = [to_world(body, self._unit, self._up) for body in first]
         self._seen.extend((now, body.name) for body in bodies)
         names = Counter(body.name for body in bodies)
         for one in self._vehicles:
             if names[one.body]:
                 self._handle_body(one, bodies, names[one.body], taken_ns, now)
-        self._places.update((body.name, body.position_w) for body in bodies)
+        places = self._places | {body.name: body.position_w for body in bodies}
+        self._places = dict(list(places.items())[-OTHERS:])  # a system may number them anew
 
     def _taken_ns(self, frame: Frame, now: float) -> int | None:
         """Return when a frame was taken, on the host's steady clock; None when that is doubtful."""
@@ -204,8 +205,7 @@ class Tracker:
             if is_due or problem != one.shown_problem:
                 one.shown_problem = problem
                 one.status.put(encode(self._status(one, problem)))
-        if is_due:
-            self._status_at = now
+        self._status_at = now if is_due else self._status_at
 
     def _print_figures(self, one: TrackedVehicle, problem: str, now: float) -> None:
         """Print how well a camera sees, once it has worked without a problem for a while."""
@@ -252,7 +252,7 @@ class Tracker:
         return f"no body {one.body!r} is seen; {self._name} shows {listed or 'none'}"
 
     def _status(self, one: TrackedVehicle, problem: str) -> TrackerStatus:
-        rates = Counter(name for _, name in self._seen)
+        rates = dict(Counter(name for _, name in self._seen).most_common(OTHERS))
         latencies = np.array(self._latencies or [0.0])
         bars = np.minimum(latencies / STEP, LATENCIES - 1).astype(int)
         return new(

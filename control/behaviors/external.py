@@ -100,7 +100,7 @@ class External(Behavior):
                 f"the reference is {step:.2f} m off the present one at ({x:.2f}, {y:.2f}, {z:.2f})"
                 f" m; allowed {self._step_max:g} m (behavior.external_step_max)"
             )
-        turn = math.remainder(float(wanted["yaw"][0] - present["yaw"][0]), 2.0 * math.pi)
+        turn = (float(wanted["yaw"][0] - present["yaw"][0]) + math.pi) % math.tau - math.pi
         if not abs(turn) <= YAW_STEP_MAX:
             return f"the reference's yaw steps by {turn:.2f} rad; allowed {YAW_STEP_MAX:g} rad"
         later = self._now_and_later[1:]

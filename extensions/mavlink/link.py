@@ -163,7 +163,7 @@ class Link:
     def _forget(self, peer: Peer) -> None:
         del self._peers[peer.socket.fileno(), peer.address]
         if peer.system:
-            self._say(f"{peer.name} has left")
+            self.complain(self._stranger, f"{peer.name} left", f"{peer.name} has left")
             self._has_left(peer)
         if peer.is_stream:
             self._sockets.remove(peer.socket)
@@ -243,7 +243,7 @@ class Link:
                 known = peer = self._add(sock, address)
             if not peer.system:
                 peer.system = system
-                self._say(f"{peer.name} is there")
+                self.complain(self._stranger, peer.name, f"{peer.name} is there")
             if peer.system != system:
                 line = f"{at} is system {peer.system}; messages of system {system} are dropped"
                 self.complain(peer, "system", line)

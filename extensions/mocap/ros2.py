@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from console.trackers.source import Body, Connection, Frame
-from quadrotor.errors import UsageError
+from quadrotor.errors import LinkError, MeasurementError, UsageError
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.topics.measurements import decode_pose
 from vehicle_link.transport.node import Node
@@ -21,7 +21,6 @@ from vehicle_link.transport.publisher import Received
 if TYPE_CHECKING:
     from vehicle_link.transport.loopback import Session
 KEPT = 64
-TYPE = "geometry_msgs/PoseStamped"
 
 
 class Ros2Source:
@@ -36,13 +35,16 @@ class Ros2Source:
         self._node = Node(session, "", "quadlab_tracker")
         self._items: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(KEPT)
         for name in names:
-            self._node.subscribe(name, TYPE, partial(self._put, name))
+            self._node.subscribe(name, "geometry_msgs/PoseStamped", partial(self._put, name))
 
     def frames(self) -> Iterator[Frame]:
-        """Yield one frame of one body per message. Raises LinkError, MeasurementError."""
+        """Yield one frame of one body per message. Raises MeasurementError."""
         while item := self._items.get():
             name, payload, received_ns = item
-            sample = decode_pose(payload)[0]
+            try:
+                sample = decode_pose(payload)[0]
+            except LinkError as error:  # of another type: the next may be a pose
+                raise MeasurementError(f"{name}: {error}") from None
             body = Body(name, sample["position_w"].copy(), sample["quaternion_wb"].copy())
             yield Frame(int(sample["stamp_ns"]) or None, received_ns, (body,))
 

@@ -74,7 +74,7 @@ def parse(data: bytes, received_ns: int) -> Frame:
     for line in data.decode(errors="replace").splitlines():
         fields = [field.strip() for field in line.split(",")]
         try:
-            if len(fields) not in (MARKER, RIGID) or not fields[1]:
+            if len(fields) not in (MARKER, RIGID) or not (fields[1] and fields[1].isprintable()):
                 raise ValueError(line)
             stamp_ns = round(1e9 * float(fields[0])) if fields[0] else None
             if stamp_ns is not None and abs(stamp_ns) > LARGEST_NS:

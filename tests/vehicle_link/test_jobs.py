@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import fcntl
 import math
 import os
 import signal
+import stat
+import struct
 import subprocess
 import sys
+import termios
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,9 +22,11 @@ import pytest
 from quadrotor.checkout import ROOT
 from quadrotor.errors import JobError, JobTimeoutError, RefusedError, StorageError
 from tests.waiting import until
-from vehicle_link.jobs import STDERR_KEPT, Job, run
+from vehicle_link.jobs import PIECE, PIECES, STDERR_KEPT, Job, how_it_ended, run
 
 BOUND = 60.0
+SET_PIPE_SIZE = 1031
+"""F_SETPIPE_SZ of fcntl(2)."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,25 @@ def die(how: str) -> None:
     if how == "exit":
         os._exit(3)
     os.kill(os.getpid(), getattr(signal, how))
+
+
+def forge(line: str) -> int:
+    """Write a line to each pipe that is open, as a plugin may, and end."""
+    for number in map(int, os.listdir("/proc/self/fd")):
+        with suppress(OSError):
+            if number > 2 and stat.S_ISFIFO(os.fstat(number).st_mode):
+                os.write(number, line.encode() + b"\n")
+    os._exit(0)
+
+
+def fill(file: str) -> None:
+    fcntl.fcntl(2, SET_PIPE_SIZE, 1 << 20)
+    os.write(2, bytes(1 << 20))
+    wait(file)
+
+
+def long_text() -> str:
+    return "x" * 200_000
 
 
 def wait(file: str) -> None:
@@ -101,6 +127,41 @@ def test_a_crash_is_told_with_its_last_line(how: str, told: str) -> None:
     with pytest.raises(JobError, match=f"{told}: the last line$"):
         job.result()
     assert len(job._stderr) <= STDERR_KEPT
+
+
+def test_a_signal_without_a_name_is_told_by_its_number() -> None:
+    assert how_it_ended(-40) == "was killed by signal 40"
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ('{"error": 5}', "status 0"),
+        ('{"error": [[1], {}]}', "status 0"),
+        ('{"error": ["annotations", "mine"]}', "^mine$"),
+        ('{"result": "no number"}', "status 0"),
+    ],
+)
+def test_a_forged_answer_is_the_jobs_error(line: str, told: str) -> None:
+    with pytest.raises(JobError, match=told):
+        run(forge, line)
+
+
+def test_what_is_written_without_an_end_is_taken_in_parts(tmp_path: Path) -> None:
+    file = tmp_path / "pid"
+    job = Job(fill, str(file))
+    until(lambda: file.exists() and file.read_text())
+    job.poll()
+    assert job._process.stderr is not None
+    left = fcntl.ioctl(job._process.stderr.fileno(), termios.FIONREAD, bytes(4))
+    assert struct.unpack("i", left)[0] == (1 << 20) - PIECES * PIECE
+    job.stop()
+
+
+def test_a_result_longer_than_is_allowed_is_lost() -> None:
+    assert len(Job(long_text).result()) == 200_000
+    with pytest.raises(JobError, match="its process ended with status 0"):
+        Job(long_text, longest=1000).result()
 
 
 def test_a_defect_is_told_by_its_exception() -> None:

@@ -120,7 +120,7 @@ class ExternalLaw(External):
         if not np.isfinite(wrench).all():
             raise RefusedError(f"it answered {wrench.tolist()}, which is not finite")
         apart = wrench - base["wrench"][0]
-        self._squares += float(apart[0]) ** 2
+        self._squares += float(apart[0]) * float(apart[0])  # a power raises when it overflows
         if not self.flown:
             return
         weight = float(self._model["mass"][0]) * GRAVITY

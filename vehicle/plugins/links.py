@@ -11,7 +11,7 @@ from typing import Protocol
 
 from quadrotor.errors import QuadlabError, RefusedError
 from vehicle.plugins.contract import Contract
-from vehicle.plugins.host import FAILED, READY, serve
+from vehicle.plugins.host import FAILED, LONGEST, READY, serve
 from vehicle_link.jobs import Job
 
 UDP = "udp"
@@ -73,8 +73,9 @@ class ProcessLink:
         # Keeps the boundaries of messages, and tells at once when the other end is gone.
         self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with other:
+            there = other.fileno()
             self._job: Job[None] = Job(
-                serve, other.fileno(), contract, source, niceness=0, keep=(other.fileno(),)
+                serve, there, contract, source, niceness=0, keep=(there,), longest=LONGEST
             )
         self._socket.settimeout(START if waits else 0.0)
 
@@ -109,11 +110,9 @@ class ProcessLink:
 
     def _end(self) -> str:
         end = time.monotonic() + (PATIENCE if self._waits else 0.0)
-        while not (has_ended := self._job.poll(0.01 if self._waits else 0.0)):
+        while not self._job.poll(0.01 if self._waits else 0.0):
             if time.monotonic() >= end:
-                break
-        if not has_ended:
-            return f"{self._name}: its process closed the connection"
+                return f"{self._name}: its process closed the connection"
         try:
             self._job.result()
         except QuadlabError as error:

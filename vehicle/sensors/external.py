@@ -42,9 +42,7 @@ class ExternalSensor(External):
     def __init__(self, name: str, link: Link, waits: bool, place: int = 1) -> None:
         super().__init__(SENSOR, name, link, waits)
         self.place, self.judged = place, list[Record]()
-        self._asked_ns = 0
-        self._doubt = 0.0
-        self.used = self.refused = 0
+        self._asked_ns, self._doubt, self.used, self.refused = 0, 0.0, 0, 0
 
     def step(
         self,
@@ -87,7 +85,10 @@ class ExternalSensor(External):
     # ------------------------------------------------------------------ parts
     def _apply(self, answer: Record, estimators: list[TakesReadings]) -> None:
         """Raises RefusedError, MeasurementError when the sensor must not be used any more."""
-        for k in range(int(answer["count"])):
+        count, most = float(answer["count"]), len(answer["sigma"])
+        if not 0 <= count <= most:
+            raise RefusedError(f"it answered {count:g} readings; 0 to {most} are taken")
+        for k in range(int(count)):
             reading = np.zeros(1, READING_SAMPLE)
             since = float(answer["time"] - answer["measured"][k])
             if not -AHEAD <= since <= 1e-9 * LATEST_NS:

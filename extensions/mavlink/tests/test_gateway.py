@@ -13,7 +13,7 @@ import pytest
 
 from extensions.mavlink import link as link_module
 from extensions.mavlink.dialect import mavlink
-from extensions.mavlink.peer import BYTES_A_SECOND, Peer
+from extensions.mavlink.peer import BYTES_A_SECOND, SAID_MOST, Peer
 from extensions.mavlink.tests.wired import Wired
 from quadrotor.errors import UsageError
 from vehicle_link.messages import new
@@ -231,6 +231,18 @@ def test_parameters_are_listed_set_and_refused_with_the_vehicles_word(
     assert ground.until("PARAM_VALUE").param_value == 3.0  # changed by another person
     ground.mav.param_request_read_send(1, 1, b"NO_SUCH", -1)
     assert ground.until("PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+
+
+def test_a_ground_station_is_told_about_on_so_many_lines_a_minute(
+    wire: Callable[..., Wired],
+) -> None:
+    wired = wire()
+    ground = wired.ground()
+    for k in range(3 * SAID_MOST):
+        ground.mav.param_set_send(1, 1, b"NO_%d" % k, 4.6, mavlink.MAV_PARAM_TYPE_REAL32)
+        assert ground.until("PARAM_ERROR").param_id == f"NO_{k}"
+    assert len(wired.lines) < 2 * SAID_MOST
+    assert any("NO_0 is not there" in line for line in wired.lines)
 
 
 def item(seq: int, command: int, east: float, north: float, up: float) -> tuple[Any, ...]:

@@ -27,7 +27,9 @@ def test_a_stamp_that_no_clock_has_is_refused(stamp: str) -> None:
         parse(f"{stamp},quad1,1,2,3,1,0,0,0".encode(), 7)
 
 
-@pytest.mark.parametrize("line", ["", "hello", "1,quad1,1,2", "1,,1,2,3", "1,quad1,1,2,three"])
+@pytest.mark.parametrize(
+    "line", ["", "hello", "1,quad1,1,2", "1,,1,2,3", "1,quad1,1,2,three", "1,\x1b[31mquad1,1,2,3"]
+)
 def test_a_line_of_another_form_is_refused_or_no_body(line: str) -> None:
     if line:
         with pytest.raises(MeasurementError, match="send stamp,name,x,y,z"):

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.trackers.process import GAP, STATUS_PERIOD
+from console.trackers.process import GAP, OTHERS, STATUS_PERIOD
 from extensions.mocap.ros2 import Ros2Source
+from quadrotor.errors import MeasurementError
 from quadrotor.records import beacon_ids_of, pose_sample
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, wait_for
@@ -229,6 +230,24 @@ def test_a_clock_that_is_set_by_a_second_is_told_and_followed(
     assert bench.statuses[-1].clock_jumps == 1
 
 
+def test_bodies_that_are_numbered_anew_in_each_frame_crowd_out_none(
+    bench: Bench, laboratory: Laboratory
+) -> None:
+    wait_for(lambda: list(bench.statuses[-1].seen) == ["cf7"])
+    numbers = iter(range(1_000_000))
+    begun = len(bench.statuses)
+    for _ in range(20):
+        before = len(bench.poses)
+        laboratory.change(
+            [laboratory.lines[0], *(f"{{stamp}},{next(numbers)},1,1,1" for _ in range(1000))][::-1]
+        )
+        laboratory.lines = laboratory.lines[-1:]
+        wait_for(lambda before=before: len(bench.poses) > before)  # type: ignore[misc]
+    wait_for(lambda: len(bench.statuses[-1].seen) == OTHERS)
+    assert all(len(status.seen) <= OTHERS for status in bench.statuses[begun:])
+    wait_for(lambda: list(bench.statuses[-1].seen) == ["cf7"])
+
+
 def test_a_line_that_is_none_is_told_and_the_next_frame_taken(
     bench: Bench, laboratory: Laboratory
 ) -> None:
@@ -279,7 +298,10 @@ def test_poses_of_a_ros_2_node_are_frames_of_their_topic(bench: Bench) -> None:
     poses = node.publisher("cf7/pose", "geometry_msgs/PoseStamped")
     assert poses.wait(10)
     sample = pose_sample(5_000_000_123, PLACE, (0.6, 0.0, 0.0, 0.8))
+    poses.put(b"of another type")
     poses.put(pose_messages(sample).tobytes())
+    with pytest.raises(MeasurementError, match=r"^/mocap/cf7/pose: "):  # not one that closes it
+        next(source.frames())
     frame = next(source.frames())
     source.close()
     node.close()

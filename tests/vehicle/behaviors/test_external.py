@@ -41,6 +41,10 @@ HARM = {
     "nan": ("if t > 0.1: self.p[1] = float('nan')", "not finite"),
     "ends": ("if t > 0.1: raise SystemExit", "SystemExit"),
     "wrong shape": ("if t > 0.1: return ([1.0, 2.0, 3.0, 4.0],)", "ValueError"),
+    "turns": (
+        "if t > 0.1: z = self.p * 0; return (self.p, z, z, z, z, 1.79e308, 1.79e308)",
+        "the reference's yaw steps by nan rad",
+    ),
     "jumps": ("if t > 0.1: self.p[0] += 0.5", "the reference is 0.50 m off the present one"),
     "stalls": ("if t > 0.1: self.stalls = True", "no answer in time to 1 inputs in a row"),
 }
