@@ -118,8 +118,8 @@ class Job(Generic[T]):
         while not self.poll(POLL):
             pass
         match self._answer:  # which a plugin may have forged
-            case {"error": [str(name), str(text)]}:
-                raise getattr(errors, name * name.endswith("Error"), errors.JobError)(text)
+            case {"error": [str(name), str(text)]} if name.endswith("Error"):
+                raise getattr(errors, name, errors.JobError)(text)
             case {"result": value}:
                 with suppress(msgspec.ValidationError):
                     return cast(T, msgspec.convert(value, get_type_hints(self._function)["return"]))
@@ -230,7 +230,8 @@ def main(parent: int, niceness: int) -> None:
 
     function, arguments, reports = pickle.load(sys.stdin.buffer)
     try:
-        send("result", function(*arguments, *[lambda value: send("report", value)][:reports]))
+        more = [lambda value: send("report", value)] if reports else []
+        send("result", function(*arguments, *more))
     except errors.QuadlabError as error:
         known = next(one for one in type(error).__mro__ if one.__module__ == errors.__name__)
         send("error", (known.__name__, " ".join(str(error).split())))

@@ -42,7 +42,8 @@ class ExternalSensor(External):
     def __init__(self, name: str, link: Link, waits: bool, place: int = 1) -> None:
         super().__init__(SENSOR, name, link, waits)
         self.place, self.judged = place, list[Record]()
-        self._asked_ns, self._doubt, self.used, self.refused = 0, 0.0, 0, 0
+        self._asked_ns, self._doubt = 0, 0.0
+        self.used = self.refused = 0
 
     def step(
         self,
