@@ -118,8 +118,9 @@ class Job(Generic[T]):
         while not self.poll(POLL):
             pass
         match self._answer:  # which a plugin may have forged
-            case {"error": [str(name), str(text)]} if name.endswith("Error"):
-                raise getattr(errors, name, errors.JobError)(text)
+            case {"error": [str(name), str(text)]}:
+                kind = name if name.endswith("Error") else ""
+                raise getattr(errors, kind, errors.JobError)(text)
             case {"result": value}:
                 with suppress(msgspec.ValidationError):
                     return cast(T, msgspec.convert(value, get_type_hints(self._function)["return"]))
