@@ -46,11 +46,6 @@ class Topic:
         """Return whether it is sent at once instead of batched with what follows."""
         return self.priority == "real_time"
 
-    @property
-    def drop(self) -> bool:
-        """Return whether it is dropped on congestion; otherwise it waits."""
-        return not self.qos.reliable
-
 
 TRACKER_PICTURES = ("tracker_picture", *(f"tracker_{k}_picture" for k in (2, 3, 4)))
 """The pictures of up to four cameras of one tracker, in the order of its command."""

@@ -101,15 +101,13 @@ class Node:
                 cache=extended.CacheConfig(topic.kept),
                 sample_miss_detection=extended.MissDetectionConfig(),  # type: ignore[call-arg]
             )
+        reliable = topic.qos.reliable
+        congestion, trust = zenoh.CongestionControl, zenoh.Reliability
         publisher = declare(
             priority=getattr(zenoh.Priority, topic.priority.upper()),
             express=topic.express,
-            congestion_control=(
-                zenoh.CongestionControl.DROP if topic.drop else zenoh.CongestionControl.BLOCK
-            ),
-            reliability=(
-                zenoh.Reliability.RELIABLE if topic.qos.reliable else zenoh.Reliability.BEST_EFFORT
-            ),
+            congestion_control=congestion.BLOCK if reliable else congestion.DROP,
+            reliability=trust.RELIABLE if reliable else trust.BEST_EFFORT,
         )
         self._entities.append(publisher)
         return Publisher(publisher, gid, other)
