@@ -21,6 +21,7 @@ from typing import Any
 
 from benchmarks.harness import CHROMIUM, Report, Row, Size, Target
 from quadrotor.checkout import ROOT
+from tests.support.subscribers import has_subscriber
 from vehicle_link.topics.control_inputs import decode_joy, encode_heartbeat
 from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.loopback import loopback_session
@@ -87,7 +88,7 @@ class Listener:
         self.orders: list[tuple[float, float, bool]] = []  # ms, first axis, enabled
         self.node.subscribe("joy", TOPICS["joy"].type_name, self._on_joy, direct=True)
         heartbeat = self.node.advertise(TOPICS["vehicle_heartbeat"])
-        if not heartbeat.wait(10.0):
+        if not has_subscriber(heartbeat, 10.0):
             raise TimeoutError("the station does not subscribe to heartbeats; is it running?")
         heartbeat.put(encode_heartbeat(1, 0))  # of a vehicle that accepts sticks from anyone
 

@@ -52,8 +52,7 @@ class TelemetryReception:
         if shown:
             self._observed.telemetry(ticks[-1])
             self._experiments.feed.telemetry(stamp_ns, ticks["state"]["position_w"][-1])
-        if TICKS in self._outbox.subscribed_topics:
-            self._outbox.put(TICKS, received.payload, stamp_ns if shown else 0)
+        self._outbox.put(TICKS, received.payload, stamp_ns if shown else 0)
         payloads: dict[str, list[bytes]] = {}
         if self._recorder.run_id:
             payloads = expanded(ticks, self._vehicle)

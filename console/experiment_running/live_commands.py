@@ -248,4 +248,4 @@ def _summary(values: dict[str, ParameterValue]) -> str:
     """Return a short text about parameters that are set."""
     if len(values) > 3:
         return f"setting {len(values)} parameters"
-    return "setting " + ", ".join(f"{name.split('.', 1)[-1]} = {v}" for name, v in values.items())
+    return "setting " + ", ".join(f"{name} to {value}" for name, value in values.items())

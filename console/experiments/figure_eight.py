@@ -69,8 +69,8 @@ class FigureEight:
         p = self.parameters
         if p.laps == REST_TO_REST and p.yaw_amplitude > YAW_MAX + 1e-9:
             raise UsageError(
-                f"experiment.yaw_amplitude={p.yaw_amplitude:g} asks for too much yaw torque in one "
-                f"lap from rest to rest: allowed up to {YAW_MAX:g}, 0.2 is usual"
+                f"yaw amplitude {p.yaw_amplitude:g} rad needs too much yaw torque in one lap from "
+                f"rest to rest: at most {YAW_MAX:g} rad; 0.2 rad is usual"
             )
 
     def fly(self, client: Client) -> None:

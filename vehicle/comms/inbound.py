@@ -253,7 +253,7 @@ class Inbound:
                 )
             return
         if before is None:
-            self._say(mailbox.INFO, f"station {short_id(instance)} controls this vehicle")
+            self._say(mailbox.INFO, "base station connected")
         self._received_ns = now_ns
         # The station's own stamp may precede its time synchronisation, so the time of arrival
         # counts.

@@ -305,7 +305,7 @@ class LinkRadio:
         rows = [topic for topic in TOPICS.values() if topic.sender == "vehicle"]
         self.publishers = {row.name: node.advertise(row, others.get(row.name)) for row in rows}
         """Publishers by topic."""
-        self._patient = {row.name for row in rows if not row.drop}
+        self._patient = {row.name for row in rows if row.qos.reliable}
         self._queue: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(WAITING_MAX)
         self._thread = threading.Thread(target=self._run, name="reliable", daemon=True)
         self._thread.start()

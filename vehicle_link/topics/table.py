@@ -34,6 +34,7 @@ class Topic:
     newest: int = 0  # most that may wait at the station, as late ones are worthless; 0: all
     stale: float = 0.0  # s until the page greys its values out; 0: the page keeps none
     page: Literal["always", "seen", "chart"] = "always"  # when the page subscribes
+    kept: int = 0  # messages that its sender keeps for subscribers that missed some
 
     @property
     def on_radio(self) -> bool:
@@ -44,11 +45,6 @@ class Topic:
     def express(self) -> bool:
         """Return whether the message is sent at once instead of batched with later messages."""
         return self.priority == "real_time"
-
-    @property
-    def drop(self) -> bool:
-        """Return whether it is dropped on congestion; otherwise it waits."""
-        return not self.qos.reliable
 
 
 TRACKER_PICTURES = ("tracker_picture", *(f"tracker_{k}_picture" for k in (2, 3, 4)))
@@ -62,7 +58,7 @@ _ROWS = (
     Topic("imu", "sensor_msgs/Imu", "station", 100, stale=0.3, page="chart"),
     # On loopback: telemetry as it arrived, with every tick; source stamp 0 where it is not current.
     # The class with the longest queue: with a shorter one, a busy computer drops some.
-    Topic("ticks", "quadlab_msgs/Telemetry", "station", 100, "background"),
+    Topic("ticks", "quadlab_msgs/Telemetry", "station", 100, "background", kept=12_000),
     # For 3D panels; recorded with the telemetry that they are made of.
     Topic("/tf", "tf2_msgs/TFMessage", "station", 50),
     Topic("/tf_static", "tf2_msgs/TFMessage", "station", 1),
@@ -213,6 +209,7 @@ _ROWS = (
         newest=50,
         stale=0.3,
         page="seen",
+        kept=12_000,
     ),
     Topic(
         "bench_reading",

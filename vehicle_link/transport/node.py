@@ -17,9 +17,11 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import zenoh
+import zenoh.ext as extended
 from zenoh.handlers import Callback, RingChannel
 
 from quadrotor.errors import LinkError, QuadlabError
@@ -41,7 +43,7 @@ from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of
 from vehicle_link.transport.executor_queue import ExecutorQueue
 from vehicle_link.transport.idempotent import answering
 from vehicle_link.transport.misrouted import PublisherTopics
-from vehicle_link.transport.publisher import OtherPath, Publisher, Received
+from vehicle_link.transport.publisher import AnyPublisher, OtherPath, Publisher, Received
 
 if TYPE_CHECKING:
     from vehicle_link.messages.records import Answer, ServiceName
@@ -83,46 +85,32 @@ class Node:
         self._is_closing = False
         self._declare_token(self._identity.token)
 
-    def publisher(
-        self,
-        topic: str,
-        type_name: str,
-        *,
-        qos: Qos = RELIABLE,
-        priority: Priority = "data",
-        express: bool = False,
-        drop: bool = True,
-        other: OtherPath | None = None,
-    ) -> Publisher:
-        """Make a publisher. `drop`: on congestion its messages are dropped instead of waited
-        for. `other`: another path that they take as well.
+    def advertise(self, topic: Topic, other: OtherPath | None = None) -> Publisher:
+        """Make a publisher as the table of topics defines it.
+
+        Args:
+            other: another path that its messages take as well.
         """
-        key, gid = self._announce("MP", topic, type_name, qos)
-        publisher = self.session.declare_publisher(
-            key,
-            priority=getattr(zenoh.Priority, priority.upper()),
-            express=express,
-            congestion_control=(
-                zenoh.CongestionControl.DROP if drop else zenoh.CongestionControl.BLOCK
-            ),
-            reliability=(
-                zenoh.Reliability.RELIABLE if qos.reliable else zenoh.Reliability.BEST_EFFORT
-            ),
+        key, gid = self._announce("MP", topic.name, topic.type_name, topic.qos)
+        declare: Callable[..., AnyPublisher] = partial(self.session.declare_publisher, key)
+        if topic.kept:
+            declare = partial(
+                extended.declare_advanced_publisher,
+                self.session,
+                key,
+                cache=extended.CacheConfig(topic.kept),
+                sample_miss_detection=extended.MissDetectionConfig(),  # type: ignore[call-arg]
+            )
+        reliable = topic.qos.reliable
+        congestion, trust = zenoh.CongestionControl, zenoh.Reliability
+        publisher = declare(
+            priority=getattr(zenoh.Priority, topic.priority.upper()),
+            express=topic.express,
+            congestion_control=congestion.BLOCK if reliable else congestion.DROP,
+            reliability=trust.RELIABLE if reliable else trust.BEST_EFFORT,
         )
         self._entities.append(publisher)
         return Publisher(publisher, gid, other)
-
-    def advertise(self, topic: Topic, other: OtherPath | None = None) -> Publisher:
-        """Make a publisher as the table of topics defines it."""
-        return self.publisher(
-            topic.name,
-            topic.type_name,
-            qos=topic.qos,
-            priority=topic.priority,
-            express=topic.express,
-            drop=topic.drop,
-            other=other,
-        )
 
     def subscribe(
         self,
@@ -134,13 +122,15 @@ class Node:
         direct: bool = False,
         newest: int = 0,
         frequent: bool = False,
+        complete: bool = False,
     ) -> None:
         """Call back with each message; the module docstring describes the threads.
 
         With `newest` a callback that falls behind gets only that many of the latest messages: for
         data that are worthless when late. Otherwise all messages wait for their turn, however long.
         If they are also `frequent`, the topic has a thread of its own, which takes each message in
-        two thirds of the time that a shared one needs.
+        two thirds of the time that a shared one needs. With `complete`, what was lost
+        meanwhile of a topic that is kept comes later, in its order.
 
         An exception from the callback is logged with its traceback and ends that call only. A
         sample without ROS attachment is logged and dropped.
@@ -180,7 +170,8 @@ class Node:
                 except (MemoryError, RuntimeError) as error:
                     self._not_queued(error)
 
-            subscriber = self.session.declare_subscriber(key, Callback(arrived, indirect=False))
+            declare = _declare_complete if complete else zenoh.Session.declare_subscriber
+            subscriber = declare(self.session, key, Callback(arrived, indirect=False))
         self._entities.append(subscriber)
 
     def serve(
@@ -286,6 +277,11 @@ class Node:
             self._entities.append(self.session.liveliness().declare_token(token))
         except zenoh.ZError as error:
             raise LinkError(f"cannot announce {self.full_name}: {error}") from error
+
+
+def _declare_complete(session: zenoh.Session, key: str, handler: Callback[zenoh.Sample]) -> Any:
+    recovery = extended.RecoveryConfig(heartbeat=True)  # type: ignore[call-arg]
+    return extended.declare_advanced_subscriber(session, key, handler, recovery=recovery)
 
 
 def _each(samples: Any, deliver: Callable[[tuple[zenoh.Sample, int]], None]) -> None:

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import zenoh
+import zenoh.ext
 
 from quadrotor.errors import LinkError
 from vehicle_link import clock
 from vehicle_link.topics.rmw_keys import attachment
-from vehicle_link.transport.client import wait_for_match
+
+AnyPublisher = zenoh.Publisher | zenoh.ext.AdvancedPublisher
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +42,9 @@ class OtherPath:
 
 
 class Publisher:
-    """Publisher of one topic, made by `Node.publisher`."""
+    """Publisher of one topic, made by `Node.advertise`."""
 
-    def __init__(
-        self, publisher: zenoh.Publisher, gid: bytes, other: OtherPath | None = None
-    ) -> None:
+    def __init__(self, publisher: AnyPublisher, gid: bytes, other: OtherPath | None = None) -> None:
         self._publisher = publisher
         self._gid = gid
         self._sequence = itertools.count(1)
@@ -72,13 +72,13 @@ class Publisher:
 
     @property
     def has_subscribers(self) -> bool:
-        """Return whether any node subscribes; False when the session is closed."""
+        """Return whether any node subscribes, or may do so later and get what is kept; False when
+        the session is closed.
+        """
+        if isinstance(self._publisher, zenoh.ext.AdvancedPublisher):
+            return True
         try:
             status: Any = self._publisher.matching_status
         except zenoh.ZError:
             return False
         return bool(status.matching)
-
-    def wait(self, timeout: float) -> bool:
-        """Wait for a subscriber for at most `timeout` seconds; return whether there is one."""
-        return wait_for_match(self._publisher, timeout)

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from vehicle_link.transport.node import Node
     from vehicle_link.transport.publisher import Received
 
+    Put = Callable[[Received], None]
+
 
 class OptionalTopics:
     """Subscriptions to a set of topics that may change at any time; thread-safe.
@@ -21,19 +23,20 @@ class OptionalTopics:
 
     Args:
         prefix: prefix of the nodes' names.
+        complete: whether kept topics are received without gaps.
 
     Attributes:
         wanted: the topics to subscribe to, each with its function.
     """
 
-    def __init__(self, vehicle: str, prefix: str) -> None:
-        self._vehicle, self._prefix = vehicle, prefix
-        self.wanted: Mapping[str, Callable[[Received], None]] = {}
+    def __init__(self, vehicle: str, prefix: str, complete: bool = False) -> None:
+        self._vehicle, self._prefix, self._complete = vehicle, prefix, complete
+        self.wanted: Mapping[str, Put] = {}
         self._nodes: dict[str, Node] = {}
         self._session: Session | None = None
         self._lock = threading.Lock()
 
-    def want(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
+    def want(self, topics: Mapping[str, Put]) -> None:
         """Subscribe to these topics and no others.
 
         Each message is passed to its function on Zenoh's thread. Blocks for some ms.
@@ -64,10 +67,10 @@ class OptionalTopics:
         for topic in self.wanted.keys() - self._nodes.keys():
             name = f"{self._prefix}{topic.strip('/')}"
             self._nodes[topic] = Node(self._session, f"/{self._vehicle}", name)
-            subscribe_directly(self._nodes[topic], topic, self.wanted[topic])
+            subscribe_directly(self._nodes[topic], topic, self.wanted[topic], self._complete)
 
 
-def subscribe_directly(node: Node, topic: str, put: Callable[[Received], None]) -> None:
+def subscribe_directly(node: Node, topic: str, put: Put, complete: bool = False) -> None:
     """Subscribe on Zenoh's own thread, which `put` must not hold up."""
     row = TOPICS[topic]
-    node.subscribe(topic, row.type_name, put, qos=row.qos, direct=True)
+    node.subscribe(topic, row.type_name, put, qos=row.qos, direct=True, complete=complete)

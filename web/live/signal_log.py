@@ -35,7 +35,8 @@ MOST_WAITING = 60_000
 RESTART_NS = 5 * SECOND_NS
 """Stamps that go back by more belong to a vehicle whose clock began anew."""
 OTHER_CLOCK = 0.5
-"""Seconds from the vehicle's time above which a stamp is of another clock."""
+"""Seconds from the vehicle's time above which the first stamp of a topic is of another clock. Later
+ones of the vehicle's clock may come late, after this process stood still."""
 PIECE = 8192
 """Number of a derived signal's samples that are computed at once."""
 
@@ -76,7 +77,7 @@ class SignalLog(Evaluator):
         self._kept: dict[str, _Kept] = {}
         self.origin_ns = 0
         self._newest: tuple[float, float] | None = None  # vehicle's time, clock
-        self._has_ticks = False
+        self._has_ticks, self._foreign = False, set[str]()
 
     def put(self, message: Stored) -> None:
         """Queue a message; may be called from any thread."""
@@ -216,7 +217,9 @@ class SignalLog(Evaluator):
             self._newest = time, message.received
         stamp, at = self._newest
         arrival = stamp + message.received - at
-        if abs(arrival - time) > OTHER_CLOCK:
+        if message.topic not in self._logs and abs(arrival - time) > OTHER_CLOCK:
+            self._foreign.add(message.topic)
+        if message.topic in self._foreign:
             time = arrival
         if not self._has_ticks and time > stamp:
             self._newest = time, message.received

@@ -12,6 +12,7 @@ import time
 import uuid
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
@@ -82,7 +83,7 @@ class Station:
         close_session: Callable[[Session], None] = lambda session: session.close(),
     ) -> None:
         self._open_session, self._close_session = open_session, close_session
-        self._watched = OptionalTopics(vehicle, "web_")
+        self._watched = OptionalTopics(vehicle, "web_", complete=True)
         self._forwarded = OptionalTopics(vehicle, "web_forwards_")
         self._vehicle = vehicle
         self._live = live
@@ -116,7 +117,7 @@ class Station:
     def watch(self, topics: Collection[str]) -> None:
         """Subscribe to these of the topics in `FAST` and to no others. Blocks for some ms."""
         wanted = {TICKS if topic in TICK_TOPICS else topic for topic in topics}
-        self._watched.want({topic: self._put(topic) for topic in wanted})
+        self._watched.want({topic: partial(self._put, topic) for topic in wanted})
 
     def forward(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
         """Subscribe to these topics and no others.
@@ -257,7 +258,7 @@ class Station:
 
         node = Node(session, f"/{self._vehicle}", "web")
         for topic in STALE.keys() - FAST - {"link_status"}:
-            subscribe_directly(node, topic, self._put(topic))
+            subscribe_directly(node, topic, partial(self._put, topic))
         reactions = (
             ("events", self._on_event),
             ("parameter_changes", self._on_change),
@@ -274,15 +275,12 @@ class Station:
         self._forwarded.join(session)
         self._node = node
 
-    def _put(self, topic: str) -> Callable[[Received], None]:
-        def put(received: Received) -> None:
-            self._live.put(topic, received.payload, received.source_ns)
-
-        return put
+    def _put(self, topic: str, received: Received) -> None:
+        self._live.put(topic, received.payload, received.source_ns)
 
     def _on_link(self, received: Received) -> None:
         """Show pages a broken link at once, not with the next summary."""
-        self._live.put("link_status", received.payload, received.source_ns)
+        self._put("link_status", received)
         state = decode(received.payload, TOPICS["link_status"].type_name).state
         if state != self._link_said:
             self._link_said = state

@@ -19,6 +19,7 @@ from extensions.mocap.ros2 import Ros2Source
 from quadrotor.errors import MeasurementError
 from quadrotor.records import beacon_ids_of, pose_sample
 from tests.support.station import LinkedStation
+from tests.support.subscribers import has_subscriber
 from tests.waiting import free_port, wait_for
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.topics.control_inputs import encode_heartbeat
@@ -28,7 +29,7 @@ from vehicle_link.topics.measurements import (
     decode_position,
     pose_messages,
 )
-from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.table import TOPICS, Topic
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.time_sync import serve_time_sync
@@ -169,7 +170,6 @@ def test_the_simulated_tracker_is_off_beside_a_tracker_process(
     bench: Bench, laboratory: Laboratory
 ) -> None:
     truth = bench.page.advertise(TOPICS["truth"])
-    assert truth.wait(10)
     for _ in range(20):
         stamp_ns = time.time_ns() + AHEAD_NS
         odometry = new("nav_msgs/Odometry", header=header(stamp_ns, "world"))
@@ -295,8 +295,8 @@ def test_a_second_process_for_the_same_vehicle_is_refused(
 def test_poses_of_a_ros_2_node_are_frames_of_their_topic(bench: Bench) -> None:
     source = Ros2Source(bench.page.session, ["/mocap/cf7/pose"])
     node = Node(bench.page.session, "/mocap", "driver")
-    poses = node.publisher("cf7/pose", "geometry_msgs/PoseStamped")
-    assert poses.wait(10)
+    poses = node.advertise(Topic("cf7/pose", "geometry_msgs/PoseStamped", "tracker", 0))
+    assert has_subscriber(poses, 10)
     sample = pose_sample(5_000_000_123, PLACE, (0.6, 0.0, 0.0, 0.8))
     poses.put(b"of another type")
     poses.put(pose_messages(sample).tobytes())

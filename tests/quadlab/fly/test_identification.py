@@ -252,5 +252,5 @@ def test_a_yaw_that_one_lap_cannot_have_is_refused_before_it_flies() -> None:
     experiment = FigureEight()
     experiment.check()
     experiment.parameters.laps = "rest_to_rest"
-    with pytest.raises(UsageError, match=r"yaw_amplitude=1 asks for too much.*allowed up to 0.7"):
+    with pytest.raises(UsageError, match=r"yaw amplitude 1 rad needs too much.*at most 0.7"):
         experiment.check()

@@ -30,6 +30,7 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import TICK
 from quadrotor.vehicle_model import VehicleModel
 from tests.support.station import StationLink
+from tests.support.subscribers import has_subscriber
 from tests.waiting import free_port, wait_for
 from vehicle_link import clock
 from vehicle_link.addresses import parse_endpoint
@@ -39,7 +40,7 @@ from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.telemetry import pack, unpack
 from vehicle_link.topics.control_inputs import decode_heartbeat, encode_heartbeat
 from vehicle_link.topics.rmw_keys import RELIABLE
-from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.topics.table import SERVICES, TOPICS, Topic
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.loopback import loopback_session
 from vehicle_link.transport.node import Node
@@ -108,7 +109,7 @@ def test_telemetry_goes_from_vehicle_to_station_and_client(link: Link) -> None:
     inboxes = [Inbox(), Inbox()]
     for node, inbox in zip((link.station, link.web), inboxes, strict=True):
         node.subscribe(topic.name, topic.type_name, inbox)
-    assert publisher.wait(WAIT)
+    assert has_subscriber(publisher, WAIT)
     ticks = np.zeros(5, TICK)
     ticks["state"]["position_w"] = 1.5
     # Until both have received it: best effort, and either subscription may arrive later.
@@ -121,6 +122,10 @@ def test_telemetry_goes_from_vehicle_to_station_and_client(link: Link) -> None:
         assert received.received_ns > 10**18
         numbers.append(received.sequence)
     assert all(number >= 1 for number in numbers)
+
+
+def heartbeats(name: str) -> Topic:
+    return Topic(name, "quadlab_msgs/Heartbeat", "vehicle", 0, qos=RELIABLE)
 
 
 def _put_until_heard(publisher: object, payload: bytes, inbox: Inbox) -> Received:
@@ -138,8 +143,8 @@ def test_client_reaches_the_vehicle_best_effort_and_reliably(link: Link) -> None
     for name, qos in (("web_heartbeat", TOPICS["joy"].qos), ("web_reliable", RELIABLE)):
         inbox = Inbox()
         link.vehicle.subscribe(name, "quadlab_msgs/Heartbeat", inbox)
-        publisher = link.web.publisher(name, "quadlab_msgs/Heartbeat", qos=qos)
-        assert publisher.wait(WAIT)
+        publisher = link.web.advertise(Topic(name, "quadlab_msgs/Heartbeat", "web", 0, qos=qos))
+        assert has_subscriber(publisher, WAIT)
         received = _put_until_heard(publisher, encode_heartbeat(4, 5), inbox)
         assert decode_heartbeat(received.payload)[:2] == (4, 5)
 
@@ -147,8 +152,8 @@ def test_client_reaches_the_vehicle_best_effort_and_reliably(link: Link) -> None
 def test_sequence_counts_from_one_and_time_is_now_unless_given(link: Link) -> None:
     inbox = Inbox()
     link.station.subscribe("counted", "quadlab_msgs/Heartbeat", inbox, qos=RELIABLE)
-    publisher = link.vehicle.publisher("counted", "quadlab_msgs/Heartbeat", drop=False)
-    assert publisher.wait(WAIT)
+    publisher = link.vehicle.advertise(heartbeats("counted"))
+    assert has_subscriber(publisher, WAIT)
     before = clock.time_ns()  # the computer's own may have been set a little meanwhile
     for number in range(3):
         publisher.put(encode_heartbeat(number, 0))
@@ -168,8 +173,8 @@ def test_a_callback_that_raises_is_logged_and_hears_the_next(
         raise RuntimeError("callback broke")
 
     link.station.subscribe("fragile", "quadlab_msgs/Heartbeat", fragile)
-    publisher = link.vehicle.publisher("fragile", "quadlab_msgs/Heartbeat", drop=False)
-    assert publisher.wait(WAIT)
+    publisher = link.vehicle.advertise(heartbeats("fragile"))
+    assert has_subscriber(publisher, WAIT)
     for number in range(2):
         publisher.put(encode_heartbeat(number, 0))
     assert [inbox.next().sequence for _ in range(2)] == [1, 2]
@@ -587,7 +592,7 @@ def test_a_client_comes_back_after_the_stations_restart(link: Link) -> None:
 def test_a_closed_session_is_a_link_error(link: Link) -> None:
     session = loopback_session(link.loopback_port)
     node = Node(session, "/quad1", "leaving")
-    publisher = node.publisher("x", "quadlab_msgs/Heartbeat")
+    publisher = node.advertise(heartbeats("x"))
     client = node.client("arm", SERVICES["arm"])
     session.close()
     with pytest.raises(LinkError, match="session is closed"):

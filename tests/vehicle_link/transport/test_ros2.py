@@ -19,6 +19,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from quadrotor.parameters import Parameters, ParameterStore, parameter
+from tests.support.subscribers import has_subscriber
 from tests.waiting import free_port
 from vehicle_link import messages
 from vehicle_link.messages import encode, header, new
@@ -175,7 +176,7 @@ def peer(vehicle_and_port: tuple[Node, int], backend: Backend, definitions: Path
 def test_a_node_hears_the_state(vehicle: Node, peer: Peer) -> None:
     publisher = vehicle.advertise(TOPICS["state"])
     peer("subscribe", "/quad1/state", "nav_msgs/msg/Odometry")
-    assert publisher.wait(WAIT), "nobody listens: is the type's hash the same on both sides?"
+    assert has_subscriber(publisher, WAIT), "are the hashes of the type the same?"
     pose = {"pose": {"position": (1.0, -2.0, 3.5)}}
     message = new("nav_msgs/Odometry", header=header(START, "world"), pose=pose)
     publisher.put(encode(message), START)

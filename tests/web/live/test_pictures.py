@@ -51,7 +51,7 @@ def test_a_picture_never_crosses_the_radio_and_waits_for_nobody() -> None:
     for name in ("tracker_picture", TOPIC):
         row = TOPICS[name]
         assert not row.on_radio
-        assert row.drop
+        assert not row.qos.reliable
         assert 0 < row.newest <= 2
         assert row.type_name == PICTURE
 

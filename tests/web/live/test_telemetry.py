@@ -225,6 +225,17 @@ def test_a_simulation_that_pauses_makes_no_hole() -> None:
     assert (len(part.time), part.holes) == (200, [])
 
 
+def test_messages_that_arrive_late_keep_their_stamps() -> None:
+    received = Received()
+    received.ticks(ticks_of(100))
+    received.put("battery", new("sensor_msgs/BatteryState", voltage=15.0), 0.1)
+    received.ticks(ticks_of(100, start=40.0))  # of a process that stood still for 40 s
+    received.put("battery", new("sensor_msgs/BatteryState", voltage=14.0), 9.0)
+    log = received.log.log("battery")
+    assert log is not None
+    np.testing.assert_allclose(log.time - log.time[0], [0.0, 8.9])
+
+
 def test_ticks_that_arrive_late_fill_the_charts_and_are_not_the_newest_state() -> None:
     received = Received()
     assert received.live.newest("state") is None

@@ -159,7 +159,7 @@ export class ExperimentSection {
   ask(action, body = {}) {
     return this.fly.attempt(
       () => request("POST", `/api/experiments/${action}`, body),
-      `experiment: ${action}`,
+      `Experiment ${action}`,
     );
   }
 

@@ -79,7 +79,7 @@ export class RunFill {
     const transfer = this.transfers.find(({ kind, name }) => kind === "backfill" && name === run.id);
     const isUnderWay = Boolean(transfer) && !ENDED.includes(transfer.phase);
     const { line = "not compared with the vehicle's own log", state = "" } = run.completeness ?? {};
-    this.line.textContent = `Ticks: ${line}.`;
+    this.line.textContent = `${line[0].toUpperCase()}${line.slice(1)}.`;
     this.line.classList.toggle("warn", state === "missing");
     this.progress.place.hidden = !isUnderWay;
     if (isUnderWay) this.progress.show(transfer);

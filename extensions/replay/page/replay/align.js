@@ -22,7 +22,7 @@ export class Alignment extends EventTarget {
       ...choices.map((id) => element("option", { value: id, selected: id === other?.id }, id)),
     );
     place.append(element("b", {}, lead.id));
-    if (other || choices.length) place.append(element("span", { className: "note" }, "and"), second);
+    if (other || choices.length) place.append(second);
     if (!other) return;
     const kind = BEST.find((one) => runs.every((run) => moment(run, one) !== undefined));
     this.selects = runs.map((run, k) =>

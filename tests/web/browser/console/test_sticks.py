@@ -21,6 +21,7 @@ import pytest
 from console.catalogue.catalogue import Catalogue
 from control.behaviors.parameters import BehaviorParameters
 from quadrotor.parameters import Parameters, ParameterStore
+from tests.support.subscribers import has_subscriber
 from vehicle_link.messages import decode, header, new
 from vehicle_link.parameters.messages import from_parameters
 from vehicle_link.topics.control_inputs import decode_joy, encode_heartbeat
@@ -122,7 +123,7 @@ class Cockpit:
         self._node.subscribe("joy", TOPICS["joy"].type_name, self._on_joy)
         self._node.subscribe("stick_status", TOPICS["stick_status"].type_name, self._on_answer)
         heartbeat = self._node.advertise(TOPICS["vehicle_heartbeat"])
-        assert heartbeat.wait(10.0)
+        assert has_subscriber(heartbeat, 10.0)
         heartbeat.put(encode_heartbeat(1, 0))  # from a vehicle that accepts sticks from anyone
         self._catalogue = Catalogue(data)
         self._serving = serve(

@@ -449,7 +449,7 @@ def test_a_run_shows_what_it_lacks_and_how_far_filling_it_is(
     restored = r"complete \(3.2 s restored\)"
     for row, words in enumerate(("3.2 s missing", restored, "complete", "closed")):
         sees.text(f"#run-{row} .state", f"^{words}$")
-    sees.text("#detail .fill .ticks", "^Ticks: 3.2 s missing of 61.0 s: .* was overwritten.$")
+    sees.text("#detail .fill .ticks", "^3.2 s missing of 61.0 s: .* was overwritten.$")
     page.click("#detail .fill button >> text=Check against onboard log")
     until(lambda: lab.station.requests and lab.station.requests[-1][0] == "transfer")
     assert (lab.station.requests[-1][1].action, lab.station.requests[-1][1].name) == (
