@@ -15,7 +15,7 @@ const READ = 3000; // ms bad news stays at least
 const TICK = 100; // ms
 // What has happened when the answer comes.
 /** @type {Record<string, string>} */
-const DONE = { arm: "Armed", disarm: "Disarmed", "experiment: start": "Experiment started" };
+const DONE = { arm: "Armed", disarm: "Disarmed", "Experiment start": "Experiment started" };
 const NOBODY = 503,
   NO_ANSWER = 504; // statuses of the API
 
