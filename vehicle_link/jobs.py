@@ -29,12 +29,13 @@ from quadrotor import errors
 from quadrotor.checkout import PREFIX, ROOT, RUN_MODULE
 
 NICENESS, IDLE = 15, 19
-"""Nicenesses of a job that no flight waits for, and of one that nobody does."""
+"""Niceness of a job that no flight waits for, and of a job that nobody waits for."""
 POLL = 0.1
 """Seconds between two calls of `check`."""
-PIECE, PIECES, STDERR_KEPT = 1 << 16, 4, 4096
-"""Bytes of a job's output that are read at once, how often in one call of `poll` (more than a pipe
-holds), and bytes that are kept."""
+PIECE, PIECES = 1 << 16, 4
+"""Bytes of a job's output that are read at once, and how often in one call of `poll`."""
+STDERR_KEPT = 4096
+"""Number of bytes of a job's output that are kept."""
 PR_SET_PDEATHSIG = 1
 SIGNALS = {one.value: one.name for one in signal.Signals}
 

@@ -38,13 +38,17 @@ STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
 """Seconds without a body, or without frames, until it is reported."""
-FIRST_FRAME, RECENT = 5.0, 1.0
-"""Seconds from the start that a system has for its first frame (some connect slowly), and seconds
-over which rates are counted."""
-KEPT, LATENCIES, STEP = 64, 32, 0.001
-"""Frames that wait, bars of the histogram of latency, and their width in s."""
-LISTED_MAX, OTHERS = 8, 64
-"""Maximum number of bodies listed in a line, and of bodies beside the vehicles' that are noted."""
+FIRST_FRAME = 5.0
+"""Seconds from the start that a system has for its first frame: some connect slowly."""
+RECENT = 1.0
+"""Seconds over which rates are counted."""
+KEPT = 64
+LATENCIES, STEP = 32, 0.001
+"""Bars of the histogram of latency, and their width in s."""
+LISTED_MAX = 8
+"""Maximum number of bodies listed in a line."""
+OTHERS = 64
+"""Maximum number of bodies that are noted besides those of the vehicles."""
 
 
 _FIGURES = re.compile(r"[\d.]+")
@@ -205,7 +209,8 @@ class Tracker:
             if is_due or problem != one.shown_problem:
                 one.shown_problem = problem
                 one.status.put(encode(self._status(one, problem)))
-        self._status_at = now if is_due else self._status_at
+        if is_due:
+            self._status_at = now
 
     def _print_figures(self, one: TrackedVehicle, problem: str, now: float) -> None:
         """Print how well a camera sees, once it has worked without a problem for a while."""

@@ -23,9 +23,10 @@ MARKERS = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
 """First bytes of a message."""
 GONE = 5.0
 """Seconds of silence after which a ground station has left."""
-SAID_AGAIN, SAID_MOST = 60.0, 20
-"""Seconds after which the same complaint about a ground station is printed again, and complaints
-that are printed in that time."""
+SAID_AGAIN = 60.0
+"""Seconds after which the same complaint about a ground station is printed again."""
+SAID_MOST = 20
+"""Maximum number of complaints about a ground station in that time."""
 TENS_OF_MICROSECONDS, SIGNING_EPOCH = 100_000, 1_420_070_400  # 1 January 2015
 
 Address = tuple[str, int]
@@ -137,7 +138,7 @@ class Peer:
         return list(messages)
 
     def is_new(self, kind: str, now: float) -> bool:
-        """Return whether neither a complaint of this kind was said within a minute nor too many."""
+        """Return whether to print a complaint: one of its kind, and SAID_MOST in all, a minute."""
         self._said = {one: at for one, at in self._said.items() if now - at < SAID_AGAIN}
         if is_new := kind not in self._said and len(self._said) < SAID_MOST:
             self._said[kind] = now

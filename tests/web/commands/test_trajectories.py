@@ -40,7 +40,7 @@ def live() -> Live:
 
 @pytest.fixture
 def monitor(monkeypatch: pytest.MonkeyPatch, live: Live, scene: Scene) -> TrajectoryMonitor:
-    """One that computes in this process."""
+    """Return a monitor that computes in this process."""
     monkeypatch.setattr(Previewer, "compute", lambda _, *given: preview(*given))
     replica = SimpleNamespace(values=lambda: {"behavior.volume_x_max": 2.5})
     return TrajectoryMonitor(live, cast(Any, replica), cast(Any, scene))
